@@ -1,0 +1,282 @@
+"""The one parameter object of the readout, shared by model, RTL, tests and network."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, get_args, get_type_hints
+
+from typing import Literal
+
+from model.errors import InputError
+
+Encoding = Literal["lcs", "cw-lcs", "nlcs"]
+Link = Literal["stream", "four_phase"]
+Frontend = Literal["digital", "analog"]
+Reset = Literal["sync", "async"]
+DecideEvery = Literal["clock", "sample"]
+
+MAX_SIDE = 64
+"""Largest number of rows or columns: a row of requests fits one 64-bit word of the model."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadoutConfig:
+    """All parameters of one readout. Immutable, validated on construction, JSON in and out.
+
+    Parameters
+    ----------
+    rows, columns : int
+        Taxel array, 1..64 each. Taxel (r, c) has index ``r * columns + c``.
+    encoding : "lcs", "cw-lcs" or "nlcs"
+        Level crossing, level crossing with a closing window, leaky-neuron level crossing.
+    sample_bits : int
+        W, bits of a signed sample; full scale +-1.0 is +-2**(W-1) codes.
+    resolution : int
+        N, 1..W-2. LSB = 2**-N of full scale; every encoder steps by half an LSB.
+    decide_every : "clock" or "sample"
+        A free taxel decides in every clock, or once per sample tick.
+    reference_reset : int
+        The reference after reset, in codes; a multiple of the closing step (a level of the encoder).
+    closing_shift, window_period : int
+        CW-LCS: the window closes by D / 2**closing_shift every window_period sample ticks without an event.
+    leak_shift, leak_period, fraction_bits : int
+        N-LCS: k, P and F of ``u <- u - ((u + 2**(k-1)) >> k)``, once per P sample ticks,
+        with F fraction bits below the sample LSB.
+    link : "stream" or "four_phase"
+        valid/ready stream, or REQ/ACK with bundled address.
+    frontend : "digital" or "analog"
+        Samples in, or comparator decisions in and thresholds (DAC codes) out.
+    reset : "sync" or "async"
+        Style of the flops' reset, active high.
+    sample_rate_hz : float
+        Sample ticks per second.
+    clocks_per_sample : int
+        Clocks per sample tick; the clock is ``sample_rate_hz * clocks_per_sample``.
+
+    Raises
+    ------
+    InputError
+        If a value is of the wrong type, out of range, or does not fit another.
+    """
+
+    rows: int = 8
+    columns: int = 8
+    encoding: Encoding = "lcs"
+    sample_bits: int = 12
+    resolution: int = 6
+    decide_every: DecideEvery = "clock"
+    reference_reset: int = 0
+    closing_shift: int = 2
+    window_period: int = 64
+    leak_shift: int = 6
+    leak_period: int = 63
+    fraction_bits: int = 8
+    link: Link = "stream"
+    frontend: Frontend = "digital"
+    reset: Reset = "sync"
+    sample_rate_hz: float = 20_000.0
+    clocks_per_sample: int = 64
+
+    def __post_init__(self) -> None:
+        for name, hint in get_type_hints(type(self)).items():
+            self._check_type(name, hint)
+        self._check_range("rows", 1, MAX_SIDE)
+        self._check_range("columns", 1, MAX_SIDE)
+        self._check_range("sample_bits", 3, 24)
+        self._check_range("resolution", 1, self.sample_bits - 2, "sample_bits - 2")
+        self._check_range("closing_shift", 0, 16)
+        self._check_range("window_period", 1, 2**16)
+        self._check_range("leak_shift", 1, 16)
+        self._check_range("leak_period", 1, 2**20)
+        self._check_range("fraction_bits", 0, 31 - self.sample_bits, "31 - sample_bits")
+        self._check_range("clocks_per_sample", 1, 2**24)
+        if not (math.isfinite(self.sample_rate_hz) and self.sample_rate_hz > 0):
+            raise InputError(f"sample_rate_hz must be a positive number of hertz, not {self.sample_rate_hz!r}")
+        # A reference stands on a level of its encoder; the leaky one never goes below zero.
+        low = 0 if self.encoding == "nlcs" else -self.full_scale
+        self._check_range("reference_reset", low, self.full_scale - 1)
+        if self.reference_reset % self.grid:
+            raise InputError(
+                f"reference_reset must be a multiple of {self.grid} codes (a level of the encoder), "
+                f"not {self.reference_reset}"
+            )
+
+    def _check_type(self, name: str, hint: Any) -> None:
+        value = getattr(self, name)
+        if choices := get_args(hint):
+            if value not in choices:
+                raise InputError(f"{name} must be one of {', '.join(choices)}, not {value!r}")
+        elif hint is float and isinstance(value, int) and not isinstance(value, bool):
+            object.__setattr__(self, name, float(value))
+        elif type(value) is not hint:
+            raise InputError(f"{name} must be of type {hint.__name__}, not {value!r}")
+
+    def _check_range(self, name: str, low: int, high: int, high_name: str = "") -> None:
+        value = getattr(self, name)
+        if not low <= value <= high:
+            bound = f"{high_name} = {high}" if high_name else f"{high}"
+            raise InputError(f"{name} must be in {low}..{bound}, not {value}")
+
+    # -- derived numbers -------------------------------------------------------------------------
+
+    @property
+    def taxels(self) -> int:
+        """Number of taxels, rows * columns."""
+        return self.rows * self.columns
+
+    @property
+    def full_scale(self) -> int:
+        """Full scale 1.0 in codes, 2**(W-1)."""
+        return 1 << (self.sample_bits - 1)
+
+    @property
+    def step(self) -> int:
+        """D, half an LSB in codes: 2**(W-2-N)."""
+        return 1 << (self.sample_bits - 2 - self.resolution)
+
+    @property
+    def closing_levels_log2(self) -> int:
+        """log2 of the number of half-widths of a CW-LCS window: closing_shift, less where D is too small."""
+        return min(self.closing_shift, self.sample_bits - 2 - self.resolution)
+
+    @property
+    def closing_step(self) -> int:
+        """Codes by which a CW-LCS window closes, and its smallest half-width; at least one code."""
+        return self.step >> self.closing_levels_log2
+
+    @property
+    def grid(self) -> int:
+        """Codes between neighbouring positions of the reference: D (LCS), closing step (CW-LCS), 1 (N-LCS)."""
+        return {"lcs": self.step, "cw-lcs": self.closing_step, "nlcs": 1}[self.encoding]
+
+    @property
+    def has_polarity(self) -> bool:
+        """True where events carry ON or OFF; N-LCS is unipolar."""
+        return self.encoding != "nlcs"
+
+    @property
+    def needs_tick(self) -> bool:
+        """True where the RTL needs the sample tick as a time base, whatever the front end."""
+        return self.encoding != "lcs" or self.decide_every == "sample"
+
+    @property
+    def threshold_bits(self) -> int:
+        """Bits of one signed comparator threshold (a code of the sample, one bit wider)."""
+        return self.sample_bits + 1
+
+    @property
+    def clock_hz(self) -> float:
+        """Clock frequency in hertz."""
+        return self.sample_rate_hz * self.clocks_per_sample
+
+    @property
+    def row_bits(self) -> int:
+        """Bits of a row address; 0 for a one-row array."""
+        return (self.rows - 1).bit_length()
+
+    @property
+    def column_bits(self) -> int:
+        """Bits of a column address; 0 for a one-column array."""
+        return (self.columns - 1).bit_length()
+
+    @property
+    def event_bits(self) -> int:
+        """Bits of one address event {polarity, row, column}; 0 for a single unipolar taxel."""
+        return int(self.has_polarity) + self.row_bits + self.column_bits
+
+    @property
+    def tau_s(self) -> float:
+        """Time constant in seconds that leak_shift and leak_period give: -P Ts / ln(1 - 2**-k)."""
+        return -self.leak_period / self.sample_rate_hz / math.log1p(-(2.0**-self.leak_shift))
+
+    # -- construction and exchange ---------------------------------------------------------------
+
+    @classmethod
+    def from_tau(cls, tau_s: float, ts_s: float, **parameters: Any) -> ReadoutConfig:
+        """Return an N-LCS configuration whose leak comes closest to a time constant.
+
+        Among leak_shift 5 and 6 (fine enough steps for an event rate within 0.3 % of an exponential) and, for
+        time constants too short for those, 4 down to 1, the first that meets tau within 1 % is taken, else the
+        closest; ``tau_s`` of the result is the time constant that its integers give.
+
+        Parameters
+        ----------
+        tau_s, ts_s : float
+            Wanted time constant and sample period in seconds.
+        **parameters
+            All other fields of the configuration but encoding, sample_rate_hz, leak_shift and leak_period.
+
+        Raises
+        ------
+        InputError
+            If no leak_shift and leak_period come within 5 % of tau_s.
+        """
+        for name, value in (("tau", tau_s), ("sample period", ts_s)):
+            if not (math.isfinite(value) and value > 0):
+                raise InputError(f"{name} must be a positive number of seconds, not {value!r}")
+        candidates = []
+        for shift in (6, 5, 4, 3, 2, 1):
+            period = round(-tau_s * math.log1p(-(2.0**-shift)) / ts_s)
+            if 1 <= period <= 2**20:
+                got = -period * ts_s / math.log1p(-(2.0**-shift))
+                candidates.append((abs(got / tau_s - 1), shift, period))
+        good = [c for c in candidates if c[0] <= 0.01]
+        if not candidates or min(candidates)[0] > 0.05:
+            raise InputError(
+                f"tau {tau_s:g} s is not reachable with a sample period of {ts_s:g} s; "
+                f"choose one between {1.5 * ts_s:.3g} and {2**20 * ts_s * 63:.3g} s"
+            )
+        _, shift, period = good[0] if good else min(candidates)
+        return cls(
+            encoding="nlcs",
+            sample_rate_hz=1.0 / ts_s,
+            leak_shift=shift,
+            leak_period=period,
+            **parameters,
+        )
+
+    def replace(self, **changes: Any) -> ReadoutConfig:
+        """Return a copy with some fields changed, validated again."""
+        try:
+            return dataclasses.replace(self, **changes)
+        except TypeError as error:
+            raise InputError(f"unknown parameter in {', '.join(sorted(changes))}: {error}") from None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as a plain dictionary."""
+        return dataclasses.asdict(self)
+
+    def to_json(self) -> str:
+        """Return the configuration as JSON text, keys in the order of the fields."""
+        return json.dumps(self.to_dict(), indent=2)
+
+    @classmethod
+    def from_dict(cls, fields: Any) -> ReadoutConfig:
+        """Return the configuration of a dictionary; absent fields take their defaults, unknown ones are refused."""
+        if not isinstance(fields, dict):
+            raise InputError(f"a configuration must be a JSON object, not {type(fields).__name__}")
+        known = {field.name for field in dataclasses.fields(cls)}
+        if unknown := sorted(set(fields) - known):
+            raise InputError(f"unknown configuration field {unknown[0]!r}; known are {', '.join(sorted(known))}")
+        return cls(**fields)
+
+    @classmethod
+    def from_json(cls, text: str) -> ReadoutConfig:
+        """Return the configuration of a JSON text."""
+        try:
+            fields = json.loads(text)
+        except json.JSONDecodeError as error:
+            raise InputError(f"the configuration is not JSON: {error}") from None
+        return cls.from_dict(fields)
+
+    @classmethod
+    def load(cls, path: Path) -> ReadoutConfig:
+        """Return the configuration of a JSON file."""
+        try:
+            return cls.from_json(path.read_text())
+        except OSError as error:
+            raise InputError(f"cannot read the configuration {path}: {error.strerror}") from None
