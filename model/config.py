@@ -159,9 +159,14 @@ class ReadoutConfig:
         return self.encoding != "nlcs"
 
     @property
+    def closes(self) -> bool:
+        """True where every taxel has a closing window of more than one half-width."""
+        return self.encoding == "cw-lcs" and self.closing_levels_log2 > 0
+
+    @property
     def needs_tick(self) -> bool:
         """True where the RTL needs the sample tick as a time base, whatever the front end."""
-        return self.encoding != "lcs" or self.decide_every == "sample"
+        return self.closes or self.encoding == "nlcs" or self.decide_every == "sample"
 
     @property
     def threshold_bits(self) -> int:

@@ -1,0 +1,67 @@
+"""The four-phase AER link, clock by clock, with an asynchronous receiver."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+ACK_QUANTA = 8
+"""Quanta of time per clock in which the delays of an asynchronous receiver are counted."""
+
+# Words of the link's state: its four flops, the level of ACK, the clock at which ACK changes (-1: settled), and the
+# number of edges of REQ so far.
+SETUP, REQ, ACK_META, ACK_SYNC, ACK, ACK_AT, EDGES = range(7)
+
+
+def new_state() -> NDArray[np.int64]:
+    """Return the state of the link after reset, shape (7,)."""
+    state = np.zeros(7, np.int64)
+    state[ACK_AT] = -1
+    return state
+
+
+@njit(cache=True)
+def ready(state: NDArray[np.int64]) -> bool:
+    """Return whether the link takes an event in this clock."""
+    return state[SETUP] == 0 and state[REQ] == 0 and state[ACK_SYNC] == 0
+
+
+@njit(cache=True)
+def idle(state: NDArray[np.int64]) -> bool:
+    """Return whether nothing will change in the link until it takes an event."""
+    return ready(state) and state[ACK_META] == 0 and state[ACK_AT] < 0 and state[ACK] == 0
+
+
+@njit(cache=True)
+def advance(state: NDArray[np.int64], clock: int, taken: bool, ack_delay: NDArray[np.int64]) -> bool:
+    """Advance the link by the rising edge of a clock; return whether REQ rises at it.
+
+    Parameters
+    ----------
+    state : ndarray of int64, shape (7,)
+        Changed in place.
+    clock : int
+        The clock.
+    taken : bool
+        An event is taken in this clock.
+    ack_delay : ndarray of int64, shape (delays,)
+        From each edge of REQ to that of ACK, in quanta of 1/8 clock, used in turn; never a multiple of 8, so ACK
+        does not change at a clock edge.
+    """
+    if state[ACK_AT] == clock:
+        state[ACK] = state[REQ]
+        state[ACK_AT] = -1
+    before = state[REQ]
+    if state[SETUP] == 1:
+        state[REQ] = 1
+    elif state[ACK_SYNC] == 1:
+        state[REQ] = 0
+    state[SETUP] = 1 if taken else 0
+    state[ACK_SYNC] = state[ACK_META]
+    state[ACK_META] = state[ACK]
+    if state[REQ] != before:
+        delay = ack_delay[state[EDGES] % ack_delay.size]
+        state[ACK_AT] = clock + (delay + ACK_QUANTA - 1) // ACK_QUANTA
+        state[EDGES] += 1
+    return state[REQ] > before

@@ -1,0 +1,1 @@
+"""The readout in Amaranth, and its Verilog."""

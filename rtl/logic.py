@@ -1,0 +1,37 @@
+"""Small combinational networks of logarithmic depth and linear area."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from amaranth.hdl import Cat, Const, Value, ValueLike
+
+
+def or_tree(values: Sequence[ValueLike]) -> Value:
+    """Return the bitwise OR of some values as a balanced tree, ceil(log2(len)) gates deep."""
+    level = [Value.cast(value) for value in values]
+    while len(level) > 1:
+        level = [level[i] | level[i + 1] if i + 1 < len(level) else level[i] for i in range(0, len(level), 2)]
+    return level[0] if level else Const(0)
+
+
+def exclusive_prefix_or(bits: Sequence[ValueLike]) -> list[Value]:
+    """Return, for every bit, the OR of all bits below it: a Brent-Kung network.
+
+    Depth 2 log2(len), 2 len gates. The single bits that are set where the result is not are the first set ones;
+    behind the first set bit the result is a thermometer code.
+    """
+    values = [Value.cast(bit) for bit in bits]
+    if len(values) <= 1:
+        return [Const(0, 1)] * len(values)
+    pairs = [
+        values[i] | values[i + 1] if i + 1 < len(values) else values[i] for i in range(0, len(values), 2)
+    ]
+    below = exclusive_prefix_or(pairs)
+    return [below[i // 2] | values[i - 1] if i % 2 else below[i // 2] for i in range(len(values))]
+
+
+def encode(one_hot: Sequence[ValueLike]) -> Value:
+    """Return the index of the one bit that is set, (len - 1).bit_length() bits wide; 0 where none is."""
+    width = (len(one_hot) - 1).bit_length()
+    return Cat(or_tree([bit for i, bit in enumerate(one_hot) if i >> b & 1]) for b in range(width))

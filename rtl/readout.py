@@ -1,0 +1,109 @@
+"""The readout: the taxel array, its arbiter and the link to the outside."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from amaranth.hdl import Module, Signal, unsigned
+from amaranth.lib.wiring import In, Out
+
+from model.config import ReadoutConfig
+from rtl.arbiter import Arbiter, event_ports
+from rtl.block import Block
+from rtl.link import FourPhaseLink, aer_ports
+from rtl.taxel import Row
+from rtl.window import DecayTicks
+
+
+class Readout(Block):
+    """The delivered top module; taxel (r, c) has index r * columns + c, index 0 in the least significant bits.
+
+    Attributes
+    ----------
+    taxel_enable : In(rows * columns)
+        Mask: 0 silences a taxel.
+    sample, sample_valid : In(rows * columns * W), In(1)
+        Codes of all taxels, taken together (digital front end). With the analog one ``sample_valid`` alone stays where
+        the encoder needs time: it is the sample tick.
+    above, below, upper, lower
+        Comparator decisions in and thresholds out (analog front end), see ``Taxel``.
+    event_valid, event_ready, event_row, event_col, event_polarity
+        Address events (``link="stream"``).
+    aer_req, aer_ack, aer_addr
+        Address events (``link="four_phase"``).
+    """
+
+    module_name = "eskin_readout"
+
+    def __init__(self, config: ReadoutConfig) -> None:
+        row = Row(config)
+        self.per_row = ["enable", *row.per_taxel]
+        ports: dict[str, Any] = {"taxel_enable": In(config.taxels)}
+        if config.frontend == "digital" or config.needs_tick:
+            ports["sample_valid"] = In(1)
+        for name in row.per_taxel:
+            flow = In if row.signature.members[name].flow is In else Out
+            ports[name] = flow(unsigned(config.rows * len(getattr(row, name))))
+        ports |= event_ports(config, Out) if config.link == "stream" else aer_ports(config)
+        super().__init__(config, ports)
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        config = self.config
+        arbiter = Arbiter(config)
+        arbiter.place(m, "arbiter", platform)
+
+        if config.needs_tick:
+            tick = Signal()
+            m.d.sync += tick.eq(self.sample_valid)
+        if config.encoding == "nlcs":
+            decay = DecayTicks(config)
+            decay.place(m, "decay", platform)
+            m.d.comb += decay.tick.eq(tick)
+
+        for index in range(config.rows):
+            row = Row(config)
+            row.place(m, f"row_{index}", platform)
+            m.d.comb += [
+                row.select.eq(arbiter.select[index]),
+                row.granted.eq(arbiter.granted[index]),
+                arbiter.row_request[index].eq(row.request),
+                _slice(arbiter.column_request, index, config.columns).eq(row.column_request),
+            ]
+            if config.has_polarity:
+                m.d.comb += _slice(arbiter.column_polarity, index, config.columns).eq(row.column_polarity)
+            if "tick" in row.signature.members:
+                m.d.comb += row.tick.eq(tick)
+            if config.encoding == "nlcs":
+                m.d.comb += row.decay.eq(decay.decay[index])
+            if config.frontend == "digital":
+                m.d.comb += row.sample_valid.eq(self.sample_valid)
+            for name in self.per_row:
+                inner = getattr(row, name)
+                outer = _slice(getattr(self, "taxel_enable" if name == "enable" else name), index, len(inner))
+                inward = row.signature.members[name].flow is In
+                m.d.comb += inner.eq(outer) if inward else outer.eq(inner)
+
+        if config.link == "four_phase":
+            link = FourPhaseLink(config)
+            link.place(m, "link", platform)
+            outside = {
+                name: (getattr(link, name), getattr(self, name))
+                for name in aer_ports(config)
+                if name in self.signature.members
+            }
+            for name, (inner, outer) in outside.items():
+                m.d.comb += outer.eq(inner) if self.signature.members[name].flow is Out else inner.eq(outer)
+            sink: Any = link
+        else:
+            sink = self
+        for name in event_ports(config, Out):
+            if name in arbiter.signature.members:
+                source, drain = getattr(arbiter, name), getattr(sink, name)
+                forward = arbiter.signature.members[name].flow is Out
+                m.d.comb += drain.eq(source) if forward else source.eq(drain)
+        return m
+
+
+def _slice(signal: Any, index: int, width: int) -> Any:
+    return signal[index * width : (index + 1) * width]

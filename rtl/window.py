@@ -1,0 +1,86 @@
+"""The closing-window counters: one per taxel for CW-LCS, one staggered over the rows for N-LCS."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from amaranth.hdl import Mux, Module, Signal
+from amaranth.lib.wiring import In, Out
+
+from model.config import ReadoutConfig
+from model.window import decay_phases
+from rtl.block import Block
+
+
+class ClosingWindow(Block):
+    """Half-width of one CW-LCS taxel's window: narrower after every ``window_period`` quiet sample ticks.
+
+    Attributes
+    ----------
+    enable : In(1)
+        Low holds the window in its reset state.
+    free : In(1)
+        Low freezes the window (the taxel's request waits).
+    tick : In(1)
+        Sample tick.
+    fired : In(1)
+        The taxel raises an event in this clock: the window opens fully.
+    half_width : Out(closing_levels_log2 + 1)
+        In closing steps, from 2**closing_levels_log2 (D) down to 1.
+    """
+
+    module_name = "eskin_window"
+
+    def __init__(self, config: ReadoutConfig) -> None:
+        super().__init__(
+            config,
+            {
+                "enable": In(1),
+                "free": In(1),
+                "tick": In(1),
+                "fired": In(1),
+                "half_width": Out(config.closing_levels_log2 + 1),
+            },
+        )
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        levels = 1 << self.config.closing_levels_log2
+        closed = Signal(range(levels))
+        quiet = Signal(range(self.config.window_period))
+        m.d.comb += self.half_width.eq(levels - closed)
+        last = Signal()
+        m.d.comb += last.eq(quiet == self.config.window_period - 1)
+        with m.If(~self.enable | (self.free & self.fired)):
+            m.d.sync += [closed.eq(0), quiet.eq(0)]
+        with m.Elif(self.free & self.tick):
+            m.d.sync += quiet.eq(Mux(last, 0, (quiet + 1)[: len(quiet)]))
+            with m.If(last & (closed != levels - 1)):
+                m.d.sync += closed.eq((closed + 1)[: len(closed)])
+        return m
+
+
+class DecayTicks(Block):
+    """The one counter that times the leak of the whole N-LCS array, one phase a row.
+
+    Attributes
+    ----------
+    tick : In(1)
+        Sample tick.
+    decay : Out(rows)
+        High in the clock of a sample tick in which the taxels of that row leak.
+    """
+
+    module_name = "eskin_decay"
+
+    def __init__(self, config: ReadoutConfig) -> None:
+        super().__init__(config, {"tick": In(1), "decay": Out(config.rows)})
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        count = Signal(range(self.config.leak_period))
+        with m.If(self.tick):
+            m.d.sync += count.eq(Mux(count == self.config.leak_period - 1, 0, (count + 1)[: len(count)]))
+        for row, phase in enumerate(decay_phases(self.config)):
+            m.d.comb += self.decay[row].eq(self.tick & (count == int(phase)))
+        return m
