@@ -95,7 +95,9 @@ class ReadoutConfig:
         self._check_range("fraction_bits", 0, 31 - self.sample_bits, "31 - sample_bits")
         self._check_range("clocks_per_sample", 1, 2**24)
         if not (math.isfinite(self.sample_rate_hz) and self.sample_rate_hz > 0):
-            raise InputError(f"sample_rate_hz must be a positive number of hertz, not {self.sample_rate_hz!r}")
+            raise InputError(
+                f"sample_rate_hz must be a positive number of hertz, not {self.sample_rate_hz!r}"
+            )
         # A reference stands on a level of its encoder; the leaky one never goes below zero.
         low = 0 if self.encoding == "nlcs" else -self.full_scale
         self._check_range("reference_reset", low, self.full_scale - 1)
@@ -266,7 +268,9 @@ class ReadoutConfig:
             raise InputError(f"a configuration must be a JSON object, not {type(fields).__name__}")
         known = {field.name for field in dataclasses.fields(cls)}
         if unknown := sorted(set(fields) - known):
-            raise InputError(f"unknown configuration field {unknown[0]!r}; known are {', '.join(sorted(known))}")
+            raise InputError(
+                f"unknown configuration field {unknown[0]!r}; known are {', '.join(sorted(known))}"
+            )
         return cls(**fields)
 
     @classmethod

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 ACK_QUANTA = 8
 """Quanta of time per clock in which the delays of an asynchronous receiver are counted."""
 
-# Words of the link's state: its four flops, the level of ACK, the clock at which ACK changes (-1: settled), and the
-# number of edges of REQ so far.
+# Words of the link's state: its four flops, the level of ACK, the clock at which ACK changes (-1: settled), and
+# the number of edges of REQ so far.
 SETUP, REQ, ACK_META, ACK_SYNC, ACK, ACK_AT, EDGES = range(7)
 
 
@@ -46,8 +46,8 @@ def advance(state: NDArray[np.int64], clock: int, taken: bool, ack_delay: NDArra
     taken : bool
         An event is taken in this clock.
     ack_delay : ndarray of int64, shape (delays,)
-        From each edge of REQ to that of ACK, in quanta of 1/8 clock, used in turn; never a multiple of 8, so ACK
-        does not change at a clock edge.
+        From each edge of REQ to that of ACK, in quanta of 1/8 clock, used in turn; never a multiple of 8, so
+        ACK does not change at a clock edge.
     """
     if state[ACK_AT] == clock:
         state[ACK] = state[REQ]

@@ -1,7 +1,7 @@
 """The array, its arbiter and its link, clock by clock: the golden model that the RTL is held to.
 
-The loop visits only the clocks in which something can change, which is exact: a taxel that decided for nothing decides
-so again until its sample, its reference or its window moves.
+The loop visits only the clocks in which something can change, which is exact: a taxel that decided for nothing
+decides so again until its sample, its reference or its window moves.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ class Stimulus:
     sample_clock : ndarray of int64, shape (ticks,)
         Clock of every sample tick, rising.
     clocks : int
-        Length of the run; what would happen at this clock or later is not seen.
+        Length of the run; what happens at this clock or later is not seen (a REQ that rises at an edge is seen
+        in the clock after it).
     enable_clock, enable : ndarray of int64, shape (changes,), and of bool, shape (changes, taxels)
         Masks and the clocks from which on they hold; the first at clock 0.
     ready : ndarray of uint8, shape (pattern,)
@@ -95,8 +96,8 @@ class Stimulus:
         samples, clock, full_scale = self.samples, self.sample_clock, config.full_scale
         if samples.ndim != 2 or samples.shape[1] != config.taxels:
             raise InputError(
-                f"samples must have shape (ticks, {config.taxels}) for {config.rows} x {config.columns} taxels, "
-                f"not {samples.shape}"
+                f"samples must have shape (ticks, {config.taxels}) for {config.rows} x {config.columns} "
+                f"taxels, not {samples.shape}"
             )
         if samples.size and not -full_scale <= samples.min() <= samples.max() < full_scale:
             raise InputError(
@@ -188,7 +189,7 @@ def state_at(config: ReadoutConfig, stimulus: Stimulus, clock: int) -> State:
 def _run(
     config: ReadoutConfig, stimulus: Stimulus, clocks: int
 ) -> tuple[Events, NDArray[np.int64], NDArray[np.uint64], NDArray[np.uint64]]:
-    """Run the compiled loop; return events, taxel registers (4, taxels), row words (3, rows), latch words (4,)."""
+    """Run the loop; return events, taxel registers (4, taxels), row words (3, rows), latch words (4,)."""
     taxels = np.zeros((4, config.taxels), np.int64)
     rows = np.zeros((3, config.rows), np.uint64)
     latch = np.zeros(4, np.uint64)
@@ -272,7 +273,7 @@ def _loop(
 
     t = 0
     while t < clocks:
-        # The mask. A disabled taxel is reset; everybody decides once more, which changes nothing for the others.
+        # The mask. A disabled taxel is reset; all decide once more, which changes nothing for the others.
         decide_all = tick or t == 0
         if changes < len(enable_clock) and enable_clock[changes] == t:
             for r in range(n_rows):
@@ -313,7 +314,7 @@ def _loop(
             pending[taken_row] = ZERO
             requests &= ~(ONE << np.uint64(taken_row))
 
-        # The taxels that have to decide: all, or those whose request was taken and those whose threshold moved.
+        # The taxels that have to decide: all, or those whose request was taken or whose threshold moved.
         if decide_all or taken != ZERO or any_again:
             any_again = False
             first, last = (0, n_rows) if decide_all or again.any() else (taken_row, taken_row + 1)
@@ -365,7 +366,7 @@ def _loop(
                         x[r * columns + c] = samples[ticks, r * columns + c]
             ticks += 1
 
-        if four_phase and link.advance(aer, t, take, ack_delay):
+        if four_phase and link.advance(aer, t, take, ack_delay) and t + 1 < clocks:
             if events == len(time):
                 time, index, sign = _grown(time), _grown(index), _grown(sign)
             time[events], index[events], sign[events] = t, link_row * columns + link_column, link_sign

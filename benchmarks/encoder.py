@@ -1,0 +1,255 @@
+"""Taxel-samples per second of the functional encoders on one core, against a plain copy of the same array.
+
+``python benchmarks/encoder.py --json benchmarks/results/encoder.json``
+
+In every round all candidates run once, one after the other, so that a change of the machine's speed meets all
+of them; ratios are taken within a round. Arrays are allocated and touched before. The NumPy loop has the rule
+of the LCS encoder, and the same events are demanded of it (exit code 1 otherwise). The delta modulation of
+snnTorch compares neighbouring samples, so slow changes never fire; it is there for its speed, on at most
+1,024 signals (it fills new arrays), and is left out where snnTorch is not installed.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import numba
+import numpy as np
+import scipy
+import typer
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfilt
+
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.files import atomic_write, check_writable
+from model.taxel import count_events, decisions_per_tick, encode
+
+RMS = 0.17
+BAND_HZ = (5.0, 80.0)
+"""Texture signals of the ``physical`` preset: rms in full scales, and the band that holds their power."""
+
+Codes = NDArray[np.int16]
+
+
+@dataclass
+class Candidate:
+    """Something to time.
+
+    Attributes
+    ----------
+    name : str
+    call : callable
+        Does the work once.
+    taxel_samples : int
+        What it handles.
+    events : callable or None
+        Returns the number of events of the last call.
+    seconds : list of float
+        One entry for every round.
+    """
+
+    name: str
+    call: Callable[[], Any]
+    taxel_samples: int
+    events: Callable[[], int] | None = None
+    seconds: list[float] = field(default_factory=list)
+
+
+def texture_like(samples: int, signals: int, config: ReadoutConfig, seed: int) -> Codes:
+    """Return band-limited noise with the statistics of texture signals, codes of shape (samples, signals)."""
+    generator = np.random.default_rng(seed)
+    sos = butter(4, BAND_HZ, "bandpass", fs=config.sample_rate_hz, output="sos")
+    settle = int(config.sample_rate_hz / BAND_HZ[0])
+    codes = np.empty((samples, signals), np.int16)
+    high = config.full_scale - 1
+    for start in range(0, signals, 512):
+        width = min(512, signals - start)
+        noise = generator.standard_normal((settle + samples, width), np.float32)
+        smooth = sosfilt(sos, noise, axis=0)[settle:]
+        smooth *= RMS * config.full_scale / smooth.std()
+        codes[:, start : start + width] = np.clip(np.rint(smooth), -high - 1, high)
+    return codes
+
+
+def numpy_lcs(config: ReadoutConfig, samples: Codes, counts: Codes) -> None:
+    """Write the LCS events of every sample into counts: NumPy over the taxels, Python over time."""
+    shift, cap = config.step.bit_length() - 1, decisions_per_tick(config)
+    u = np.full(samples.shape[1], config.reference_reset // config.step, np.int16)
+    difference = np.empty_like(u)
+    for sample, count in zip(samples, counts, strict=True):
+        np.right_shift(sample, shift, out=difference)
+        np.subtract(difference, u, out=difference)
+        np.add(difference, difference < 0, out=count)
+        np.clip(count, -cap, cap, out=count)
+        u += count
+
+
+def snntorch_delta(config: ReadoutConfig, samples: Codes) -> Candidate | None:
+    """Return snnTorch's delta modulation of the samples (as float32 beforehand), or None if not installed."""
+    try:
+        import torch  # type: ignore[import-not-found]  # optional, and not part of the project
+        from snntorch import spikegen
+    except ImportError:
+        return None
+    torch.set_num_threads(1)
+    data = torch.from_numpy(samples[:, :1024].astype(np.float32))
+    kept: list[Any] = [None]
+
+    def call() -> None:
+        kept[0] = None  # two results need not fit the memory
+        kept[0] = spikegen.delta(data, threshold=float(config.step), off_spike=True)
+
+    return Candidate(
+        "snntorch delta", call, data.numel(), lambda: int(kept[0].abs().sum(dtype=torch.float64))
+    )
+
+
+def candidates(config: ReadoutConfig, samples: Codes) -> list[Candidate]:
+    """Return all that is timed, the copy first."""
+    out, loop = np.zeros_like(samples), np.zeros_like(samples)
+    cw = config.replace(encoding="cw-lcs")
+    columns = min(64, samples.shape[1])
+    rows = min(64, samples.shape[1] // columns)
+    leaky = config.replace(encoding="nlcs", rows=rows, columns=columns)
+    part = np.ascontiguousarray(samples[:, : leaky.taxels])
+    part_out = np.zeros_like(part)
+
+    def magnitude(counts: Codes) -> Callable[[], int]:
+        return lambda: sum(int(np.abs(line).sum(dtype=np.int64)) for line in counts)
+
+    totals: list[NDArray[np.int64]] = []
+    found = [
+        Candidate("copy", lambda: np.copyto(out, samples), samples.size),
+        Candidate("lcs", lambda: encode(config, samples, out=out), samples.size, magnitude(out)),
+        Candidate(
+            "lcs, counts per taxel only",
+            lambda: totals.append(count_events(config, samples)),
+            samples.size,
+            lambda: int(totals[-1].sum()),
+        ),
+        Candidate("cw-lcs", lambda: encode(cw, samples, out=out), samples.size, magnitude(out)),
+        Candidate("nlcs", lambda: encode(leaky, part, out=part_out), part.size, magnitude(part_out)),
+        Candidate(
+            "lcs, numpy over time", lambda: numpy_lcs(config, samples, loop), samples.size, magnitude(loop)
+        ),
+        snntorch_delta(config, samples),
+    ]
+    return [candidate for candidate in found if candidate is not None]
+
+
+def summary(candidate: Candidate, copy: Candidate, events: int | None) -> dict[str, Any]:
+    """Return the numbers of one candidate; ratios are times per taxel-sample, of the same round."""
+    per_sample = copy.taxel_samples / candidate.taxel_samples
+    ratios = [a / b * per_sample for a, b in zip(candidate.seconds, copy.seconds, strict=True)]
+    median = statistics.median(candidate.seconds)
+    return {
+        "name": candidate.name,
+        "taxel_samples": candidate.taxel_samples,
+        "events": events,
+        "seconds": {"median": median, "all": candidate.seconds},
+        "taxel_samples_per_second": candidate.taxel_samples / median,
+        "times_the_copy": {"median": statistics.median(ratios), "least": min(ratios), "most": max(ratios)},
+    }
+
+
+def versions() -> dict[str, Any]:
+    """Return what the numbers depend on."""
+    found = {"python": platform.python_version(), "numpy": np.__version__, "numba": numba.__version__}
+    found["scipy"] = scipy.__version__
+    if "snntorch" in sys.modules:
+        found["torch"] = sys.modules["torch"].__version__
+        found["snntorch"] = getattr(sys.modules["snntorch"], "__version__", "unknown")
+    return found | {"instruction_set": platform.machine(), "cpus": os.cpu_count()}
+
+
+def writable(path: Path | None) -> Path | None:
+    """Return the path, or refuse it before any time is spent."""
+    if path is not None:
+        try:
+            check_writable(path)
+        except InputError as error:
+            raise typer.BadParameter(str(error)) from None
+    return path
+
+
+def write_report(path: Path, report: dict[str, Any]) -> None:
+    """Write a report as JSON, whole or not at all."""
+    with atomic_write(path) as file:
+        file.write((json.dumps(report, indent=2) + "\n").encode())
+
+
+JsonFile = Annotated[
+    Path | None, typer.Option("--json", callback=writable, help="write the numbers to this file")
+]
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def main(
+    json_file: JsonFile = None,
+    signals: Annotated[int, typer.Option(min=1, help="taxels side by side (240 images of 64)")] = 15_360,
+    samples: Annotated[int, typer.Option(min=1, help="samples of each (0.4 s at 20 kS/s)")] = 8_008,
+    rounds: Annotated[int, typer.Option(min=1, help="how often everything is timed")] = 7,
+    seed: Annotated[int, typer.Option(help="of the signals")] = 0,
+) -> None:
+    """Time the functional encoders on one core against a plain copy of the samples."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    config = ReadoutConfig(encoding="lcs")
+    codes = texture_like(samples, signals, config, seed)
+    timed = candidates(config, codes)
+    if timed[-1].name != "snntorch delta":
+        print("snnTorch is not installed: spikegen.delta is left out.")
+    events: dict[str, int | None] = {}
+    for candidate in timed:  # compiles, and touches all memory
+        candidate.call()
+        events[candidate.name] = candidate.events() if candidate.events else None
+    for _ in range(rounds):
+        for candidate in timed:
+            start = time.perf_counter()
+            candidate.call()
+            candidate.seconds.append(time.perf_counter() - start)
+    results = [summary(candidate, timed[0], events[candidate.name]) for candidate in timed]
+
+    print(
+        f"{signals} signals x {samples} samples, {config.sample_bits} bits, N = {config.resolution}, one core"
+    )
+    print(f"{'':28}{'M samples/s':>12}{'times the copy (least..most)':>32}{'events':>14}")
+    for result in results:
+        ratio = result["times_the_copy"]
+        spread = f"{ratio['median']:.2f} ({ratio['least']:.2f}..{ratio['most']:.2f})"
+        speed = result["taxel_samples_per_second"] / 1e6
+        print(f"{result['name']:28}{speed:12.0f}{spread:>32}{result['events'] or '':>14}")
+    if json_file is not None:
+        report = {
+            "benchmark": "encoder",
+            "signals": signals,
+            "samples": samples,
+            "rounds": rounds,
+            "seed": seed,
+            "config": config.to_dict(),
+            "versions": versions(),
+            "results": results,
+        }
+        write_report(json_file, report)
+    same = {events[name] for name in ("lcs", "lcs, counts per taxel only", "lcs, numpy over time")}
+    if len(same) != 1:
+        print(
+            f"The LCS encoders disagree on the number of events: {sorted(map(str, same))}.", file=sys.stderr
+        )
+        raise typer.Exit(1)
+
+
+if __name__ == "__main__":
+    app()

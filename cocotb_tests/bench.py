@@ -1,0 +1,169 @@
+"""What runs inside the simulator: driver, monitor and scoreboard of the readout harness."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from cocotb.triggers import ValueChange
+from numpy.typing import NDArray
+
+from model.compare import Difference, first_difference
+from model.config import ReadoutConfig
+from model.events import EVENT_DTYPE, Events
+from model.readout import Stimulus, simulate, state_at
+
+PATTERN = 65536
+"""Entries of the harness's ready pattern, which must be a multiple of the stimulus's."""
+
+
+@dataclass
+class StimulusDriver:
+    """Writes a stimulus in the form that the harness plays (see harness.v)."""
+
+    config: ReadoutConfig
+    folder: Path
+
+    def write(self, stimulus: Stimulus) -> None:
+        """Write stimulus.bin, ready.bin and ack.bin."""
+        stimulus.check(self.config)
+        clocks = np.unique(np.concatenate([stimulus.sample_clock, stimulus.enable_clock, [0]]))
+        clocks = clocks[clocks < stimulus.clocks]
+        tick = np.searchsorted(stimulus.sample_clock, clocks)
+        tick_here = np.minimum(tick, max(len(stimulus.sample_clock) - 1, 0))
+        if len(stimulus.sample_clock):
+            valid = stimulus.sample_clock[tick_here] == clocks
+            samples = np.where(valid[:, None], stimulus.samples[tick_here], 0)
+        else:
+            valid = np.zeros(len(clocks), bool)
+            samples = np.zeros((len(clocks), self.config.taxels), np.int32)
+        mask = stimulus.enable[np.searchsorted(stimulus.enable_clock, clocks, side="right") - 1]
+        gap = np.diff(clocks, append=stimulus.clocks).astype(">u4")
+        bits = (samples[:, :, None] >> np.arange(self.config.sample_bits)) & 1
+        records = np.concatenate(
+            [
+                gap.view(np.uint8).reshape(-1, 4),
+                (valid[:, None] * 0x40).astype(np.uint8),
+                _pack(mask),
+                _pack(bits.reshape(len(clocks), -1)),
+            ],
+            axis=1,
+        )
+        end = np.zeros(records.shape[1], np.uint8)
+        end[4] = 0x80
+        (self.folder / "stimulus.bin").write_bytes(records.tobytes() + end.tobytes())
+        (self.folder / "ready.bin").write_bytes(_repeat(stimulus.ready, PATTERN).tobytes())
+        (self.folder / "ack.bin").write_bytes(
+            _repeat(stimulus.ack_delay, PATTERN // 16).astype(">u2").tobytes()
+        )
+
+
+def _pack(bits: NDArray[Any]) -> NDArray[np.uint8]:
+    """Return rows of bits, lowest first, as rows of bytes, most significant first."""
+    padding = -bits.shape[1] % 8
+    return np.packbits(np.pad(bits[:, ::-1].astype(np.uint8), ((0, 0), (padding, 0))), axis=1)
+
+
+def _repeat(pattern: NDArray[Any], length: int) -> NDArray[Any]:
+    if length % len(pattern):
+        raise ValueError(f"a pattern of {len(pattern)} does not repeat within {length}")
+    return np.tile(pattern, length // len(pattern))
+
+
+@dataclass
+class EventMonitor:
+    """Reads the events that the harness recorded."""
+
+    config: ReadoutConfig
+    folder: Path
+
+    def read(self) -> Events:
+        """Return the events of events.txt."""
+        config = self.config
+        numbers = np.fromfile(self.folder / "events.txt", dtype=np.int64, sep=" ")
+        if config.link == "four_phase":
+            t, address = numbers.reshape(-1, 2).T
+            column = address & (1 << config.column_bits) - 1
+            row = address >> config.column_bits & (1 << config.row_bits) - 1
+            polarity = address >> (config.column_bits + config.row_bits) if config.has_polarity else 1
+        else:
+            t, row, column, polarity = numbers.reshape(-1, 4).T
+        events = np.empty(len(t), EVENT_DTYPE)
+        events["t"], events["y"], events["x"], events["p"] = t, row, column, polarity
+        return events
+
+
+class Mismatch(AssertionError):
+    """RTL and model differ; the text says where, how, and how to see it again."""
+
+
+@dataclass
+class Scoreboard:
+    """Holds the events of the RTL to those of the model and counts what agreed.
+
+    Attributes
+    ----------
+    runs, clocks, events : int
+        What has been compared so far.
+    """
+
+    config: ReadoutConfig
+    reproduce: str = ""
+    runs: int = 0
+    clocks: int = 0
+    events: int = 0
+
+    def check(self, name: str, stimulus: Stimulus, rtl: Events, errors: int = 0) -> Events:
+        """Compare the events of a run with the model's, and return them; raise Mismatch at the first difference."""
+        expected = simulate(self.config, stimulus)
+        difference = first_difference(expected, rtl)
+        if difference is not None:
+            raise Mismatch(self._describe(name, stimulus, difference))
+        if errors:
+            raise Mismatch(
+                f"{name}: {errors} breaches of the {self.config.link} protocol; reproduce: {self.reproduce}"
+            )
+        self.runs += 1
+        self.clocks += stimulus.clocks
+        self.events += len(rtl)
+        return expected
+
+    def _describe(self, name: str, stimulus: Stimulus, difference: Difference) -> str:
+        """Return where RTL and model part, the model's state there, and the command that shows it again."""
+        clock, row, column, _ = min(event for event in (difference.a, difference.b) if event is not None)
+        lines = [f"{name}: RTL and model differ", difference.describe(("model", "RTL"))]
+        lines.append(f"the model before the clocks up to {clock}, taxel ({row}, {column}):")
+        for t in range(max(clock - 4, 0), clock + 1):
+            state = state_at(self.config, stimulus, t)
+            lines.append(
+                f"  clock {t}: sample {state.sample[row, column]}, reference {state.reference[row, column]}, "
+                f"half-width {state.half_width[row, column]}, pending {int(state.pending[row, column])}, "
+                f"latch row {state.latch_row} columns {state.latch_columns:#x}, "
+                f"requesting rows {np.flatnonzero(state.pending.any(axis=1)).tolist()}"
+            )
+        return "\n".join([*lines, f"reproduce: {self.reproduce}"])
+
+
+class Bench:
+    """A readout in its harness, one run after the other."""
+
+    def __init__(self, dut: Any, config: ReadoutConfig, folder: Path, reproduce: str = "") -> None:
+        self.dut = dut
+        self.driver = StimulusDriver(config, folder)
+        self.monitor = EventMonitor(config, folder)
+        self.scoreboard = Scoreboard(config, reproduce)
+
+    async def play(self, stimulus: Stimulus) -> tuple[Events, int]:
+        """Play a stimulus from reset on; return the RTL's events and the breaches of its protocol."""
+        self.driver.write(stimulus)
+        self.dut.go.value = int(self.dut.done.value) + 1
+        await ValueChange(self.dut.done)
+        return self.monitor.read(), int(self.dut.errors.value)
+
+    async def check(self, name: str, stimulus: Stimulus) -> Events:
+        """Play a stimulus and hold the RTL to the model; return the events."""
+        events, errors = await self.play(stimulus)
+        self.scoreboard.check(name, stimulus, events, errors)
+        return events

@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: Apache-2.0
+// Plays stimuli into the readout and records its events, all at the simulator's own speed: Python wakes once a run.
+//
+// A run: the testbench writes stimulus.bin, ready.bin and ack.bin into the working folder and increments `go`; the
+// harness releases the reset, plays, records events.txt, resets the readout and copies `go` to `done`.
+//
+// stimulus.bin is a row of records {gap: 32, end: 1, valid: 1, 0: 6, enable: n, sample: n * W}, enable and sample each
+// filled up with zeros at the top to whole bytes, most significant byte first. A record holds from its clock on,
+// `valid` for one clock, and the next one follows `gap` clocks later. The first record is at clock 0, the end one says where the run stops.
+
+`timescale 1ns / 1ns
+
+module harness;
+  parameter TAXELS = 64;
+  parameter SAMPLE_BITS = 12;
+  parameter ROW_BITS = 3;
+  parameter COLUMN_BITS = 3;
+
+  localparam THRESHOLD_BITS = SAMPLE_BITS + 1;
+  localparam ENABLE_BYTES = (TAXELS + 7) / 8;
+  localparam SAMPLE_BYTES = (TAXELS * SAMPLE_BITS + 7) / 8;
+  localparam RECORD_BITS = 8 * (5 + ENABLE_BYTES + SAMPLE_BYTES);
+  localparam PATTERN = 65536;  // clocks after which the pattern of the sink repeats
+
+  reg [31:0] go /* verilator public_flat_rw */ = 0;
+  reg [31:0] done /* verilator public_flat_rw */ = 0;
+  reg [31:0] errors /* verilator public_flat_rw */ = 0;  // breaches of the link's protocol in the last run
+
+  reg clk = 0;
+  always #4 clk = ~clk;
+
+  // -- the readout ------------------------------------------------------------------------------------
+
+  reg rst = 1;
+  reg sample_valid = 0;
+  reg [TAXELS-1:0] taxel_enable = 0;
+  reg [TAXELS*SAMPLE_BITS-1:0] sample = 0;
+
+`ifdef ANALOG
+  wire [TAXELS*THRESHOLD_BITS-1:0] upper;
+  reg [TAXELS-1:0] above;
+`ifdef POLARITY
+  wire [TAXELS*THRESHOLD_BITS-1:0] lower;
+  reg [TAXELS-1:0] below;
+`endif
+  // The comparator macros of the taxels: they look at the signal that the last sample tick brought.
+  reg [TAXELS*SAMPLE_BITS-1:0] held = 0;
+  always @(posedge clk)
+    if (rst) held <= 0;
+    else if (sample_valid) held <= sample;
+  integer i;
+  always @*
+    for (i = 0; i < TAXELS; i = i + 1) begin
+      above[i] = $signed(held[i*SAMPLE_BITS+:SAMPLE_BITS]) >= $signed(upper[i*THRESHOLD_BITS+:THRESHOLD_BITS]);
+`ifdef POLARITY
+      below[i] = $signed(held[i*SAMPLE_BITS+:SAMPLE_BITS]) < $signed(lower[i*THRESHOLD_BITS+:THRESHOLD_BITS]);
+`endif
+    end
+`endif
+
+`ifdef FOUR_PHASE
+  localparam EVENT_BITS = ROW_BITS + COLUMN_BITS
+`ifdef POLARITY
+      + 1
+`endif
+      ;
+  wire aer_req;
+  reg aer_ack = 0;
+`ifdef ADDRESS
+  wire [EVENT_BITS-1:0] aer_addr;
+`else
+  wire aer_addr = 0;
+`endif
+`else
+  wire event_valid;
+  wire event_ready;
+`ifdef ROWS
+  wire [ROW_BITS-1:0] event_row;
+`else
+  wire event_row = 0;
+`endif
+`ifdef COLUMNS
+  wire [COLUMN_BITS-1:0] event_col;
+`else
+  wire event_col = 0;
+`endif
+`ifdef POLARITY
+  wire event_polarity;
+`else
+  wire event_polarity = 1;
+`endif
+`endif
+
+  eskin_readout dut (
+      .clk(clk),
+      .rst(rst),
+`ifdef TICK
+      .sample_valid(sample_valid),
+`endif
+`ifdef ANALOG
+      .above(above),
+      .upper(upper),
+`ifdef POLARITY
+      .below(below),
+      .lower(lower),
+`endif
+`else
+      .sample(sample),
+`endif
+`ifdef FOUR_PHASE
+      .aer_req(aer_req),
+      .aer_ack(aer_ack),
+`ifdef ADDRESS
+      .aer_addr(aer_addr),
+`endif
+`else
+      .event_valid(event_valid),
+      .event_ready(event_ready),
+`ifdef ROWS
+      .event_row(event_row),
+`endif
+`ifdef COLUMNS
+      .event_col(event_col),
+`endif
+`ifdef POLARITY
+      .event_polarity(event_polarity),
+`endif
+`endif
+      .taxel_enable(taxel_enable)
+  );
+
+  // -- the player -------------------------------------------------------------------------------------
+
+  reg running = 0;
+  reg [63:0] cycle = 0;
+  reg [31:0] gap = 0;
+  reg [RECORD_BITS-1:0] record = 0;
+  reg [7:0] ready_pattern [0:PATTERN-1];
+  reg [15:0] ack_pattern [0:PATTERN/16-1];
+  reg [2:0] hold = 0;
+  integer stimulus_file, pattern_file, event_file, count;
+`ifdef FOUR_PHASE
+  reg responding = 0;
+  wire quiet = !responding && !aer_ack;
+`else
+  wire quiet = 1;
+`endif
+
+  always @(posedge clk)
+    if (!running) begin
+      if (hold != 4) hold <= hold + 1;
+      else if (go != done && quiet) begin
+        pattern_file = $fopen("ready.bin", "rb");
+        count = $fread(ready_pattern, pattern_file);
+        $fclose(pattern_file);
+        pattern_file = $fopen("ack.bin", "rb");
+        count = $fread(ack_pattern, pattern_file);
+        $fclose(pattern_file);
+        stimulus_file = $fopen("stimulus.bin", "rb");
+        event_file = $fopen("events.txt", "w");
+        errors <= 0;
+        cycle <= 0;
+        running <= 1;
+        rst <= 0;
+        next_record;
+      end
+    end else begin
+      cycle <= cycle + 1;
+      if (gap == 1) next_record;
+      else begin
+        gap <= gap - 1;
+        sample_valid <= 0;
+      end
+    end
+
+  task next_record;
+    begin
+      count = $fread(record, stimulus_file);
+      gap <= record[RECORD_BITS-1-:32];
+      sample_valid <= record[RECORD_BITS-34];
+      taxel_enable <= record[8*SAMPLE_BYTES+:TAXELS];
+      if (record[RECORD_BITS-34]) sample <= record[0+:TAXELS*SAMPLE_BITS];
+      if (record[RECORD_BITS-33] || count == 0) begin
+        $fclose(stimulus_file);
+        $fclose(event_file);
+        running <= 0;
+        rst <= 1;
+        hold <= 0;
+        sample_valid <= 0;
+        done <= go;
+      end
+    end
+  endtask
+
+  // -- the sink: takes events, records them, and watches the protocol ---------------------------------
+
+`ifdef FOUR_PHASE
+  reg [11:0] edges = 0;
+  reg req_before = 0;
+  reg ack_before = 0;
+  reg [EVENT_BITS:0] addr_before = 0;
+
+  always @(aer_req) begin
+    responding = 1;
+    #(ack_pattern[edges]) aer_ack = aer_req;
+    edges = edges + 1;
+    responding = 0;
+  end
+  always @(posedge running) edges = 0;
+
+  always @(posedge clk) begin
+    req_before <= aer_req & running;
+    ack_before <= aer_ack;
+    addr_before <= aer_addr;
+    if (running) begin
+      if (aer_req && !req_before) $fwrite(event_file, "%0d %0d\n", cycle - 1, aer_addr);
+      if ((aer_req || aer_ack) && aer_addr != addr_before[EVENT_BITS-1:0]) errors <= errors + 1;
+      if (aer_req && !req_before && ack_before) errors <= errors + 1;
+      if (!aer_req && req_before && !ack_before) errors <= errors + 1;
+    end
+  end
+`else
+  reg waiting = 0;
+  reg [ROW_BITS+COLUMN_BITS+2:0] payload_before = 0;
+  wire [ROW_BITS+COLUMN_BITS+2:0] payload = {event_polarity, event_row, event_col};
+  assign event_ready = ready_pattern[cycle[15:0]][0];
+
+  always @(posedge clk) begin
+    waiting <= running & event_valid & ~event_ready;
+    payload_before <= payload;
+    if (running) begin
+      if (event_valid && event_ready)
+        $fwrite(event_file, "%0d %0d %0d %0d\n", cycle, event_row, event_col, event_polarity);
+      if (waiting && (!event_valid || payload != payload_before)) errors <= errors + 1;
+    end
+  end
+`endif
+endmodule

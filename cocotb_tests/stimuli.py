@@ -1,0 +1,167 @@
+"""The stimuli, sinks and masks of the tests, all from a seed."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.config import ReadoutConfig
+from model.link import ACK_QUANTA
+from model.readout import Stimulus, simulate, state_at
+
+Samples = NDArray[np.int64]
+MARGIN = 60
+"""Clocks that a run lasts after its last event, in which the RTL must stay silent too."""
+
+
+def step(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
+    """Every taxel steps to a level of its own, once."""
+    level = rng.integers(-config.full_scale, config.full_scale, config.taxels)
+    start = rng.integers(1, max(ticks // 2, 2), config.taxels)
+    return np.where(np.arange(ticks)[:, None] >= start, level, 0)
+
+
+def ramp(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
+    """Every taxel rises or falls through the whole range."""
+    up = np.linspace(-config.full_scale, config.full_scale - 1, ticks).astype(np.int64)[:, None]
+    return np.where(rng.random(config.taxels) < 0.5, up, up[::-1])
+
+
+def sine(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
+    """Sines of random phase, frequency and amplitude."""
+    phase = rng.random(config.taxels) * 2 * np.pi
+    turns = rng.uniform(0.5, 4, config.taxels)
+    amplitude = rng.uniform(0.05, 1, config.taxels) * (config.full_scale - 1)
+    angle = np.linspace(0, 2 * np.pi, ticks)[:, None] * turns + phase
+    return np.rint(amplitude * np.sin(angle)).astype(np.int64)
+
+
+def noise(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
+    """A new random code in every sample of every taxel."""
+    return rng.integers(-config.full_scale, config.full_scale, (ticks, config.taxels))
+
+
+def square(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
+    """All taxels jump from one end of the range to the other."""
+    high = (np.arange(ticks) // max(ticks // 6, 1)) % 2 == 0
+    return np.where(high, config.full_scale - 1, -config.full_scale)[:, None].repeat(config.taxels, axis=1)
+
+
+def constant(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
+    """Every taxel holds a level of its own, near its first thresholds or far from them."""
+    near = config.step + rng.integers(-1, 2, config.taxels)
+    far = rng.integers(-config.full_scale, config.full_scale, config.taxels)
+    return np.where(rng.random(config.taxels) < 0.5, near, far)[None, :].repeat(ticks, axis=0)
+
+
+def together(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
+    """All taxels cross the same levels in the same clock, a few at a time, and rest in between."""
+    walk = np.cumsum(rng.integers(-2, 3, max(ticks // 4, 1))) * config.step
+    walk = np.clip(walk, -config.full_scale, config.full_scale - 1)
+    return np.resize(walk.repeat(4), ticks)[:, None].repeat(config.taxels, axis=1)
+
+
+def texture(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
+    """A scan over an embedded photograph, from a random place on."""
+    from cocotb_tests.textures import random_scan
+
+    return random_scan(config, ticks, rng)
+
+
+STIMULI: dict[str, Callable[[ReadoutConfig, int, np.random.Generator], Samples]] = {
+    f.__name__: f for f in (step, ramp, sine, noise, square, constant, together, texture)
+}
+
+PATTERN = 4096
+"""Clocks after which the pattern of a sink repeats."""
+
+
+def _ready_always(rng: np.random.Generator) -> NDArray[np.uint8]:
+    return np.ones(PATTERN, np.uint8)
+
+
+def _ready_random(rng: np.random.Generator) -> NDArray[np.uint8]:
+    return (rng.random(PATTERN) < 0.6).astype(np.uint8)
+
+
+def _ready_slow(rng: np.random.Generator) -> NDArray[np.uint8]:
+    return (np.arange(PATTERN) % 7 == 6).astype(np.uint8)
+
+
+def _ready_stuck(rng: np.random.Generator) -> NDArray[np.uint8]:
+    ready = _ready_random(rng)
+    start = int(rng.integers(20, 200))
+    ready[start : start + 600] = 0
+    return ready
+
+
+READY = {"always": _ready_always, "random": _ready_random, "slow": _ready_slow, "stuck": _ready_stuck}
+"""Sinks of the stream link: event_ready per clock."""
+
+
+def ack_delays(sink: str, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Return the delays of a four-phase receiver, shape (4096,), in 1/8 clock: a sink of the same names as READY."""
+    high = {"always": 2, "random": 60, "slow": 200, "stuck": 40}[sink]
+    delays = rng.integers(1, high, PATTERN)
+    if sink == "stuck":
+        delays[rng.integers(2, 8)] = 600 * ACK_QUANTA + 3
+    return delays + (delays % ACK_QUANTA == 0)
+
+
+def masks(
+    config: ReadoutConfig, clocks: int, changes: int, rng: np.random.Generator
+) -> tuple[NDArray, NDArray]:
+    """Return clocks, shape (changes + 1,), and masks, shape (changes + 1, taxels), that switch taxels off and on."""
+    at = np.unique(np.concatenate([[0], rng.integers(1, max(clocks, 2), changes)]))
+    mask = rng.random((len(at), config.taxels)) < 0.7
+    mask[-1] = True
+    return at.astype(np.int64), mask
+
+
+def scenarios(
+    config: ReadoutConfig, seed: int, ticks: int = 40, limit: int = 3000
+) -> Iterator[tuple[str, Stimulus, bool]]:
+    """Yield every stimulus with a sink and a mask: its name, the stimulus, and whether it ends with nothing outstanding.
+
+    Every stimulus meets another sink with every seed; every other one has taxels switched off and on while running. A
+    run ends ``MARGIN`` clocks after its last event, or, where ``limit`` clocks do not suffice, is cut off by the next
+    reset in mid-stream.
+
+    Parameters
+    ----------
+    config : ReadoutConfig
+    seed : int
+    ticks, limit : int
+        Sample ticks, and the most clocks of a run.
+    """
+    sinks = list(READY)
+    for number, (name, make) in enumerate(STIMULI.items()):
+        rng = np.random.default_rng([seed, zlib.crc32(config.to_json().encode()), number])
+        sink = sinks[(number + seed) % len(sinks)]
+        masked = bool((number + seed) // len(sinks) % 2)
+        samples = make(config, ticks, rng)
+        samples = np.concatenate([samples, np.zeros((1, config.taxels), np.int64)])  # and rest
+        clock = np.cumsum(rng.integers(1, 12, len(samples))) - 1
+        # Two samples in neighbouring clocks are as good as any: rng gives gaps of one clock too.
+        at, mask = masks(config, int(clock[-1]), 6 if masked else 0, rng)
+        if not masked:
+            mask[:] = True
+        stimulus = Stimulus(
+            samples=samples.astype(np.int32),
+            sample_clock=clock.astype(np.int64),
+            clocks=100 * limit,
+            enable_clock=at,
+            enable=mask,
+            ready=READY[sink](rng),
+            ack_delay=ack_delays(sink, rng),
+        )
+        full = simulate(config, stimulus)
+        end = max(int(full["t"][-1]) if len(full) else 0, int(clock[-1]), int(at[-1])) + MARGIN
+        clocks = min(end, limit)
+        stimulus = Stimulus(**(vars(stimulus) | {"clocks": clocks}))
+        rest = state_at(config, stimulus, clocks)
+        drained = end <= limit and not rest.pending.any() and not rest.latch_columns
+        yield f"{name}, sink {sink}{', masked' if masked else ''}", stimulus, drained

@@ -1,0 +1,28 @@
+"""Scans over the embedded photographs, for tests."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.config import ReadoutConfig
+from model.dataset import embedded_dataset
+from model.texture import PhysicalScan
+
+
+@functools.lru_cache(maxsize=4)
+def _scan(rows: int, columns: int, sample_bits: int, number: int) -> NDArray[np.int32]:
+    """Return the codes of the scan of one embedded texture, shape (ticks, taxels)."""
+    config = ReadoutConfig(rows=rows, columns=columns, sample_bits=sample_bits)
+    dataset = embedded_dataset()
+    samples, _ = PhysicalScan().samples(config, dataset[number % len(dataset)].load())
+    return samples
+
+
+def random_scan(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Return some ticks of a scan over an embedded photograph, from a random place on, shape (ticks, taxels)."""
+    samples = _scan(config.rows, config.columns, config.sample_bits, int(rng.integers(4)) * 11)
+    start = int(rng.integers(0, max(len(samples) - ticks, 1)))
+    return samples[start : start + ticks].astype(np.int64)

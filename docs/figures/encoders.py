@@ -1,0 +1,59 @@
+"""Draw docs/figures/encoders.png: one signal, and what the three encoders make of it.
+
+``python docs/figures/encoders.py`` from the top of the project.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from model.config import ReadoutConfig
+from model.taxel import decode, encode_timed, uncontended_events
+
+CONFIG = ReadoutConfig(rows=1, columns=1, resolution=3, window_period=40, leak_period=8)
+TITLES = {
+    "lcs": "LCS: level crossings",
+    "cw-lcs": "CW-LCS: the window closes while nothing happens",
+    "nlcs": "N-LCS: the threshold leaks",
+}
+
+
+def main() -> None:
+    """Draw the figure."""
+    tick = np.arange(2400)
+    seconds = tick / CONFIG.sample_rate_hz
+    swing = 900 * np.sin(2 * np.pi * 40 * seconds) * np.exp(-(((seconds - 0.03) / 0.02) ** 2))
+    plateau = 700 / (1 + np.exp(-(seconds - 0.075) / 0.003)) + 60 * np.sin(2 * np.pi * 25 * seconds)
+    codes = np.rint(swing + plateau).astype(np.int16)[:, None]
+
+    figure, axes = plt.subplots(3, 1, sharex=True, figsize=(8.0, 7.5), layout="constrained")
+    for axis, (encoding, title) in zip(axes, TITLES.items(), strict=True):
+        config = CONFIG.replace(encoding=encoding)
+        counts, late = encode_timed(config, codes)
+        reference = decode(config, counts, late)[:, 0]
+        events = uncontended_events(config, counts, late)
+        axis.plot(seconds * 1e3, codes[:, 0] / config.full_scale, color="0.6", label="signal x")
+        axis.step(
+            seconds * 1e3, reference / config.full_scale, where="post", color="C0", lw=1, label="reference u"
+        )
+        for polarity, colour, name in ((True, "C2", "ON events"), (False, "C3", "OFF events")):
+            times = events["t"][events["p"] == polarity] / config.clock_hz * 1e3
+            if config.has_polarity or polarity:
+                label = name if config.has_polarity else "events"
+                level = -0.75 if polarity else -0.9
+                axis.plot(times, np.full(len(times), level), "|", color=colour, ms=9, label=label)
+        axis.set(title=f"{title} ({len(events)} events)", ylabel="full scales", ylim=(-1, 0.75))
+        axis.legend(loc="upper left", ncols=4, fontsize="small", frameon=False)
+    axes[-1].set_xlabel("time / ms")
+    figure.savefig(Path(__file__).with_suffix(".png"), dpi=110, metadata={"Software": None})
+
+
+if __name__ == "__main__":
+    main()

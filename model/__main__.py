@@ -1,0 +1,25 @@
+"""``python -m model``: encode, decode and compare event recordings.
+
+A command is a function in a module that imports numba, scipy and matplotlib only inside functions, so that
+``--help`` and errors come at once. To add one: import it here and register it below.
+"""
+
+from __future__ import annotations
+
+from model.cli import make_app, run
+from model.commands import compare, decode, encode
+from model.rates import rates
+
+app = make_app("Golden model of the spiking e-skin readout.")
+
+for command in (encode, decode, compare, rates):
+    app.command()(command)
+
+
+def main() -> None:
+    """Run the command line of the model."""
+    run(app, "python -m model")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,225 @@
+"""What the commands of all packages share: the app, its errors, and the configuration as options."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import inspect
+import json
+import os
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Annotated, Any, NoReturn, get_args, get_type_hints
+
+import typer
+
+from model.config import ReadoutConfig
+from model.errors import InputError
+
+EXIT_INPUT_ERROR = 2
+EXIT_INTERRUPTED = 128 + 2  # SIGINT, as a shell reports it
+EXIT_BROKEN_PIPE = 128 + 13  # SIGPIPE
+
+FIELD_HELP = {
+    "rows": "rows of taxels, 1..64",
+    "columns": "columns of taxels, 1..64",
+    "encoding": "level crossing, with closing window, or leaky neuron",
+    "sample_bits": "W, bits of a signed sample",
+    "resolution": "N, LSB = 2**-N of full scale, 1..W-2",
+    "decide_every": "a free taxel decides once per clock or per sample",
+    "reference_reset": "reference after reset, in codes",
+    "closing_shift": "cw-lcs: window closes by D / 2**shift",
+    "window_period": "cw-lcs: sample ticks per closing step",
+    "leak_shift": "nlcs: k of the leak",
+    "leak_period": "nlcs: P, sample ticks per decay tick",
+    "fraction_bits": "nlcs: F, bits of the reference below the sample LSB",
+    "link": "valid/ready stream or REQ/ACK",
+    "frontend": "samples in, or comparator decisions in",
+    "reset": "reset style of the flops",
+    "sample_rate_hz": "sample ticks per second",
+    "clocks_per_sample": "clocks per sample tick",
+}
+"""Help text of every field of ReadoutConfig; the type, the choices and the default come from the class."""
+
+OPTION_NAMES = {"sample_rate_hz": "--sample-rate"}
+"""Options whose name is not that of the field; the unit is in the help."""
+
+_UNITS = {"sample_rate_hz": "HZ"}
+
+
+def make_app(help_text: str) -> typer.Typer:
+    """Return an app with subcommands: plain help, no completion options, no decorated tracebacks."""
+    app = typer.Typer(
+        help=help_text,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+        context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+    )
+    app.callback()(lambda: None)  # keeps the name of the subcommand even where there is only one
+    return app
+
+
+def run(app: typer.Typer, prog_name: str, args: Sequence[str] | None = None) -> NoReturn:
+    """Run an app and leave the process.
+
+    An InputError, or a wrong option, prints ``error: <sentence>`` on standard error and exits with code 2.
+    Ctrl-C and a reader that closes the pipe are quiet: codes 130 and 141. Commands choose other codes by
+    ``raise typer.Exit(code)``. Anything else is a defect of the program and keeps its traceback.
+
+    Parameters
+    ----------
+    app : typer.Typer
+        From :func:`make_app`.
+    prog_name : str
+        What the user typed, as ``python -m model``.
+    args : sequence of str, optional
+        Arguments behind it; those of the process by default.
+    """
+    try:
+        code = _invoke(app, prog_name, list(sys.argv[1:] if args is None else args))
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        code = EXIT_INTERRUPTED
+    except BrokenPipeError:
+        # The interpreter flushes once more at its end, and would complain then.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = EXIT_BROKEN_PIPE
+    sys.exit(code)
+
+
+def _invoke(app: typer.Typer, prog_name: str, args: list[str]) -> int:
+    """Run the command and return its exit code."""
+    command = typer.main.get_command(app)
+    try:
+        with command.make_context(prog_name, args or ["--help"]) as context:
+            command.invoke(context)
+    except typer.Exit as leave:
+        return leave.exit_code
+    except InputError as error:
+        return _report(str(error))
+    except typer.TyperException as error:  # a usage error: unknown option, missing argument
+        return _report(error.format_message())
+    except MemoryError as error:
+        return _report(f"not enough memory: {str(error) or 'the data are too large'}")
+    except OSError as error:
+        if error.filename is None:  # a broken pipe, or a defect
+            raise
+        return _report(f"cannot use {error.filename}: {error.strerror}")
+    return 0
+
+
+def _report(message: str) -> int:
+    """Print an error as one line on standard error and return its exit code."""
+    sentence = " ".join(message.split()).removesuffix(".")
+    print(f"error: {sentence}", file=sys.stderr)
+    return EXIT_INPUT_ERROR
+
+
+# -- the configuration as options --------------------------------------------------------------------
+
+
+def option_name(field: str) -> str:
+    """Return the command-line option of a field of ReadoutConfig."""
+    return OPTION_NAMES.get(field, "--" + field.replace("_", "-"))
+
+
+def with_config(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Replace the parameter ``config`` of a command by one option per field of ReadoutConfig.
+
+    Besides, ``--config FILE`` loads a JSON configuration, which explicit options override, and ``--tau``
+    chooses the leak of an N-LCS taxel by its time constant. A parameter ``given``, if the command has one,
+    receives the names of the fields that the user set, as a frozenset of str.
+
+    Examples
+    --------
+    >>> @app.command()                                       # doctest: +SKIP
+    ... @with_config
+    ... def verilog(config: ReadoutConfig, out: Annotated[Path, typer.Option("-o")]) -> None: ...
+    """
+    fields = dataclasses.fields(ReadoutConfig)
+    hints = get_type_hints(ReadoutConfig)
+    signature = inspect.signature(command, eval_str=True)
+    own = [p for p in signature.parameters.values() if p.name not in ("config", "given")]
+    options = [_config_parameter(field, hints[field.name]) for field in fields]
+    options += [_option("tau", str | None, "nlcs: time constant, sets leak-shift and leak-period", "SECONDS")]
+    options += [_option("config_file", Path | None, "JSON configuration", "FILE", "--config")]
+
+    @functools.wraps(command)
+    def wrapper(**arguments: Any) -> Any:
+        file, tau = arguments.pop("config_file"), arguments.pop("tau")
+        texts = {field.name: arguments.pop(field.name) for field in fields}
+        explicit = {n: _parse(option_name(n), hints[n], v) for n, v in texts.items() if v is not None}
+        tau_s = None if tau is None else _parse("--tau", float, tau)
+        config, given = build_config(explicit, tau_s, file)
+        arguments["config"] = config
+        if "given" in signature.parameters:
+            arguments["given"] = given
+        return command(**arguments)
+
+    parameters = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in own] + options
+    wrapper.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    wrapper.__annotations__ = {p.name: p.annotation for p in parameters}
+    return wrapper
+
+
+def _config_parameter(field: dataclasses.Field[Any], hint: Any) -> inspect.Parameter:
+    """Return the option of one field, a text: the configuration refuses wrong values in its own words."""
+    metavar = "|".join(get_args(hint)) or _UNITS.get(field.name, "N")
+    return _option(field.name, str | None, f"{FIELD_HELP[field.name]} [{field.default}]", metavar)
+
+
+def _option(name: str, hint: Any, text: str, metavar: str, option: str = "") -> inspect.Parameter:
+    """Return an optional keyword parameter; None stands for "not given"."""
+    info = typer.Option(option or option_name(name), help=text, metavar=metavar, show_default=False)
+    annotation = Annotated[hint, info]
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
+
+
+def _parse(option: str, kind: Any, text: str) -> Any:
+    """Return the number that the text of an option stands for; other kinds stay text."""
+    if kind not in (int, float):
+        return text
+    try:
+        return kind(text)
+    except ValueError:
+        noun = "a whole number" if kind is int else "a number"
+        raise InputError(f"{option} takes {noun}, not {text!r}") from None
+
+
+def build_config(
+    explicit: dict[str, Any], tau_s: float | None = None, file: Path | None = None
+) -> tuple[ReadoutConfig, frozenset[str]]:
+    """Return a configuration from a file, explicit fields and a time constant, in rising priority.
+
+    Parameters
+    ----------
+    explicit : dict
+        Fields of ReadoutConfig that the user set.
+    tau_s : float, optional
+        Time constant of the N-LCS leak in seconds.
+    file : Path, optional
+        JSON configuration; its absent fields take their defaults.
+
+    Returns
+    -------
+    ReadoutConfig
+    frozenset of str
+        Names of the fields that did not take their default.
+    """
+    given = set(explicit)
+    fields = dict(explicit)
+    if file is not None:
+        fields = ReadoutConfig.load(file).to_dict() | explicit
+        given |= set(json.loads(file.read_text()))
+    config = ReadoutConfig.from_dict(fields)
+    if tau_s is None:
+        return config, frozenset(given)
+    if clash := [name for name in ("leak_shift", "leak_period") if name in explicit]:
+        raise InputError(f"--tau sets {clash[0]} itself; give --tau or {option_name(clash[0])}, not both")
+    if config.encoding != "nlcs":
+        raise InputError(f"--tau is the leak of encoding nlcs, not of {config.encoding}; add --encoding nlcs")
+    leak = ReadoutConfig.from_tau(tau_s, 1.0 / config.sample_rate_hz)
+    config = config.replace(leak_shift=leak.leak_shift, leak_period=leak.leak_period)
+    return config, frozenset(given | {"leak_shift", "leak_period"})

@@ -1,0 +1,178 @@
+"""Where two event recordings first differ, and by how much."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.config import ReadoutConfig
+from model.events import Events
+
+CONTEXT = 3
+"""Events shown before and after a difference."""
+
+
+class AddressEvent(NamedTuple):
+    """One event as plain numbers.
+
+    Attributes
+    ----------
+    t : int
+        Clock of the transfer.
+    row, column : int
+        Address of the taxel.
+    polarity : bool
+        True is ON.
+    """
+
+    t: int
+    row: int
+    column: int
+    polarity: bool
+
+    def __str__(self) -> str:
+        sign = "ON" if self.polarity else "OFF"
+        return f"clock {self.t}, row {self.row}, column {self.column}, {sign}"
+
+
+@dataclass(frozen=True)
+class Difference:
+    """The first index at which two recordings differ.
+
+    Attributes
+    ----------
+    index : int
+        Number of the event, counted from 0; all events before it are equal.
+    a, b : AddressEvent or None
+        The events there; None where a recording has already ended.
+    start : int
+        Number of the first event of the context.
+    context_a, context_b : tuple of AddressEvent
+        The events ``start`` .. ``index + 3`` of both, as far as they exist.
+    """
+
+    index: int
+    a: AddressEvent | None
+    b: AddressEvent | None
+    start: int
+    context_a: tuple[AddressEvent, ...]
+    context_b: tuple[AddressEvent, ...]
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Names of what differs: of clock, row, column and polarity; empty where a recording has ended."""
+        if self.a is None or self.b is None:
+            return ()
+        names = ("clock", "row", "column", "polarity")
+        return tuple(n for n, a, b in zip(names, self.a, self.b, strict=True) if a != b)
+
+    def describe(self, labels: tuple[str, str] = ("expected", "got")) -> str:
+        """Return the difference as text: one sentence, then the events around it side by side.
+
+        Parameters
+        ----------
+        labels : (str, str)
+            Names of the recordings a and b.
+        """
+        lines = [self._sentence(labels), "", self._table_line("event", labels, " ")]
+        for offset in range(max(len(self.context_a), len(self.context_b))):
+            number = self.start + offset
+            sides = [
+                _short(context[offset]) if offset < len(context) else "-"
+                for context in (self.context_a, self.context_b)
+            ]
+            mark = ">" if number == self.index else " " if sides[0] == sides[1] else "!"
+            lines.append(self._table_line(str(number), (sides[0], sides[1]), mark))
+        return "\n".join(lines)
+
+    def _sentence(self, labels: tuple[str, str]) -> str:
+        sides = [
+            f"{label} {event}" if event is not None else f"{label} nothing more"
+            for label, event in zip(labels, (self.a, self.b), strict=True)
+        ]
+        where = f" in {', '.join(self.fields)}" if self.fields else ""
+        return f"event {self.index} differs{where}: {sides[0]}; {sides[1]}"
+
+    @staticmethod
+    def _table_line(number: str, sides: tuple[str, str], mark: str) -> str:
+        return f"{mark} {number:>9}   {sides[0]:<30} {sides[1]}".rstrip()
+
+
+def _short(event: AddressEvent) -> str:
+    sign = "ON" if event.polarity else "OFF"
+    return f"t {event.t}  ({event.row}, {event.column})  {sign}"
+
+
+def _address_events(events: Events) -> tuple[AddressEvent, ...]:
+    return tuple(AddressEvent(int(e["t"]), int(e["y"]), int(e["x"]), bool(e["p"])) for e in events)
+
+
+def first_difference(a: Events, b: Events) -> Difference | None:
+    """Return where two recordings first differ, or None if they are equal.
+
+    Equal means the same events in the same order: clock, row, column and polarity.
+
+    Parameters
+    ----------
+    a, b : ndarray of EVENT_DTYPE, shapes (events_a,) and (events_b,)
+        The expected events, and those to be checked.
+    """
+    common = min(len(a), len(b))
+    differs = a[:common] != b[:common]
+    if differs.any():
+        index = int(np.argmax(differs))
+    elif len(a) != len(b):
+        index = common
+    else:
+        return None
+    start, stop = max(0, index - CONTEXT), index + CONTEXT + 1
+    context_a, context_b = _address_events(a[start:stop]), _address_events(b[start:stop])
+    here = index - start
+    return Difference(
+        index=index,
+        a=context_a[here] if index < len(a) else None,
+        b=context_b[here] if index < len(b) else None,
+        start=start,
+        context_a=context_a,
+        context_b=context_b,
+    )
+
+
+def count_per_taxel(events: Events, config: ReadoutConfig) -> NDArray[np.int64]:
+    """Return the number of events of every taxel, shape (rows, columns)."""
+    index = events["y"].astype(np.int64) * config.columns + events["x"]
+    return np.bincount(index, minlength=config.taxels).reshape(config.rows, config.columns)
+
+
+def unmatched(a: Events, b: Events) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which events of each recording have no equal in the other, whatever their order.
+
+    An event that stands n times in one and m times in the other is unmatched in the last n - m places.
+
+    Parameters
+    ----------
+    a, b : ndarray of EVENT_DTYPE, shapes (events_a,) and (events_b,)
+
+    Returns
+    -------
+    two bool arrays, shapes (events_a,) and (events_b,)
+    """
+    both: NDArray[Any] = np.concatenate([a, b])
+    in_a = np.arange(len(both)) < len(a)
+    alone = np.zeros(len(both), np.bool_)
+    if not len(both):
+        return alone, alone
+    # Equal events become neighbours, those of a first.
+    order = np.lexsort((~in_a, both["p"], both["x"], both["y"], both["t"]))
+    ordered = both[order]
+    group = np.concatenate([[0], np.cumsum(ordered[1:] != ordered[:-1])])
+    size_a = np.bincount(group, weights=in_a[order]).astype(np.int64)
+    size_b = np.bincount(group) - size_a
+    first = np.searchsorted(group, np.arange(group[-1] + 1))
+    rank = np.arange(len(both)) - first[group]
+    rank = np.where(in_a[order], rank, rank - size_a[group])
+    alone[order] = rank >= np.minimum(size_a, size_b)[group]
+    return alone[: len(a)], alone[len(a) :]

@@ -1,0 +1,58 @@
+"""Files are written whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO
+
+from model.errors import InputError
+
+
+@contextlib.contextmanager
+def atomic_write(path: Path) -> Iterator[IO[bytes]]:
+    """Open a binary file that takes the name ``path`` only when everything has been written.
+
+    The bytes go to a temporary file in the same folder, which replaces ``path`` at the end and is removed if
+    anything fails, so an interrupted command leaves the old file, or none.
+
+    Raises
+    ------
+    InputError
+        If the folder does not exist or the file cannot be written.
+    """
+    folder = path.parent
+    check_writable(path)
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=folder)
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}") from None
+    try:
+        with os.fdopen(handle, "wb") as file:
+            yield file
+        os.chmod(name, 0o666 & ~_umask())
+        os.replace(name, path)
+    except OSError as error:
+        os.unlink(name)
+        raise InputError(f"cannot write {path}: {error.strerror}") from None
+    except BaseException:
+        os.unlink(name)
+        raise
+
+
+def check_writable(path: Path) -> None:
+    """Refuse an output path whose folder does not exist, or that is a folder: before any work is done."""
+    if not path.parent.is_dir():
+        raise InputError(f"cannot write {path}: the folder {path.parent} does not exist; create it first")
+    if path.is_dir():
+        raise InputError(f"cannot write {path}: it is a folder; give the name of a file")
+
+
+def _umask() -> int:
+    """Return the permissions that a new file shall not have (mkstemp gives 0600)."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

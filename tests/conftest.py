@@ -1,0 +1,31 @@
+"""Fixtures of the command-line tests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from model.__main__ import app
+from model.cli import run
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return an empty folder, which is the current one."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def call(folder: Path, capsys: pytest.CaptureFixture[str]) -> Callable[[str], tuple[int, str, str]]:
+    """Return a function that runs ``python -m model`` in the folder: exit code, standard output and error."""
+
+    def call(line: str) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as left:
+            run(app, "python -m model", line.split())
+        assert isinstance(left.value.code, int)
+        return left.value.code, *capsys.readouterr()
+
+    return call

@@ -1,0 +1,227 @@
+"""model.config: every refusal in its whole sentence, the JSON round trip, and the numbers derived."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from model.config import ReadoutConfig
+from model.errors import InputError
+
+REFUSALS: list[tuple[dict[str, Any], str]] = [
+    ({"rows": 0}, "rows must be in 1..64, not 0"),
+    ({"rows": 65}, "rows must be in 1..64, not 65"),
+    ({"columns": -1}, "columns must be in 1..64, not -1"),
+    ({"rows": 8.0}, "rows must be of type int, not 8.0"),
+    ({"rows": True}, "rows must be of type int, not True"),
+    ({"rows": "8"}, "rows must be of type int, not '8'"),
+    ({"encoding": "sigma"}, "encoding must be one of lcs, cw-lcs, nlcs, not 'sigma'"),
+    ({"encoding": None}, "encoding must be one of lcs, cw-lcs, nlcs, not None"),
+    ({"link": "spi"}, "link must be one of stream, four_phase, not 'spi'"),
+    ({"frontend": "dc"}, "frontend must be one of digital, analog, not 'dc'"),
+    ({"reset": "none"}, "reset must be one of sync, async, not 'none'"),
+    ({"decide_every": "day"}, "decide_every must be one of clock, sample, not 'day'"),
+    ({"sample_bits": 2}, "sample_bits must be in 3..24, not 2"),
+    ({"sample_bits": 25}, "sample_bits must be in 3..24, not 25"),
+    ({"resolution": 0}, "resolution must be in 1..sample_bits - 2 = 10, not 0"),
+    ({"resolution": 11}, "resolution must be in 1..sample_bits - 2 = 10, not 11"),
+    ({"sample_bits": 3, "resolution": 2}, "resolution must be in 1..sample_bits - 2 = 1, not 2"),
+    ({"closing_shift": 17}, "closing_shift must be in 0..16, not 17"),
+    ({"window_period": 0}, "window_period must be in 1..65536, not 0"),
+    ({"leak_shift": 0}, "leak_shift must be in 1..16, not 0"),
+    ({"leak_period": 2**20 + 1}, "leak_period must be in 1..1048576, not 1048577"),
+    ({"fraction_bits": 20}, "fraction_bits must be in 0..31 - sample_bits = 19, not 20"),
+    ({"clocks_per_sample": 0}, "clocks_per_sample must be in 1..16777216, not 0"),
+    ({"sample_rate_hz": 0.0}, "sample_rate_hz must be a positive number of hertz, not 0.0"),
+    ({"sample_rate_hz": math.nan}, "sample_rate_hz must be a positive number of hertz, not nan"),
+    ({"sample_rate_hz": math.inf}, "sample_rate_hz must be a positive number of hertz, not inf"),
+    ({"sample_rate_hz": "fast"}, "sample_rate_hz must be of type float, not 'fast'"),
+    ({"reference_reset": 2048}, "reference_reset must be in -2048..2047, not 2048"),
+    ({"reference_reset": -2049}, "reference_reset must be in -2048..2047, not -2049"),
+    ({"encoding": "nlcs", "reference_reset": -16}, "reference_reset must be in 0..2047, not -16"),
+    (
+        {"reference_reset": 8},
+        "reference_reset must be a multiple of 16 codes (a level of the encoder), not 8",
+    ),
+    (
+        {"encoding": "cw-lcs", "reference_reset": 2},
+        "reference_reset must be a multiple of 4 codes (a level of the encoder), not 2",
+    ),
+]
+
+
+@pytest.mark.parametrize(("fields", "sentence"), REFUSALS, ids=lambda value: str(value))
+def test_refuses_with_a_sentence(fields: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(InputError) as refused:
+        ReadoutConfig(**fields)
+    assert str(refused.value) == sentence
+
+
+def test_takes_both_ends_of_every_range() -> None:
+    for fields in (
+        {"rows": 1, "columns": 1},
+        {"rows": 64, "columns": 64},
+        {"sample_bits": 3, "resolution": 1},
+        {"sample_bits": 24, "resolution": 22, "fraction_bits": 7},
+        {"sample_bits": 12, "resolution": 10, "fraction_bits": 19},
+        {"clocks_per_sample": 1, "leak_shift": 1, "leak_period": 1, "window_period": 1, "closing_shift": 0},
+        {"clocks_per_sample": 2**24, "leak_shift": 16, "leak_period": 2**20, "window_period": 2**16},
+        {"reference_reset": -2048},
+        {"encoding": "nlcs", "reference_reset": 2047},
+    ):
+        ReadoutConfig(**fields)
+
+
+@pytest.mark.parametrize(
+    ("fields", "name", "value"),
+    [
+        ({}, "taxels", 64),
+        ({"rows": 12, "columns": 16}, "taxels", 192),
+        ({"sample_bits": 12}, "full_scale", 2048),
+        ({"resolution": 6}, "step", 16),  # half of an LSB of 2**-6 * 2048 = 32 codes
+        ({"resolution": 10}, "step", 1),
+        ({"encoding": "cw-lcs", "resolution": 6}, "closing_step", 4),
+        ({"encoding": "cw-lcs", "resolution": 10}, "closing_step", 1),  # never below one code
+        ({"encoding": "cw-lcs", "resolution": 9, "closing_shift": 5}, "closing_levels_log2", 1),
+        ({"encoding": "lcs"}, "grid", 16),
+        ({"encoding": "cw-lcs"}, "grid", 4),
+        ({"encoding": "nlcs"}, "grid", 1),
+        ({"encoding": "lcs"}, "has_polarity", True),
+        ({"encoding": "nlcs"}, "has_polarity", False),
+        ({"encoding": "lcs"}, "needs_tick", False),
+        ({"encoding": "lcs", "decide_every": "sample"}, "needs_tick", True),
+        ({"encoding": "nlcs"}, "needs_tick", True),
+        ({"sample_bits": 12}, "threshold_bits", 13),
+        ({"sample_rate_hz": 20_000, "clocks_per_sample": 64}, "clock_hz", 1.28e6),
+        ({"rows": 1}, "row_bits", 0),
+        ({"rows": 2}, "row_bits", 1),
+        ({"rows": 12}, "row_bits", 4),
+        ({"columns": 16}, "column_bits", 4),
+        ({"columns": 17}, "column_bits", 5),
+        ({"rows": 12, "columns": 16}, "event_bits", 9),
+        ({"rows": 1, "columns": 1, "encoding": "nlcs"}, "event_bits", 0),
+    ],
+)
+def test_derived_numbers(fields: dict[str, Any], name: str, value: float) -> None:
+    assert getattr(ReadoutConfig(**fields), name) == value
+
+
+def test_default_leak_is_close_to_200_ms() -> None:
+    assert ReadoutConfig(encoding="nlcs").tau_s == pytest.approx(0.2, rel=0.001)
+
+
+@given(tau_s=st.floats(5e-5, 500.0), rate_hz=st.sampled_from([1000.0, 20_000.0, 200_000.0]))
+def test_from_tau_is_within_five_per_cent_or_refuses(tau_s: float, rate_hz: float) -> None:
+    try:
+        config = ReadoutConfig.from_tau(tau_s, 1 / rate_hz)
+    except InputError:
+        config = None
+    if config is None:  # too short for any leak, or too long
+        assert tau_s < 20 / rate_hz or tau_s > 2**20 * 63 / rate_hz
+        return
+    assert config.encoding == "nlcs"
+    assert config.tau_s == pytest.approx(tau_s, rel=0.05)
+
+
+@given(tau_s=st.floats(0.08, 100.0))
+def test_from_tau_is_within_one_per_cent_with_fine_steps(tau_s: float) -> None:
+    config = ReadoutConfig.from_tau(tau_s, 1 / 20_000, resolution=8, rows=3)
+    assert config.leak_shift in (5, 6)
+    assert config.tau_s == pytest.approx(tau_s, rel=0.01)
+    assert (config.resolution, config.rows) == (8, 3)
+
+
+@pytest.mark.parametrize("tau_s", [1e-6, 1e9])
+def test_from_tau_says_what_is_reachable(tau_s: float) -> None:
+    with pytest.raises(InputError) as refused:
+        ReadoutConfig.from_tau(tau_s, 5e-5)
+    assert str(refused.value) == (
+        f"tau {tau_s:g} s is not reachable with a sample period of 5e-05 s; "
+        "choose one between 7.5e-05 and 3.3e+03 s"
+    )
+
+
+@pytest.mark.parametrize(
+    ("tau_s", "ts_s", "sentence"),
+    [
+        (0.0, 5e-5, "tau must be a positive number of seconds, not 0.0"),
+        (math.nan, 5e-5, "tau must be a positive number of seconds, not nan"),
+        (0.2, -1.0, "sample period must be a positive number of seconds, not -1.0"),
+    ],
+)
+def test_from_tau_refuses_what_is_no_time(tau_s: float, ts_s: float, sentence: str) -> None:
+    with pytest.raises(InputError) as refused:
+        ReadoutConfig.from_tau(tau_s, ts_s)
+    assert str(refused.value) == sentence
+
+
+# -- exchange ----------------------------------------------------------------------------------------
+
+
+@given(
+    fields=st.fixed_dictionaries(
+        {},
+        optional={
+            "rows": st.integers(1, 64),
+            "columns": st.integers(1, 64),
+            "encoding": st.sampled_from(["lcs", "cw-lcs", "nlcs"]),
+            "resolution": st.integers(1, 10),
+            "link": st.sampled_from(["stream", "four_phase"]),
+            "sample_rate_hz": st.floats(1e-3, 1e9),
+            "clocks_per_sample": st.integers(1, 2**24),
+        },
+    )
+)
+def test_json_round_trip(fields: dict[str, Any]) -> None:
+    config = ReadoutConfig(**fields)
+    again = ReadoutConfig.from_json(config.to_json())
+    assert again == config
+    assert again.to_json() == config.to_json()
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "the configuration is not JSON: Expecting value: line 1 column 1 (char 0)"),
+        ("[1]", "a configuration must be a JSON object, not list"),
+        ('{"rows": 4.5}', "rows must be of type int, not 4.5"),
+        ('{"encoding": ["lcs"]}', "encoding must be one of lcs, cw-lcs, nlcs, not ['lcs']"),
+    ],
+)
+def test_from_json_refuses(text: str, sentence: str) -> None:
+    with pytest.raises(InputError) as refused:
+        ReadoutConfig.from_json(text)
+    assert str(refused.value) == sentence
+
+
+def test_unknown_fields_are_named() -> None:
+    with pytest.raises(
+        InputError, match=r"^unknown configuration field 'row'; known are clocks_per_sample, "
+    ):
+        ReadoutConfig.from_dict({"row": 8})
+    with pytest.raises(InputError, match=r"^unknown parameter in row: "):
+        ReadoutConfig().replace(row=8)
+
+
+def test_replace_validates_again() -> None:
+    with pytest.raises(InputError, match=r"^resolution must be in 1\.\.sample_bits - 2 = 6, not 7$"):
+        ReadoutConfig(resolution=7).replace(sample_bits=8)
+
+
+def test_load_names_a_file_that_is_not_there(tmp_path: Path) -> None:
+    path = tmp_path / "none.json"
+    with pytest.raises(InputError) as refused:
+        ReadoutConfig.load(path)
+    assert str(refused.value) == f"cannot read the configuration {path}: No such file or directory"
+    path.write_text('{"rows": 3}')
+    assert ReadoutConfig.load(path) == ReadoutConfig(rows=3)
+
+
+def test_is_immutable() -> None:
+    with pytest.raises(AttributeError):
+        ReadoutConfig().rows = 3  # type: ignore[misc]

@@ -1,0 +1,349 @@
+"""model.events: what is saved comes back, and nothing that is damaged or foreign passes for a recording."""
+
+from __future__ import annotations
+
+import json
+import random
+import stat
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.events import EVENT_DTYPE, Events, Recording, make_events, no_events
+
+CONFIG = ReadoutConfig(rows=3, columns=5)
+
+
+def sample_events() -> Events:
+    return make_events([3, 9, 9, 12, 90], [0, 1, 2, 2, 0], [1, 4, 0, 4, 1], [True, False, True, True, False])
+
+
+def sample_recording() -> Recording:
+    return Recording(sample_events(), CONFIG, 100, metadata={"name": "grass", "label": 2})
+
+
+@st.composite
+def recordings(draw: st.DrawFn) -> Recording:
+    config = ReadoutConfig(
+        rows=draw(st.integers(1, 64)),
+        columns=draw(st.integers(1, 64)),
+        encoding=draw(st.sampled_from(["lcs", "cw-lcs", "nlcs"])),
+        sample_rate_hz=draw(st.floats(1e-3, 1e9)),
+    )
+    duration = draw(st.integers(1, 2**62))
+    t = sorted(draw(st.lists(st.integers(0, duration - 1), max_size=40)))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    n = len(t)
+    on = rng.integers(0, 2, n).astype(bool) if config.has_polarity else np.ones(n, bool)
+    events = make_events(t, rng.integers(0, config.rows, n), rng.integers(0, config.columns, n), on)
+    leaves = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False)
+    metadata = draw(st.dictionaries(st.text(), leaves | st.text() | st.lists(leaves, max_size=3), max_size=4))
+    return Recording(events, config, duration, metadata=metadata)
+
+
+# -- in memory ---------------------------------------------------------------------------------------
+
+
+def test_dtype_is_that_of_event_tools() -> None:
+    assert EVENT_DTYPE.names == ("t", "x", "y", "p")
+    assert EVENT_DTYPE.itemsize == 13  # packed
+
+
+def test_make_events_puts_columns_into_x_and_rows_into_y() -> None:
+    events = make_events([7], row=2, column=4, polarity=False)
+    assert events.tolist() == [(7, 4, 2, False)]
+    assert make_events([1, 2], 0, [3, 4]).tolist() == [(1, 3, 0, True), (2, 4, 0, True)]
+    assert no_events().dtype == EVENT_DTYPE
+    assert len(no_events()) == 0
+
+
+def test_rates_follow_from_duration() -> None:
+    config = ReadoutConfig(sample_rate_hz=1000, clocks_per_sample=10)
+    recording = Recording(make_events([0, 1, 2], 0, 0), config, 5000)
+    assert recording.clock_hz == 10_000
+    assert recording.duration_s == 0.5
+    assert recording.rate_hz == 6.0
+    assert Recording(no_events(), config, 0).rate_hz == 0.0
+
+
+def test_events_of_a_recording_are_a_read_only_copy() -> None:
+    events = sample_events()
+    recording = Recording(events, CONFIG, 100)
+    events["t"] = 0
+    assert recording.events["t"].tolist() == [3, 9, 9, 12, 90]
+    with pytest.raises(ValueError, match="read-only"):
+        recording.events["t"][0] = 1
+
+
+BAD_EVENTS: list[tuple[Any, ReadoutConfig, int, str]] = [
+    (
+        [(0, 0, 0, True)],
+        CONFIG,
+        9,
+        "events must be a one-dimensional array with the fields t, x, y, p, not list",
+    ),
+    (
+        np.zeros((2, 2), EVENT_DTYPE),
+        CONFIG,
+        9,
+        "events must be a one-dimensional array with the fields t, x, y, p, "
+        f"not shape (2, 2) of {EVENT_DTYPE}",
+    ),
+    (
+        np.zeros(2, np.int64),
+        CONFIG,
+        9,
+        "events must be a one-dimensional array with the fields t, x, y, p, not shape (2,) of int64",
+    ),
+    (make_events([9], 0, 0), CONFIG, 9, "event 0 has t = 9, outside 0..8 (the duration in clocks)"),
+    (make_events([-1], 0, 0), CONFIG, 9, "event 0 has t = -1, outside 0..8 (the duration in clocks)"),
+    (make_events([1, 2], 0, [0, 5]), CONFIG, 9, "event 1 has x = 5, outside 0..4 (columns)"),
+    (make_events([1, 2], [0, -1], 0), CONFIG, 9, "event 1 has y = -1, outside 0..2 (rows)"),
+    (make_events([4, 3], 0, 0), CONFIG, 9, "event 1 is earlier than the one before it"),
+    (
+        make_events([1, 2], 0, 0, [True, False]),
+        CONFIG.replace(encoding="nlcs"),
+        9,
+        "event 1 is OFF, which encoding nlcs never sends",
+    ),
+    (no_events(), CONFIG, -1, "duration_clocks must not be negative, not -1"),
+]
+
+
+@pytest.mark.parametrize(("events", "config", "duration", "sentence"), BAD_EVENTS, ids=lambda v: str(v)[:30])
+def test_refuses_events_that_do_not_fit(
+    events: Any, config: ReadoutConfig, duration: int, sentence: str
+) -> None:
+    with pytest.raises(InputError) as refused:
+        Recording(events, config, duration)
+    assert str(refused.value) == sentence
+
+
+def test_refuses_a_polarity_byte_that_is_no_boolean() -> None:
+    events = sample_events()
+    events["p"].view(np.uint8)[2] = 7
+    with pytest.raises(InputError, match=r"^event 2 has a polarity that is neither 0 nor 1$"):
+        Recording(events, CONFIG, 100)
+
+
+# -- on disk -----------------------------------------------------------------------------------------
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=50)
+@given(recording=recordings())
+def test_what_is_saved_comes_back(recording: Recording, tmp_path: Path) -> None:
+    path = tmp_path / "events.npz"
+    recording.save(path)
+    again = Recording.load(path)
+    assert again == recording
+    assert again.events.dtype == EVENT_DTYPE
+    first = path.read_bytes()
+    again.save(path)
+    assert path.read_bytes() == first
+
+
+def test_numpy_alone_can_read_it(tmp_path: Path) -> None:
+    path = tmp_path / "events.npz"
+    sample_recording().save(path)
+    with np.load(path, allow_pickle=False) as file:
+        assert np.array_equal(file["events"], sample_events())
+        header = json.loads(str(file["metadata"]))
+    assert header["format"] == "spiking-eskin-readout events"
+    assert header["format_version"] == 1
+    assert header["clock_hz"] == CONFIG.clock_hz
+    assert header["duration_clocks"] == 100
+    assert header["config"] == CONFIG.to_dict()
+    assert header["metadata"] == {"name": "grass", "label": 2}
+
+
+def test_no_date_is_kept(tmp_path: Path) -> None:
+    path = tmp_path / "events.npz"
+    sample_recording().save(path)
+    with zipfile.ZipFile(path) as archive:
+        assert {member.date_time for member in archive.infolist()} == {(1980, 1, 1, 0, 0, 0)}
+
+
+def test_writes_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "events.npz"
+    path.write_bytes(b"old")
+
+    def interrupted(*_: Any, **__: Any) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(zipfile.ZipFile, "writestr", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            sample_recording().save(path)
+    assert path.read_bytes() == b"old"
+    assert [file.name for file in tmp_path.iterdir()] == ["events.npz"]
+    sample_recording().save(path)
+    assert Recording.load(path) == sample_recording()
+    assert [file.name for file in tmp_path.iterdir()] == ["events.npz"]
+
+
+def test_a_disk_that_fails_is_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    path = tmp_path / "events.npz"
+    with monkeypatch.context() as patch:
+        patch.setattr("os.replace", full)
+        with pytest.raises(InputError) as refused:
+            sample_recording().save(path)
+    assert str(refused.value) == f"cannot write {path}: No space left on device"
+    assert not list(tmp_path.iterdir())
+
+
+def test_permissions_are_those_of_any_new_file(tmp_path: Path) -> None:
+    (tmp_path / "plain").write_bytes(b"")
+    sample_recording().save(tmp_path / "events.npz")
+    modes = [stat.S_IMODE((tmp_path / name).stat().st_mode) for name in ("plain", "events.npz")]
+    assert modes[0] == modes[1]
+
+
+def test_refuses_outputs_that_cannot_be(tmp_path: Path) -> None:
+    folder = tmp_path / "folder.npz"
+    folder.mkdir()
+    missing = tmp_path / "none" / "events.npz"
+    for path, sentence in (
+        (tmp_path / "events.csv", "event files end in .npz, events.csv does not; rename the output"),
+        (missing, f"cannot write {missing}: the folder {missing.parent} does not exist; create it first"),
+        (folder, f"cannot write {folder}: it is a folder; give the name of a file"),
+    ):
+        with pytest.raises(InputError) as refused:
+            sample_recording().save(path)
+        assert str(refused.value) == sentence
+
+
+@pytest.mark.parametrize("value", [float("nan"), {1, 2}, np.int64(3)])
+def test_refuses_metadata_that_are_not_json(value: Any, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"^the metadata of a recording must be plain JSON values: "):
+        Recording(no_events(), CONFIG, 1, metadata={"x": value}).save(tmp_path / "events.npz")
+    assert not list(tmp_path.iterdir())
+
+
+# -- damaged and foreign files -----------------------------------------------------------------------
+
+
+def write_raw(path: Path, events: Any, header: Any) -> None:
+    text = header if isinstance(header, str) else json.dumps(header)
+    np.savez(path, events=events, metadata=np.array(text))
+
+
+def header_with(**changes: Any) -> dict[str, Any]:
+    return sample_recording()._header() | changes
+
+
+FOREIGN: list[tuple[Any, Any, str]] = [
+    (sample_events(), header_with(format_version=2), "it has format version 2, this program reads 1"),
+    (sample_events(), header_with(format_version=None), "it has format version None, this program reads 1"),
+    (sample_events(), header_with(format="other"), "its format is not 'spiking-eskin-readout events'"),
+    (sample_events(), "[]", "its format is not 'spiking-eskin-readout events'"),
+    (sample_events(), "{", "its metadata are not JSON"),
+    (sample_events(), "[" * 100_000, "its metadata are not JSON"),
+    (sample_events(), header_with(duration_clocks=True), "its metadata have no usable duration_clocks"),
+    (sample_events(), header_with(duration_clocks=1e3), "its metadata have no usable duration_clocks"),
+    (sample_events(), header_with(metadata=[]), "its metadata have no usable metadata"),
+    (sample_events(), header_with(config=None), "its metadata have no usable config"),
+    (sample_events(), header_with(clock_hz=5.0), "its clock_hz 5 is not that of its configuration"),
+    (
+        sample_events(),
+        header_with(config=CONFIG.to_dict() | {"rows": 2}),
+        "event 2 has y = 2, outside 0..1 (rows)",
+    ),
+    (
+        sample_events(),
+        header_with(config=CONFIG.to_dict() | {"rows": 99}),
+        "rows must be in 1..64, not 99",
+    ),
+    (sample_events()[::-1], header_with(), "event 1 is earlier than the one before it"),
+    (
+        sample_events().astype([("t", "<i8"), ("x", "<i8"), ("y", "<i8"), ("p", "?")]),
+        header_with(),
+        "events must be a one-dimensional array with the fields t, x, y, p, not shape (5,) of "
+        "[('t', '<i8'), ('x', '<i8'), ('y', '<i8'), ('p', '?')]",
+    ),
+]
+
+
+@pytest.mark.parametrize(("events", "header", "reason"), FOREIGN, ids=lambda v: str(v)[:40])
+def test_refuses_what_is_not_its_own(events: Any, header: Any, reason: str, tmp_path: Path) -> None:
+    path = tmp_path / "events.npz"
+    write_raw(path, events, header)
+    with pytest.raises(InputError) as refused:
+        Recording.load(path)
+    assert str(refused.value) == f"{path} is not a valid event file: {reason}; record it again"
+
+
+def test_refuses_other_archives_and_other_files(tmp_path: Path) -> None:
+    path = tmp_path / "events.npz"
+    archive = f"{path} is an archive, but not an event file; make one with python -m model encode"
+    damaged = f"{path} is damaged or not an event file; record it again with python -m model encode"
+
+    def refusal() -> str:
+        with pytest.raises(InputError) as refused:
+            Recording.load(path)
+        return str(refused.value)
+
+    np.savez(path, samples=np.zeros(3))
+    assert refusal() == archive
+    np.savez(path, events=sample_events(), metadata=np.zeros(3))
+    assert refusal() == archive
+    np.savez(path, events=np.array([{}, 3], dtype=object), metadata=np.array("{}"))  # pickled
+    assert refusal() == damaged
+    for content in (b"", b"PK", b"\x93NUMPY", b"t,x,y,p\n1,2,3,4\n", random.Random(0).randbytes(500)):
+        path.write_bytes(content)
+        assert refusal() == damaged
+    path.unlink()
+    assert refusal() == f"cannot read {path}: No such file or directory"
+    path.mkdir()
+    assert refusal() == f"cannot read {path}: Is a directory"
+
+
+def test_any_truncation_and_any_flipped_bit_is_refused_or_harmless(tmp_path: Path) -> None:
+    path = tmp_path / "events.npz"
+    original = sample_recording()
+    original.save(path)
+    data = path.read_bytes()
+    flips = random.Random(0).sample(range(8 * len(data)), 2000)
+    damaged = [data[:length] for length in range(len(data))]
+    for bit in flips:
+        changed = bytearray(data)
+        changed[bit // 8] ^= 1 << bit % 8
+        damaged.append(bytes(changed))
+    refused = 0
+    for content in damaged:
+        path.write_bytes(content)
+        try:
+            assert Recording.load(path) == original
+        except InputError:
+            refused += 1
+    assert refused > len(data)  # every truncation at least
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=200)
+@given(data=st.data())
+def test_random_damage_is_refused_or_harmless(data: st.DataObject, tmp_path: Path) -> None:
+    path = tmp_path / "events.npz"
+    original = sample_recording()
+    original.save(path)
+    content = bytearray(path.read_bytes())
+    for _ in range(data.draw(st.integers(1, 5))):
+        start = data.draw(st.integers(0, len(content) - 1))
+        patch = data.draw(st.binary(min_size=0, max_size=6))
+        content[start : start + data.draw(st.integers(0, 6))] = patch
+    path.write_bytes(content)
+    try:
+        assert Recording.load(path) == original
+    except InputError as refused:
+        sentence = str(refused)
+    else:
+        sentence = str(path)
+    assert str(path) in sentence

@@ -1,0 +1,431 @@
+"""The encoders against literal vectors, a naive model clock by clock, and their own promises."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.readout import Stimulus, simulate
+from model.taxel import (
+    count_events,
+    counts_of_events,
+    decode,
+    encode,
+    encode_timed,
+    error_bound,
+    slope_limit,
+    uncontended_events,
+)
+
+
+def one(encoding: str, **parameters: Any) -> ReadoutConfig:
+    """Return the configuration of a single taxel with D = 4 codes of 8 bits."""
+    return ReadoutConfig(
+        **{"rows": 1, "columns": 1, "sample_bits": 8, "resolution": 4, "encoding": encoding} | parameters
+    )
+
+
+def column(*codes: int) -> NDArray[np.int16]:
+    return np.array(codes, np.int16)[:, None]
+
+
+def counts(config: ReadoutConfig, *codes: int) -> list[int]:
+    """Return the counts of one taxel."""
+    return encode(config, column(*codes))[:, 0].tolist()
+
+
+# -- the naive model: one decision after the other, as the specification says it ---------------------
+
+
+def naive(
+    config: ReadoutConfig, samples: NDArray[np.integer[Any]]
+) -> tuple[list[tuple[int, int, int]], NDArray[np.float64]]:
+    """Return the events (clock of decision, taxel, sign) and, in codes, the reference after every tick."""
+    ticks, taxels = samples.shape
+    events, reference = [], np.zeros((ticks, taxels))
+    decisions = config.clocks_per_sample if config.decide_every == "clock" else 1
+    for taxel in range(taxels):
+        x, scale = [int(code) for code in samples[:, taxel]], 1
+        u, d, c = config.reference_reset, config.step, config.closing_step
+        if config.encoding == "nlcs":
+            scale = 2**config.fraction_bits
+            x, u, d = [code * scale for code in x], u * scale, d * scale
+        h, counter = d, 0
+        phase = math.floor((taxel // config.columns) * config.leak_period / config.rows)
+        for tick in range(ticks):
+            for clock in range(decisions):
+                event = 0
+                if config.encoding == "nlcs":
+                    leaks = clock == 0 and tick % config.leak_period == phase
+                    leak = math.floor(u / 2**config.leak_shift + 0.5) if leaks else 0
+                    if x[tick] - u > d:
+                        event, u = 1, u + d
+                    u -= leak
+                else:
+                    if x[tick] - u >= h:
+                        event, u = 1, u + h
+                    elif x[tick] - u < -h:
+                        event, u = -1, u - h
+                    if config.encoding == "cw-lcs" and event:
+                        h, counter = d, 0
+                    elif config.encoding == "cw-lcs" and clock == 0:
+                        counter += 1
+                        if counter == config.window_period:
+                            h, counter = max(h - c, c), 0
+                if event:
+                    events.append((tick * config.clocks_per_sample + clock, taxel, event))
+            reference[tick, taxel] = u / scale
+    return sorted(events), reference
+
+
+@st.composite
+def configs(draw: st.DrawFn, encodings: tuple[str, ...] = ("lcs", "cw-lcs", "nlcs")) -> ReadoutConfig:
+    """Return any configuration of a small array, with the edges of every parameter within reach."""
+    bits = draw(st.sampled_from([3, 4, 8, 12, 15, 16, 17, 24]))
+    encoding = draw(st.sampled_from(encodings))
+    config = ReadoutConfig(
+        rows=draw(st.integers(1, 3)),
+        columns=draw(st.integers(1, 3)),
+        encoding=encoding,  # type: ignore[arg-type]
+        sample_bits=bits,
+        # Up to 2**(N + 2) events a sample, one by one in the naive model: keep N small, but for the top one.
+        resolution=draw(st.sampled_from(sorted({1, min(2, bits - 2), min(5, bits - 2), bits - 2}))),
+        decide_every=draw(st.sampled_from(["clock", "sample"])),  # type: ignore[arg-type]
+        clocks_per_sample=draw(st.sampled_from([1, 2, 3, 5, 40])),
+        closing_shift=draw(st.sampled_from([0, 1, 2, 16])),
+        window_period=draw(st.sampled_from([1, 2, 3, 7])),
+        leak_shift=draw(st.sampled_from([1, 2, 5, 6, 16])),
+        leak_period=draw(st.sampled_from([1, 2, 3, 7])),
+        fraction_bits=draw(st.sampled_from([0, 1, min(8, 31 - bits), 31 - bits])),
+    )
+    low = 0 if encoding == "nlcs" else -config.full_scale
+    level = draw(st.integers(low // config.grid, (config.full_scale - 1) // config.grid))
+    return config.replace(reference_reset=draw(st.sampled_from([0, level * config.grid])))
+
+
+@st.composite
+def signals(
+    draw: st.DrawFn, config: ReadoutConfig, slope: int | None = None, low: int | None = None
+) -> NDArray[np.int32]:
+    """Return samples (ticks, taxels): anything in range, or, with ``slope``, steps of no more than that."""
+    low = -config.full_scale if low is None else low
+    high = config.full_scale - 1
+    ticks = draw(st.integers(1, 40))
+    code = st.integers(low, high) | st.sampled_from([low, 0, high])
+    step = st.just(0) | (code if slope is None else st.integers(-slope, slope))
+    lines = []
+    for _ in range(config.taxels):
+        x = draw(code) if slope is None else config.reference_reset
+        line = []
+        for _ in range(ticks):
+            x = min(max(x + draw(step), low), high)
+            line.append(x)
+        lines.append(line)
+    return np.array(lines, np.int32).T
+
+
+# -- literal vectors, D = 4 --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("codes", "expected"),
+    [
+        ([3, 4, 7, 8, 20], [0, 1, 0, 1, 3]),  # ON where x - u = D
+        ([-4, -5, -8, -9], [0, -1, 0, -1]),  # OFF only beyond -D
+        ([127, -128, 0], [31, -62, 31]),  # full scale: up to 124, down to -124, back to 0
+        ([5, 0, 5, -1, 5], [1, 0, 0, -1, 1]),  # noise below D after a crossing is silent
+    ],
+)
+def test_lcs_vectors(codes: list[int], expected: list[int]) -> None:
+    assert counts(one("lcs"), *codes) == expected
+
+
+@pytest.mark.parametrize(
+    ("codes", "expected"),
+    [
+        ([3, 3, 3], [0, 1, 0]),  # closes by 1 every second tick: x = 3 crosses h = 3 in the clock after
+        ([1] * 8, [0, 0, 0, 0, 0, 1, 0, 0]),  # h = 4, 3, 2, 1; then it is open again and u = 1
+        ([-3] * 8, [0, 0, 0, -1, 0, 0, 0, 0]),  # h = 2 at tick 3, as OFF needs less than -h; u = -2
+        ([0, 0, 11], [0, 0, 3]),  # 3, then by D to 7 and 11
+        ([0] * 12 + [1, 0], [0] * 12 + [1, 0]),  # floor of one closing step
+    ],
+)
+def test_cw_lcs_vectors(codes: list[int], expected: list[int]) -> None:
+    assert counts(one("cw-lcs", window_period=2), *codes) == expected
+
+
+@pytest.mark.parametrize(
+    ("codes", "expected"),
+    [
+        ([4, 5, 8, 9, -128], [0, 1, 0, 1, 0]),  # fires beyond D, never at D; no OFF
+        ([20] * 8, [4, 0, 0, 1, 0, 0, 0, 1]),  # u = 16 leaks to 12 at ticks 4 and 8; back in the next clock
+        ([7, 0, 0, 0, 0, 0, 0, 0, 0, 7], [1, 0, 0, 0, 0, 0, 0, 0, 0, 1]),  # 4 leaks to 3 and 2
+    ],
+)
+def test_nlcs_vectors(codes: list[int], expected: list[int]) -> None:
+    config = one("nlcs", leak_shift=2, leak_period=4, fraction_bits=0)
+    assert counts(config, 0, *codes)[1:] == expected  # tick 0 leaks nothing; the next leak is at tick 4
+
+
+def test_nlcs_rows_leak_one_after_the_other() -> None:
+    config = one("nlcs", rows=3, columns=2, leak_shift=1, leak_period=7, fraction_bits=0, reference_reset=64)
+    u = decode(config, np.zeros((7, 6), np.int16))
+    assert [int(np.argmax(u[:, taxel] < 64)) for taxel in range(6)] == [0, 0, 2, 2, 4, 4]  # floor(r 7 / 3)
+
+
+def test_one_decision_per_sample_gives_one_event_per_tick() -> None:
+    assert counts(one("lcs", decide_every="sample"), 20, 20, 20, -20) == [1, 1, 1, -1]
+    assert counts(one("lcs", clocks_per_sample=2), 20, 20, 20, -20) == [2, 2, 1, -2]
+
+
+@pytest.mark.parametrize("encoding", ["lcs", "cw-lcs", "nlcs"])
+def test_silence_gives_no_event(encoding: str) -> None:
+    config = one(encoding, window_period=1)
+    assert not encode(config, np.zeros((1000, 1), np.int16)).any()
+    assert encode(config, np.zeros((0, 1), np.int16)).shape == (0, 1)
+
+
+@pytest.mark.parametrize(
+    ("bits", "resolution"), [(3, 1), (12, 1), (12, 10), (16, 13), (16, 14), (24, 1), (24, 22)]
+)
+@pytest.mark.parametrize("encoding", ["lcs", "cw-lcs", "nlcs"])
+def test_full_scale_square_is_followed_to_the_end(encoding: str, bits: int, resolution: int) -> None:
+    config = one(encoding, sample_bits=bits, resolution=resolution, clocks_per_sample=2**24, fraction_bits=0)
+    config = config.replace(leak_period=1000)
+    top, d = config.full_scale - 1, config.step
+    square = np.array([top, -top - 1, top, -top - 1], np.int32)[:, None]
+    got = encode(config, square)[:, 0].tolist()
+    if encoding == "nlcs":
+        assert got == [-(-top // d) - 1, 0, 0, 0]
+    else:
+        swing = 2 ** (resolution + 2) - 1
+        assert got == [2 ** (resolution + 1) - 1, -(swing - 1), swing - 1, -(swing - 1)]
+
+
+# -- against the naive model -------------------------------------------------------------------------
+
+
+@settings(deadline=None, max_examples=300)
+@given(st.data())
+def test_encoders_equal_the_naive_model(data: st.DataObject) -> None:
+    config = data.draw(configs())
+    samples = data.draw(signals(config))
+    expected, reference = naive(config, samples)
+    got, late = encode_timed(config, samples)
+    events = uncontended_events(config, got, late)
+    signs = [1 if p else -1 for p in events["p"].tolist()]
+    taxels = (events["y"].astype(int) * config.columns + events["x"]).tolist()
+    assert list(zip((events["t"] - 3).tolist(), taxels, signs, strict=True)) == expected
+    assert np.array_equal(decode(config, got, late), reference)
+    assert np.array_equal(encode(config, samples), got)
+    assert np.array_equal(count_events(config, samples), np.abs(got.astype(np.int64)).sum(axis=0))
+    for back, sent in zip(counts_of_events(config, events, len(samples)), (got, late), strict=True):
+        assert np.array_equal(back, sent)
+
+
+@settings(deadline=None, max_examples=100)
+@given(st.data())
+def test_uncontended_events_are_those_of_a_one_taxel_array(data: st.DataObject) -> None:
+    config = data.draw(configs()).replace(rows=1, columns=1)
+    if config.encoding != "nlcs":  # silent at x = 0, before the first sample
+        config = config.replace(
+            reference_reset=data.draw(st.sampled_from([0, min(config.step, config.full_scale // 2)]))
+        )
+    samples = data.draw(signals(config))
+    end = len(samples) * config.clocks_per_sample + 3
+    alone = simulate(config, Stimulus.from_samples(config, samples, clocks=end))
+    assert np.array_equal(uncontended_events(config, *encode_timed(config, samples)), alone)
+
+
+@settings(deadline=None, max_examples=100)
+@given(st.data())
+def test_events_of_one_tick_have_one_sign(data: st.DataObject) -> None:
+    config = data.draw(configs())
+    events, _ = naive(config, data.draw(signals(config)))
+    signs: dict[tuple[int, int], set[int]] = {}
+    for clock, taxel, sign in events:
+        signs.setdefault((clock // config.clocks_per_sample, taxel), set()).add(sign)
+    assert all(len(both) == 1 for both in signs.values())
+
+
+@pytest.mark.parametrize("encoding", ["lcs", "cw-lcs", "nlcs"])
+def test_counting_in_blocks_leaves_no_seam(encoding: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(0)
+    samples = np.cumsum(rng.integers(-9, 10, (3_000, 6)), axis=0).clip(-128, 127).astype(np.int16)
+    config = one(encoding, rows=2, columns=3, window_period=5, leak_shift=2, leak_period=97)
+    totals = np.abs(encode(config, samples)).sum(axis=0)
+    monkeypatch.setattr("model.taxel._BLOCK_BYTES", 100)  # 8 ticks
+    assert totals.all()
+    assert np.array_equal(count_events(config, samples), totals)
+
+
+# -- bounds ------------------------------------------------------------------------------------------
+
+
+@settings(deadline=None, max_examples=300)
+@given(st.data())
+def test_reconstruction_keeps_its_bound_within_the_slope_limit(data: st.DataObject) -> None:
+    config = data.draw(configs())
+    assume(slope_limit(config) >= 0)
+    samples = data.draw(signals(config, slope=int(min(slope_limit(config), 2**24))))
+    error = samples - decode(config, *encode_timed(config, samples))
+    low, high = error_bound(config)
+    assert error.max() <= high
+    if config.encoding == "nlcs":
+        # Falling: below the leaky peak hold of the input.
+        phase = np.arange(config.taxels) // config.columns * config.leak_period // config.rows
+        peak = np.full(config.taxels, config.reference_reset * 2**config.fraction_bits)
+        for tick, x in enumerate(samples):
+            leak = (peak + 2 ** (config.leak_shift - 1)) >> config.leak_shift
+            peak = np.maximum(
+                peak - np.where(tick % config.leak_period == phase, leak, 0), x * 2**config.fraction_bits
+            )
+            assert (x - error[tick] <= peak / 2**config.fraction_bits).all()
+    else:
+        assert error.min() >= low
+
+
+@settings(deadline=None, max_examples=100)
+@given(st.data())
+def test_nlcs_follows_a_fall_no_steeper_than_its_leak(data: st.DataObject) -> None:
+    config = data.draw(configs(("nlcs",))).replace(rows=1, columns=1, reference_reset=0)
+    assume(slope_limit(config) >= 0)
+    limit = int(slope_limit(config))
+    x, line = 0, []
+    for tick in range(data.draw(st.integers(1, 60))):
+        leak = (x * 2**config.fraction_bits + 2 ** (config.leak_shift - 1)) >> config.leak_shift
+        fall = leak >> config.fraction_bits if tick % config.leak_period == 1 % config.leak_period else 0
+        x += data.draw(st.integers(-min(fall, limit), min(limit, config.full_scale - 1 - x)))
+        line.append(x)
+    error = column(*line) if config.sample_bits <= 16 else np.array(line, np.int32)[:, None]
+    error = error - decode(config, *encode_timed(config, error))
+    low, high = error_bound(config)
+    assert error.min() >= low
+    assert error.max() <= high
+
+
+def test_a_closed_window_follows_closer_than_an_open_one() -> None:
+    config = one("cw-lcs", sample_bits=12, resolution=2, window_period=2)
+    samples = np.round(900 * np.sin(np.arange(20_000) / 6000)).astype(np.int16)[:, None]
+    rms = {}
+    for encoding in ("lcs", "cw-lcs"):
+        same = config.replace(encoding=encoding)
+        rms[encoding] = float(np.std(samples - decode(same, *encode_timed(same, samples))))
+    assert rms["cw-lcs"] < 0.5 * rms["lcs"]
+
+
+# -- N-LCS against the exponential -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("shift", "period"), [(6, 63), (5, 127)])
+@pytest.mark.parametrize("level", [1.5, 3, 10, 100])
+def test_nlcs_fires_with_the_period_of_the_leaky_neuron(level: float, shift: int, period: int) -> None:
+    config = one("nlcs", sample_bits=12, resolution=6, leak_shift=shift, leak_period=period)
+    x, d = round(level * config.step), config.step
+    ticks = 2_000_000
+    spikes = int(count_events(config, np.full((ticks, 1), x, np.int16))[0])
+    seconds = ticks / config.sample_rate_hz / (config.tau_s * math.log(x / (x - d)))
+    # The leak comes in steps of 2**-k: the threshold is passed by half a step on average.
+    assert -(2.0**-shift) / 2 - 0.003 < spikes / seconds - 1 < 0.003
+
+
+@pytest.mark.parametrize("x", [-2048, -1, 0, 1, 16])
+def test_nlcs_never_fires_up_to_one_step(x: int) -> None:
+    config = one("nlcs", sample_bits=12, resolution=6)
+    assert config.step == 16
+    assert count_events(config, np.full((100_000, 1), x, np.int16))[0] == 0
+
+
+@pytest.mark.parametrize(("shift", "period"), [(6, 63), (5, 127)])
+@pytest.mark.parametrize("level", [1.5, 3, 10, 100.25])
+def test_nlcs_integers_keep_the_rate_of_a_float_model(level: float, shift: int, period: int) -> None:
+    config = one("nlcs", sample_bits=12, resolution=6, leak_shift=shift, leak_period=period)
+    x, d, u, spikes = round(level * config.step), config.step, 0.0, 0
+    ticks = 1_000_000
+    for tick in range(0, ticks, period):  # with a constant input, all events follow a leak at once
+        u -= u * 2.0**-shift if tick else 0.0
+        fresh = max(math.ceil((x - u) / d) - 1, 0)
+        u, spikes = u + fresh * d, spikes + fresh
+    got = int(count_events(config, np.full((ticks, 1), x, np.int16))[0])
+    assert got == pytest.approx(spikes, rel=0.003)
+
+
+@pytest.mark.parametrize(("shift", "tolerance"), [(5, 0.005), (6, 0.003)])
+def test_nlcs_keeps_the_rate_of_an_exponential_on_a_moving_signal(shift: int, tolerance: float) -> None:
+    config = ReadoutConfig.from_tau(0.2, 1 / 20_000, rows=1, columns=1, resolution=8).replace(
+        leak_shift=shift
+    )
+    config = config.replace(leak_period=round(0.2 * 20_000 / (2**shift - 0.5)))
+    ticks = np.arange(200_000)
+    x = np.round(600 * np.sin(ticks / 150) + 400 * np.sin(ticks / 211 + 1)).astype(np.int16)
+    u, spikes, keep = 0.0, 0, math.exp(-1 / config.sample_rate_hz / config.tau_s)
+    for code in x.tolist():
+        fresh = max(math.ceil((code - u) / config.step) - 1, 0)
+        u, spikes = (u + fresh * config.step) * keep, spikes + fresh
+    assert count_events(config, x[:, None])[0] == pytest.approx(spikes, rel=tolerance)
+
+
+# -- refusals ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("samples", "sentence"),
+    [
+        (np.zeros(4, np.int16), "samples must have the shape (ticks, taxels), not (4,)"),
+        (np.zeros((4, 1)), "samples must be integer codes, not float64; quantise them first"),
+        (column(0, 128), "samples must be in -128..127 (8 bits), not 128; scale or clip them first"),
+        (column(0, -129), "samples must be in -128..127 (8 bits), not -129; scale or clip them first"),
+        (
+            np.array([[65536]]),
+            "samples must be in -128..127 (8 bits), not 65536; scale or clip them first",
+        ),
+        (
+            np.array([[2**64 - 1]], np.uint64),
+            f"samples must be in -128..127 (8 bits), not {2**64 - 1}; scale or clip them first",
+        ),
+    ],
+)
+def test_bad_samples_are_refused(samples: Any, sentence: str) -> None:
+    for call in (encode, encode_timed, count_events):
+        with pytest.raises(InputError) as error:
+            call(one("lcs"), samples)
+        assert str(error.value) == sentence
+
+
+def test_other_misfits_are_refused() -> None:
+    with pytest.raises(InputError, match="one column for each of the 4 taxels, not 3"):
+        encode(one("nlcs", columns=4), np.zeros((2, 3), np.int16))
+    with pytest.raises(
+        InputError, match=r"out must be of shape \(2, 1\) and type int16, not \(2, 1\) and int32"
+    ):
+        encode(one("lcs"), column(0, 0), out=np.zeros((2, 1), np.int32))
+    with pytest.raises(InputError, match="late must be given for cw-lcs deciding more than once per sample"):
+        decode(one("cw-lcs"), column(0, 1))
+    with pytest.raises(InputError, match="late must be given for nlcs"):
+        uncontended_events(one("nlcs"), column(0, 1))
+    with pytest.raises(InputError, match="late must be a bool array"):
+        decode(one("cw-lcs"), column(0, 1), column(0, 1))  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="counts must have one column for each of the 1 taxels, not 2"):
+        uncontended_events(one("lcs"), np.zeros((2, 2), np.int16))
+    with pytest.raises(InputError, match="counts must be signed integers of shape"):
+        decode(one("lcs"), np.zeros(3))  # type: ignore[arg-type]
+
+
+def test_samples_of_any_layout_give_the_same_events_and_stay_untouched() -> None:
+    samples = np.random.default_rng(1).integers(-128, 128, (50, 4))
+    expected = encode(one("lcs"), samples)
+    for dtype in (np.int8, np.int16, np.int32, np.int64):
+        given_samples = np.asfortranarray(samples, dtype=dtype)
+        assert np.array_equal(encode(one("lcs"), given_samples), expected)
+        assert np.array_equal(given_samples, samples)
+    out = np.empty_like(expected)
+    assert encode(one("lcs"), samples, out=out) is out
+    assert np.array_equal(out, expected)
