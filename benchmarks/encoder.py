@@ -109,9 +109,7 @@ def snntorch_delta(config: ReadoutConfig, samples: Codes) -> Candidate | None:
         kept[0] = None  # two results need not fit the memory
         kept[0] = spikegen.delta(data, threshold=float(config.step), off_spike=True)
 
-    return Candidate(
-        "snntorch delta", call, data.numel(), lambda: int(kept[0].abs().sum(dtype=torch.float64))
-    )
+    return Candidate("snntorch delta", call, data.numel(), lambda: int(kept[0].abs().sum(dtype=torch.float64)))
 
 
 def candidates(config: ReadoutConfig, samples: Codes) -> list[Candidate]:
@@ -139,9 +137,7 @@ def candidates(config: ReadoutConfig, samples: Codes) -> list[Candidate]:
         ),
         Candidate("cw-lcs", lambda: encode(cw, samples, out=out), samples.size, magnitude(out)),
         Candidate("nlcs", lambda: encode(leaky, part, out=part_out), part.size, magnitude(part_out)),
-        Candidate(
-            "lcs, numpy over time", lambda: numpy_lcs(config, samples, loop), samples.size, magnitude(loop)
-        ),
+        Candidate("lcs, numpy over time", lambda: numpy_lcs(config, samples, loop), samples.size, magnitude(loop)),
         snntorch_delta(config, samples),
     ]
     return [candidate for candidate in found if candidate is not None]
@@ -188,9 +184,7 @@ def write_report(path: Path, report: dict[str, Any]) -> None:
         file.write((json.dumps(report, indent=2) + "\n").encode())
 
 
-JsonFile = Annotated[
-    Path | None, typer.Option("--json", callback=writable, help="write the numbers to this file")
-]
+JsonFile = Annotated[Path | None, typer.Option("--json", callback=writable, help="write the numbers to this file")]
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -222,9 +216,7 @@ def main(
             candidate.seconds.append(time.perf_counter() - start)
     results = [summary(candidate, timed[0], events[candidate.name]) for candidate in timed]
 
-    print(
-        f"{signals} signals x {samples} samples, {config.sample_bits} bits, N = {config.resolution}, one core"
-    )
+    print(f"{signals} signals x {samples} samples, {config.sample_bits} bits, N = {config.resolution}, one core")
     print(f"{'':28}{'M samples/s':>12}{'times the copy (least..most)':>32}{'events':>14}")
     for result in results:
         ratio = result["times_the_copy"]
@@ -245,9 +237,7 @@ def main(
         write_report(json_file, report)
     same = {events[name] for name in ("lcs", "lcs, counts per taxel only", "lcs, numpy over time")}
     if len(same) != 1:
-        print(
-            f"The LCS encoders disagree on the number of events: {sorted(map(str, same))}.", file=sys.stderr
-        )
+        print(f"The LCS encoders disagree on the number of events: {sorted(map(str, same))}.", file=sys.stderr)
         raise typer.Exit(1)
 
 

@@ -55,9 +55,7 @@ class StimulusDriver:
         end[4] = 0x80
         (self.folder / "stimulus.bin").write_bytes(records.tobytes() + end.tobytes())
         (self.folder / "ready.bin").write_bytes(_repeat(stimulus.ready, PATTERN).tobytes())
-        (self.folder / "ack.bin").write_bytes(
-            _repeat(stimulus.ack_delay, PATTERN // 16).astype(">u2").tobytes()
-        )
+        (self.folder / "ack.bin").write_bytes(_repeat(stimulus.ack_delay, PATTERN // 16).astype(">u2").tobytes())
 
 
 def _pack(bits: NDArray[Any]) -> NDArray[np.uint8]:
@@ -122,9 +120,7 @@ class Scoreboard:
         if difference is not None:
             raise Mismatch(self._describe(name, stimulus, difference))
         if errors:
-            raise Mismatch(
-                f"{name}: {errors} breaches of the {self.config.link} protocol; reproduce: {self.reproduce}"
-            )
+            raise Mismatch(f"{name}: {errors} breaches of the {self.config.link} protocol; reproduce: {self.reproduce}")
         self.runs += 1
         self.clocks += stimulus.clocks
         self.events += len(rtl)

@@ -29,6 +29,13 @@ module harness;
   reg clk = 0;
   always #4 clk = ~clk;
 
+`ifdef WAVES
+  initial begin
+    $dumpfile("waves.vcd");
+    $dumpvars(0, harness);
+  end
+`endif
+
   // -- the readout ------------------------------------------------------------------------------------
 
   reg rst = 1;

@@ -46,9 +46,7 @@ class FastVerilator(VerilatorRunner):
     """Verilator without ``--public-flat-rw``, which would keep it from optimising: the harness marks what is public."""
 
     def _build_command(self) -> list[list[str]]:
-        return [
-            [word for word in command if word != "--public-flat-rw"] for command in super()._build_command()
-        ]
+        return [[word for word in command if word != "--public-flat-rw"] for command in super()._build_command()]
 
 
 class Build:
@@ -60,17 +58,15 @@ class Build:
         Where it lies; one per top, configuration and simulator, reused while its sources are the same.
     top : str
         Top module.
-    runner : Runner
-        Made anew for every run, since cocotb's keep state.
+    simulator : "verilator" or "icarus"
     """
 
-    def __init__(self, folder: Path, top: str, simulator: Simulator, waves: bool) -> None:
-        self.folder, self.top, self.simulator, self.waves = folder, top, simulator, waves
+    def __init__(self, folder: Path, top: str, simulator: Simulator) -> None:
+        self.folder, self.top, self.simulator = folder, top, simulator
 
-    def test(
-        self, module: str, folder: Path, testcase: str | None = None, env: Mapping[str, str] = {}
-    ) -> None:  # noqa: B006
+    def test(self, module: str, folder: Path, testcase: str | None = None, env: Mapping[str, str] = {}) -> None:
         """Run the cocotb tests of a module; raise AssertionError with the end of the log if one fails or none ran."""
+        folder = folder.resolve()
         folder.mkdir(parents=True, exist_ok=True)
         log = folder / "simulation.log"
         results = folder / "results.xml"
@@ -85,7 +81,6 @@ class Build:
                 build_dir=self.folder,
                 test_dir=folder,
                 results_xml=str(results),
-                waves=self.waves,
                 log_file=log,
                 extra_env={"PYTHONPATH": path, "COCOTB_ANSI_OUTPUT": "0", **env},
             )
@@ -122,6 +117,8 @@ def build(
     text = verilog(config)
     harness = HARNESS.read_text() if top == "harness" else ""
     defines, parameters = _shape(config) if harness else ({}, {})
+    if waves:
+        defines["WAVES"] = "1"
     recipe = [
         text,
         harness,
@@ -136,7 +133,7 @@ def build(
     digest = hashlib.sha256(json.dumps(recipe).encode()).hexdigest()[:12]
     name = f"{config.rows}x{config.columns}-{config.encoding}-{config.resolution}b-{config.link}-{config.frontend}"
     folder = BUILD / "sim" / f"{simulator}-{top}-{name}-{digest}"
-    program = Build(folder, top, simulator, waves)
+    program = Build(folder, top, simulator)
     if (folder / "built").exists():
         return program
     # Built beside its place and moved there whole, so that an interrupted build leaves nothing half done and two
@@ -157,7 +154,7 @@ def build(
                 build_args=VERILATOR_FLAGS if simulator == "verilator" else [],
                 defines=defines,
                 parameters=parameters,
-                waves=waves,
+                waves=waves and simulator == "verilator",  # the harness itself asks for the waveform
                 always=True,
                 log_file=draft / "build.log",
                 timescale=None if harness else ("1ns", "1ps"),
@@ -177,6 +174,10 @@ def build(
     return program
 
 
+class MissingProgram(InputError):  # the sentence a user reads
+    """Raised where a system program that a simulator needs is not installed."""
+
+
 def require_programs(simulator: Simulator) -> None:
     """Refuse to go on without the system programs that a simulator needs, in one sentence with the remedy."""
     if simulator not in get_args(Simulator):
@@ -184,7 +185,7 @@ def require_programs(simulator: Simulator) -> None:
     needed = ["iverilog"] if simulator == "icarus" else ["g++", "make", "perl"]
     if missing := [program for program in needed if shutil.which(program) is None]:
         packages = " ".join(PROGRAMS[program] for program in missing)
-        raise InputError(f"{', '.join(missing)} not found; install with: apt-get install {packages}")
+        raise MissingProgram(f"{', '.join(missing)} not found; install with: apt-get install {packages}")
 
 
 def _shape(config: ReadoutConfig) -> tuple[dict[str, str], dict[str, int]]:

@@ -111,9 +111,7 @@ def ack_delays(sink: str, rng: np.random.Generator) -> NDArray[np.int64]:
     return delays + (delays % ACK_QUANTA == 0)
 
 
-def masks(
-    config: ReadoutConfig, clocks: int, changes: int, rng: np.random.Generator
-) -> tuple[NDArray, NDArray]:
+def masks(config: ReadoutConfig, clocks: int, changes: int, rng: np.random.Generator) -> tuple[NDArray, NDArray]:
     """Return clocks, shape (changes + 1,), and masks, shape (changes + 1, taxels), that switch taxels off and on."""
     at = np.unique(np.concatenate([[0], rng.integers(1, max(clocks, 2), changes)]))
     mask = rng.random((len(at), config.taxels)) < 0.7
@@ -124,7 +122,7 @@ def masks(
 def scenarios(
     config: ReadoutConfig, seed: int, ticks: int = 40, limit: int = 3000
 ) -> Iterator[tuple[str, Stimulus, bool]]:
-    """Yield every stimulus with a sink and a mask: its name, the stimulus, and whether it ends with nothing outstanding.
+    """Yield every stimulus with a sink and a mask: name, stimulus, and whether it ends with nothing outstanding.
 
     Every stimulus meets another sink with every seed; every other one has taxels switched off and on while running. A
     run ends ``MARGIN`` clocks after its last event, or, where ``limit`` clocks do not suffice, is cut off by the next

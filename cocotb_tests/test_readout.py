@@ -2,52 +2,98 @@
 
 from __future__ import annotations
 
-import json
-import os
+import itertools
 from pathlib import Path
 
-import cocotb
 import pytest
 
-from cocotb_tests.bench import Bench
+from cocotb_tests.commands import reproduce
+from cocotb_tests.player import Job
+from cocotb_tests.session import run_job
 from cocotb_tests.simulator import Simulator, build
-from cocotb_tests.stimuli import scenarios
 from model.config import ReadoutConfig
 
 ARRAYS = [(1, 1), (1, 4), (3, 5), (8, 8), (12, 16)]
+ENCODINGS = ["lcs", "cw-lcs", "nlcs"]
+RESOLUTIONS = [1, 6, 10]
+VARIANTS = list(
+    itertools.product(["stream", "four_phase"], ["digital", "analog"], ["sync", "async"], ["clock", "sample"])
+)
 
 
-@cocotb.test()
-async def play_scenarios(dut) -> None:  # type: ignore[no-untyped-def]
-    """Play all scenarios of a seed; what was compared is left in compared.json."""
-    job = json.loads(os.environ["ESKIN_JOB"])
-    config = ReadoutConfig.from_dict(job["config"])
-    bench = Bench(dut, config, Path.cwd(), job["reproduce"])
-    drained = 0
-    for name, stimulus, rests in scenarios(config, job["seed"], job["ticks"], job["limit"]):
-        await bench.check(name, stimulus)
-        drained += rests
-    board = bench.scoreboard
-    Path("compared.json").write_text(
-        json.dumps({"runs": board.runs, "clocks": board.clocks, "events": board.events, "drained": drained})
+def play(config: ReadoutConfig, simulator: Simulator, folder: Path, seed: int = 0) -> None:
+    """Play the scenarios of a seed and see that they compared something, and that some left nothing outstanding."""
+    job = Job(config.to_dict(), reproduce(config, simulator, seed), seed=seed)
+    tally = run_job(build(config, simulator), job, folder)
+    assert tally.runs == 8
+    assert tally.events > 0
+    assert tally.drained > 0
+
+
+def breadth() -> list[ReadoutConfig]:
+    """Every encoding, array and resolution; link, front end, reset and decision rate change from one to the next."""
+    configs = []
+    for number, (encoding, array, resolution) in enumerate(itertools.product(ENCODINGS, ARRAYS, RESOLUTIONS)):
+        link, frontend, reset, decide_every = VARIANTS[number * 7 % len(VARIANTS)]
+        configs.append(
+            ReadoutConfig(
+                rows=array[0],
+                columns=array[1],
+                encoding=encoding,  # type: ignore[arg-type]
+                resolution=resolution,
+                link=link,  # type: ignore[arg-type]
+                frontend=frontend,  # type: ignore[arg-type]
+                reset=reset,  # type: ignore[arg-type]
+                decide_every=decide_every,  # type: ignore[arg-type]
+                window_period=3,
+                leak_period=5,
+            )
+        )
+    return configs
+
+
+def name(config: ReadoutConfig) -> str:
+    """Return the name of a configuration in the list of tests."""
+    return (
+        f"{config.encoding}-{config.rows}x{config.columns}-{config.resolution}b-{config.link}-{config.frontend}"
+        f"-{config.reset}-{config.decide_every}"
     )
 
 
-def play(config: ReadoutConfig, simulator: Simulator, folder: Path, ticks: int, limit: int) -> None:
-    """Play the scenarios of a configuration in a simulator and see that they compared something."""
-    seed = ARRAYS.index((config.rows, config.columns)) if (config.rows, config.columns) in ARRAYS else 0
-    program = build(config, simulator)
-    job = {
-        "config": config.to_dict(),
-        "seed": seed,
-        "ticks": ticks,
-        "limit": limit,
-        "reproduce": "make test PYTEST='-k \""
-        + os.environ.get("PYTEST_CURRENT_TEST", "").split(" ")[0]
-        + "\"'",
-    }
-    program.test("cocotb_tests.test_readout", folder, "play_scenarios", {"ESKIN_JOB": json.dumps(job)})
-    compared = json.loads((folder / "compared.json").read_text())
-    assert compared["runs"] == 8
-    assert compared["events"] > 0
-    assert compared["drained"] > 0
+@pytest.mark.parametrize("config", breadth(), ids=name)
+def test_rtl_equals_model_in_every_encoding_array_and_resolution(config: ReadoutConfig, tmp_path: Path) -> None:
+    play(config, "icarus", tmp_path, seed=ARRAYS.index((config.rows, config.columns)))
+
+
+@pytest.mark.parametrize("seed", range(1, 4))
+@pytest.mark.parametrize("variant", VARIANTS, ids="-".join)
+def test_rtl_equals_model_in_every_variant(variant: tuple[str, str, str, str], seed: int, tmp_path: Path) -> None:
+    link, frontend, reset, decide_every = variant
+    config = ReadoutConfig(
+        rows=3,
+        columns=5,
+        encoding=ENCODINGS[seed - 1],  # type: ignore[arg-type]
+        resolution=4,
+        link=link,  # type: ignore[arg-type]
+        frontend=frontend,  # type: ignore[arg-type]
+        reset=reset,  # type: ignore[arg-type]
+        decide_every=decide_every,  # type: ignore[arg-type]
+        window_period=1 if decide_every == "sample" else 4,
+        leak_period=1 if decide_every == "sample" else 7,
+        leak_shift=4,
+        fraction_bits=3,
+    )
+    play(config, "icarus", tmp_path, seed)
+
+
+@pytest.mark.parametrize(
+    "config",
+    [
+        ReadoutConfig(encoding="lcs"),
+        ReadoutConfig(encoding="nlcs", leak_period=5, frontend="analog", reset="async"),
+        ReadoutConfig(rows=12, columns=16, encoding="cw-lcs", window_period=3, link="four_phase"),
+    ],
+    ids=name,
+)
+def test_verilator_sees_the_same_as_icarus(config: ReadoutConfig, tmp_path: Path) -> None:
+    play(config, "verilator", tmp_path)

@@ -57,21 +57,15 @@ def encode(
     scale: Annotated[
         str | None, typer.Option(help="factor from samples to full scale, or max", metavar="FACTOR|max")
     ] = None,
-    preset: Annotated[
-        str | None, typer.Option(help="scan of an image [physical]", metavar="physical|paper")
-    ] = None,
+    preset: Annotated[str | None, typer.Option(help="scan of an image [physical]", metavar="physical|paper")] = None,
     start_row: Annotated[
         float | None, typer.Option(help="image row of the array's top edge [0]", metavar="PIXELS")
     ] = None,
     model: Annotated[
         str, typer.Option(help="with contention and link, or without", metavar="|".join(get_args(Model)))
     ] = "cycle",
-    name: Annotated[
-        str | None, typer.Option(help="name kept in the file [that of the input]", metavar="TEXT")
-    ] = None,
-    label: Annotated[
-        str | None, typer.Option(help="class or remark kept in the file", metavar="TEXT")
-    ] = None,
+    name: Annotated[str | None, typer.Option(help="name kept in the file [that of the input]", metavar="TEXT")] = None,
+    label: Annotated[str | None, typer.Option(help="class or remark kept in the file", metavar="TEXT")] = None,
 ) -> None:
     """Encode an image or your own samples into address events."""
     check_event_path(out)
@@ -239,9 +233,7 @@ def decode(
     write_samples(out, signals, config.sample_rate_hz)
     if plot is not None:
         title = f"{recording.metadata.get('name', source.stem)}: {config.encoding} {config.resolution} b"
-        plot_signals(
-            recording.events, signals, config, plot, title, "reconstruction", recording.duration_clocks
-        )
+        plot_signals(recording.events, signals, config, plot, title, "reconstruction", recording.duration_clocks)
     low, high = (float(signals.min()), float(signals.max())) if signals.size else (0.0, 0.0)
     print(f"{out}: {signals.shape[0]} ticks of {signals.shape[1]} taxels at {config.sample_rate_hz:g} Hz")
     print(f"from {len(recording.events)} events, {low:+.4f}..{high:+.4f} of full scale")
@@ -257,9 +249,7 @@ def decode_recording(recording: Recording) -> NDArray[np.float64]:
 
     config = recording.config
     ticks = -(-recording.duration_clocks // config.clocks_per_sample)
-    stated = recording.metadata.get(
-        "ticks"
-    )  # a recording may last longer than its samples, to see the last events
+    stated = recording.metadata.get("ticks")  # a recording may last longer than its samples, to see the last events
     if type(stated) is int and 0 <= stated < ticks:
         ticks = stated
     if ticks * config.taxels > MOST_VALUES:
@@ -303,8 +293,7 @@ def compare(
 
 def _settings_that_differ(first: Recording, second: Recording, labels: tuple[str, str]) -> list[str]:
     fields = [
-        recording.config.to_dict() | {"duration_clocks": recording.duration_clocks}
-        for recording in (first, second)
+        recording.config.to_dict() | {"duration_clocks": recording.duration_clocks} for recording in (first, second)
     ]
     return [
         f"{name} differs: {labels[0]} {value}; {labels[1]} {fields[1][name]}"

@@ -7,9 +7,7 @@ import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
-
-from typing import Literal
+from typing import Any, Literal, get_args, get_type_hints
 
 from model.errors import InputError
 
@@ -21,6 +19,10 @@ DecideEvery = Literal["clock", "sample"]
 
 MAX_SIDE = 64
 """Largest number of rows or columns: a row of requests fits one 64-bit word of the model."""
+
+
+MAX_TAU_ERROR = 0.05
+"""Relative error of a time constant beyond which ``from_tau`` refuses it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,12 +94,12 @@ class ReadoutConfig:
         self._check_range("window_period", 1, 2**16)
         self._check_range("leak_shift", 1, 16)
         self._check_range("leak_period", 1, 2**20)
-        self._check_range("fraction_bits", 0, 31 - self.sample_bits, "31 - sample_bits")
+        if self.encoding == "nlcs":  # sample and fraction share one 32-bit word
+            self._check_range("fraction_bits", 0, 31 - self.sample_bits, "31 - sample_bits")
+        self._check_range("fraction_bits", 0, 28)
         self._check_range("clocks_per_sample", 1, 2**24)
         if not (math.isfinite(self.sample_rate_hz) and self.sample_rate_hz > 0):
-            raise InputError(
-                f"sample_rate_hz must be a positive number of hertz, not {self.sample_rate_hz!r}"
-            )
+            raise InputError(f"sample_rate_hz must be a positive number of hertz, not {self.sample_rate_hz!r}")
         # A reference stands on a level of its encoder; the leaky one never goes below zero.
         low = 0 if self.encoding == "nlcs" else -self.full_scale
         self._check_range("reference_reset", low, self.full_scale - 1)
@@ -112,7 +114,7 @@ class ReadoutConfig:
         if choices := get_args(hint):
             if value not in choices:
                 raise InputError(f"{name} must be one of {', '.join(choices)}, not {value!r}")
-        elif hint is float and isinstance(value, int) and not isinstance(value, bool):
+        elif hint is float and type(value) is int and abs(value) < 2**53:
             object.__setattr__(self, name, float(value))
         elif type(value) is not hint:
             raise InputError(f"{name} must be of type {hint.__name__}, not {value!r}")
@@ -206,9 +208,9 @@ class ReadoutConfig:
     def from_tau(cls, tau_s: float, ts_s: float, **parameters: Any) -> ReadoutConfig:
         """Return an N-LCS configuration whose leak comes closest to a time constant.
 
-        Among leak_shift 5 and 6 (fine enough steps for an event rate within 0.3 % of an exponential) and, for
-        time constants too short for those, 4 down to 1, the first that meets tau within 1 % is taken, else the
-        closest; ``tau_s`` of the result is the time constant that its integers give.
+        A coarse leak (small leak_shift) takes events away, about a quarter of its step, and a short period meets tau
+        badly: the leak_shift of 1..6 with the smallest sum of both errors is taken. ``tau_s`` of the result is the
+        time constant that its integers give.
 
         Parameters
         ----------
@@ -226,18 +228,18 @@ class ReadoutConfig:
             if not (math.isfinite(value) and value > 0):
                 raise InputError(f"{name} must be a positive number of seconds, not {value!r}")
         candidates = []
-        for shift in (6, 5, 4, 3, 2, 1):
-            period = round(-tau_s * math.log1p(-(2.0**-shift)) / ts_s)
-            if 1 <= period <= 2**20:
-                got = -period * ts_s / math.log1p(-(2.0**-shift))
-                candidates.append((abs(got / tau_s - 1), shift, period))
-        good = [c for c in candidates if c[0] <= 0.01]
-        if not candidates or min(candidates)[0] > 0.05:
+        for shift in range(1, 7):
+            ticks = -tau_s * math.log1p(-(2.0**-shift)) / ts_s
+            period = round(min(ticks, 2**20))
+            error = abs(period / ticks - 1)
+            if period and error <= MAX_TAU_ERROR:
+                candidates.append((error + 0.25 * 2**-shift, shift, period))
+        if not candidates:
             raise InputError(
                 f"tau {tau_s:g} s is not reachable with a sample period of {ts_s:g} s; "
                 f"choose one between {1.5 * ts_s:.3g} and {2**20 * ts_s * 63:.3g} s"
             )
-        _, shift, period = good[0] if good else min(candidates)
+        _, shift, period = min(candidates)
         return cls(
             encoding="nlcs",
             sample_rate_hz=1.0 / ts_s,
@@ -268,9 +270,7 @@ class ReadoutConfig:
             raise InputError(f"a configuration must be a JSON object, not {type(fields).__name__}")
         known = {field.name for field in dataclasses.fields(cls)}
         if unknown := sorted(set(fields) - known):
-            raise InputError(
-                f"unknown configuration field {unknown[0]!r}; known are {', '.join(sorted(known))}"
-            )
+            raise InputError(f"unknown configuration field {unknown[0]!r}; known are {', '.join(sorted(known))}")
         return cls(**fields)
 
     @classmethod
@@ -278,7 +278,7 @@ class ReadoutConfig:
         """Return the configuration of a JSON text."""
         try:
             fields = json.loads(text)
-        except json.JSONDecodeError as error:
+        except (ValueError, RecursionError) as error:
             raise InputError(f"the configuration is not JSON: {error}") from None
         return cls.from_dict(fields)
 
@@ -289,3 +289,5 @@ class ReadoutConfig:
             return cls.from_json(path.read_text())
         except OSError as error:
             raise InputError(f"cannot read the configuration {path}: {error.strerror}") from None
+        except UnicodeDecodeError:
+            raise InputError(f"the configuration {path} is not text; give a JSON file") from None

@@ -146,8 +146,7 @@ def _named_dataset(where: str, what: str) -> Dataset:
         return embedded_dataset()
     if not Path(where).is_dir():
         raise InputError(
-            f"{what} {where} is not a directory; "
-            f"give one with a folder of PNG images per class, or {EMBEDDED!r}"
+            f"{what} {where} is not a directory; give one with a folder of PNG images per class, or {EMBEDDED!r}"
         )
     return directory_dataset(Path(where))
 
@@ -174,9 +173,7 @@ def directory_dataset(root: Path) -> Dataset:
         for folder in folders
     }
     if not found:
-        raise InputError(
-            f"dataset directory {root} has no class folders; put the PNG images of each class in one"
-        )
+        raise InputError(f"dataset directory {root} has no class folders; put the PNG images of each class in one")
     if (root / SUMS_FILE).is_file():
         _verify(root, found)
     for class_name, names in found.items():
@@ -219,9 +216,7 @@ def _read_sums(path: Path) -> dict[str, str]:
         name = name[1:]  # behind the blank or asterisk of text or binary mode
         parts = name.split("/")
         if len(digest) != 64 or len(parts) != 2 or not name.lower().endswith(".png") or parts[0] == "..":
-            raise InputError(
-                f"line {number} of {path} is not '<SHA-256 sum>  <class>/<name>.png': {line[:80]!r}"
-            )
+            raise InputError(f"line {number} of {path} is not '<SHA-256 sum>  <class>/<name>.png': {line[:80]!r}")
         listed[name] = digest.lower()
     return listed
 
@@ -254,9 +249,7 @@ def read_gray_png(path: Path) -> NDArray[np.uint8]:
     except (OSError, SyntaxError, ValueError, struct.error, Image.DecompressionBombError) as error:
         raise InputError(f"image {path} is damaged or no PNG file ({error}); copy it again") from None
     if mode != "L":
-        raise InputError(
-            f"image {path} must be 8-bit gray, not {mode}; convert it to 8-bit gray (mode L) first"
-        )
+        raise InputError(f"image {path} must be 8-bit gray, not {mode}; convert it to 8-bit gray (mode L) first")
     return np.ascontiguousarray(pixels, np.uint8)
 
 
@@ -289,8 +282,7 @@ def _skimage_file(name: str, digest: str) -> Path:
     spec = find_spec("skimage")
     if spec is None or not spec.submodule_search_locations:
         raise InputError(
-            "the embedded dataset needs scikit-image, which is not installed; "
-            "install it or give --dataset DIR"
+            "the embedded dataset needs scikit-image, which is not installed; install it or give --dataset DIR"
         )
     path = Path(spec.submodule_search_locations[0]) / "data" / name
     if not path.is_file() or _sha256(path) != digest:

@@ -194,11 +194,7 @@ def check_event_path(path: Path) -> None:
 def check_events(events: Events, config: ReadoutConfig, duration_clocks: int) -> None:
     """Raise InputError unless events are of EVENT_DTYPE, in order, in the array and in the duration."""
     if not isinstance(events, np.ndarray) or events.dtype != EVENT_DTYPE or events.ndim != 1:
-        got = (
-            f"shape {events.shape} of {events.dtype}"
-            if isinstance(events, np.ndarray)
-            else type(events).__name__
-        )
+        got = f"shape {events.shape} of {events.dtype}" if isinstance(events, np.ndarray) else type(events).__name__
         raise InputError(f"events must be a one-dimensional array with the fields t, x, y, p, not {got}")
     if duration_clocks < 0:
         raise InputError(f"duration_clocks must not be negative, not {duration_clocks}")
@@ -209,9 +205,7 @@ def check_events(events: Events, config: ReadoutConfig, duration_clocks: int) ->
     for name, (limit, what) in limits.items():
         column = events[name]
         if wrong := np.flatnonzero((column < 0) | (column >= limit)).tolist():
-            raise InputError(
-                f"event {wrong[0]} has {name} = {column[wrong[0]]}, outside 0..{limit - 1} ({what})"
-            )
+            raise InputError(f"event {wrong[0]} has {name} = {column[wrong[0]]}, outside 0..{limit - 1} ({what})")
     if wrong := np.flatnonzero(np.diff(events["t"]) < 0).tolist():
         raise InputError(f"event {wrong[0] + 1} is earlier than the one before it")
     # A boolean is one byte; anything but 0 and 1 in it would print as True and compare as different.

@@ -81,9 +81,7 @@ def plot_comparison(
     any_alone = bool(marks[0].any() or marks[1].any())
     for name, events, mark, label in zip(("raster0", "raster1"), (a, b), marks, labels, strict=True):
         alone = int(mark.sum())
-        remark = (
-            "all events equal" if not (marks[0].any() or marks[1].any()) else f"{alone:,} without an equal"
-        )
+        remark = "all events equal" if not (marks[0].any() or marks[1].any()) else f"{alone:,} without an equal"
         _draw_events(axes[name], events, config, end_ms, mark)
         _caption(axes[name], label, f"{len(events):,} events, {remark}")
     _legend(axes["raster0"], config, any_alone)
@@ -156,9 +154,7 @@ def _panels(
     heights = {"texture": 1.0} if texture else {}
     heights |= {"signal": 1.5} if signal else {}
     heights |= {f"raster{i}": raster_in for i in range(rasters)}
-    figure = Figure(
-        figsize=(_WIDTH_IN, sum(heights.values()) + 0.45 * len(heights) + 0.6), layout="constrained"
-    )
+    figure = Figure(figsize=(_WIDTH_IN, sum(heights.values()) + 0.45 * len(heights) + 0.6), layout="constrained")
     FigureCanvasAgg(figure)
     grid = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=list(heights.values()))
     axes = dict(zip(heights, grid[:, 0], strict=True))
@@ -200,9 +196,7 @@ def _draw_signals(panel: Axes, signal: NDArray[Any], config: ReadoutConfig, labe
     _caption(panel, label, shown)
 
 
-def _draw_events(
-    panel: Axes, events: Events, config: ReadoutConfig, end_ms: float, mark: NDArray[np.bool_]
-) -> None:
+def _draw_events(panel: Axes, events: Events, config: ReadoutConfig, end_ms: float, mark: NDArray[np.bool_]) -> None:
     """Draw events as short upright ticks, one line of them per taxel, taxel 0 at the top."""
     time_ms = events["t"] * (1e3 / config.clock_hz)
     taxel = events["y"].astype(np.int64) * config.columns + events["x"]
@@ -271,9 +265,7 @@ def _legend(panel: Axes, config: ReadoutConfig, any_marked: bool) -> None:
         face = "none" if marker == "o" else colour
         return Line2D([], [], color=colour, marker=marker, ls="", ms=7, mfc=face, mew=1.6, label=label)
 
-    keys = (
-        [key(ON_COLOUR, "ON"), key(OFF_COLOUR, "OFF")] if config.has_polarity else [key(ON_COLOUR, "event")]
-    )
+    keys = [key(ON_COLOUR, "ON"), key(OFF_COLOUR, "OFF")] if config.has_polarity else [key(ON_COLOUR, "event")]
     if any_marked:
         keys.append(key(UNMATCHED_COLOUR, "no equal", "o"))
     panel.legend(

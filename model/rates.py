@@ -102,9 +102,7 @@ def measure_rates(
     if workers < 1:
         raise InputError(f"the number of workers must be at least 1, not {workers}")
     if not len(dataset) or not start_rows:
-        raise InputError(
-            "a rate needs at least one image and one start row; the dataset or the list is empty"
-        )
+        raise InputError("a rate needs at least one image and one start row; the dataset or the list is empty")
 
     def one(texture: Texture) -> list[tuple[int, int, float]]:
         found = _scan_texture(texture, scan, config, start_rows)
@@ -177,9 +175,7 @@ def rates(
         str | None, typer.Option(metavar="lcs|cw-lcs|nlcs", help="encoder [lcs]", show_default=False)
     ] = None,
     resolution: Annotated[int | None, typer.Option(metavar="N", help="LSB = 2**-N of full scale [6]")] = None,
-    tau: Annotated[
-        float | None, typer.Option(metavar="SECONDS", help=f"nlcs: time constant [{PAPER_TAU_S}]")
-    ] = None,
+    tau: Annotated[float | None, typer.Option(metavar="SECONDS", help=f"nlcs: time constant [{PAPER_TAU_S}]")] = None,
     rows: Annotated[int | None, typer.Option(metavar="N", help="rows of taxels [8]")] = None,
     columns: Annotated[int | None, typer.Option(metavar="N", help="columns of taxels [8]")] = None,
     config_file: Annotated[

@@ -7,6 +7,7 @@ decides so again until its sample, its reference or its window moves.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -18,9 +19,6 @@ from model.config import ReadoutConfig
 from model.errors import InputError
 from model.events import EVENT_DTYPE, Events
 from model.window import decay_phases
-
-LATENCY = 3
-"""Clocks from a sample to the transfer of its event over an idle stream link."""
 
 LCS, CW_LCS, N_LCS = range(3)
 _ENCODING = {"lcs": LCS, "cw-lcs": CW_LCS, "nlcs": N_LCS}
@@ -107,17 +105,13 @@ class Stimulus:
         if clock.shape != samples.shape[:1] or (np.diff(clock) < 1).any() or (clock < 0).any():
             raise InputError("sample_clock must be one rising clock for every row of samples")
         if self.enable.shape != (len(self.enable_clock), config.taxels) or not len(self.enable_clock):
-            raise InputError(
-                f"enable must have shape ({len(self.enable_clock)}, {config.taxels}), one mask at least"
-            )
+            raise InputError(f"enable must have shape ({len(self.enable_clock)}, {config.taxels}), one mask at least")
         if self.enable_clock[0] != 0 or (np.diff(self.enable_clock) < 1).any():
             raise InputError("enable_clock must rise from 0")
         if not self.ready.size or not self.ack_delay.size:
             raise InputError("ready and ack_delay must not be empty")
         if (self.ack_delay < 1).any() or (self.ack_delay % link.ACK_QUANTA == 0).any():
-            raise InputError(
-                "ack_delay must be positive and never a multiple of 8, or ACK changes at a clock edge"
-            )
+            raise InputError("ack_delay must be positive and never a multiple of 8, or ACK changes at a clock edge")
 
 
 @dataclass(frozen=True)
@@ -373,13 +367,7 @@ def _loop(
             events += 1
 
         t += 1
-        if (
-            waiting == ZERO
-            and requests == ZERO
-            and not tick
-            and not any_again
-            and (not four_phase or link.idle(aer))
-        ):
+        if waiting == ZERO and requests == ZERO and not tick and not any_again and (not four_phase or link.idle(aer)):
             until = clocks
             if ticks < n_ticks:
                 until = min(until, sample_clock[ticks])
@@ -392,7 +380,7 @@ def _loop(
 
 
 @njit(cache=True)
-def _grown(array: NDArray[np.generic]) -> NDArray[np.generic]:
+def _grown(array: NDArray[Any]) -> NDArray[Any]:
     """Return a copy of an array with room for twice as many."""
     grown = np.empty(2 * len(array), array.dtype)
     grown[: len(array)] = array

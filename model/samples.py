@@ -78,13 +78,10 @@ def _read_npz(path: Path, data: bytes) -> Samples:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = {name.removesuffix(".npy"): archive.read(name) for name in archive.namelist()}
         found = {
-            name: np.lib.format.read_array(io.BytesIO(member), allow_pickle=False)
-            for name, member in members.items()
+            name: np.lib.format.read_array(io.BytesIO(member), allow_pickle=False) for name, member in members.items()
         }
     except Exception:  # as above
-        raise InputError(
-            f"{path} is damaged or not a numerical .npz file; save it with numpy.savez"
-        ) from None
+        raise InputError(f"{path} is damaged or not a numerical .npz file; save it with numpy.savez") from None
     rate = found.pop(_RATE, None)
     if rate is not None and (rate.size != 1 or rate.dtype.kind not in "iuf"):
         raise InputError(f"{path} has a {_RATE} that is not one number; give it in hertz")
@@ -130,9 +127,7 @@ def _check_values(path: Path, values: NDArray[Any]) -> None:
         wanted = "(ticks, taxels) or (ticks, rows, columns)"
         raise InputError(f"{path} has the shape {values.shape}; samples have {wanted}{remedy}")
     if not values.size:
-        raise InputError(
-            f"{path} has the shape {values.shape}: no samples; give at least one tick and one taxel"
-        )
+        raise InputError(f"{path} has the shape {values.shape}: no samples; give at least one tick and one taxel")
     if values.dtype.kind == "f" and not np.isfinite(values).all():
         place = tuple(int(i) for i in np.argwhere(~np.isfinite(values))[0])
         raise InputError(f"{path} has {values[place]} at {list(place)}; replace what is not a finite number")
@@ -141,9 +136,7 @@ def _check_values(path: Path, values: NDArray[Any]) -> None:
 # -- array size --------------------------------------------------------------------------------------
 
 
-def fit_array(
-    values: NDArray[Any], rows: int, columns: int, size_given: bool
-) -> tuple[NDArray[Any], int, int]:
+def fit_array(values: NDArray[Any], rows: int, columns: int, size_given: bool) -> tuple[NDArray[Any], int, int]:
     """Return values of shape (ticks, rows * columns), and the array size.
 
     Parameters
@@ -192,9 +185,7 @@ def _suggest_size(taxels: int) -> str:
 def check_samples_path(path: Path) -> None:
     """Refuse an output of unknown kind, or in a folder that does not exist, before any work is done."""
     if path.suffix.lower() not in ARRAY_SUFFIXES:
-        raise InputError(
-            f"signals are written as {', '.join(ARRAY_SUFFIXES)}, not {path.name}; rename the output"
-        )
+        raise InputError(f"signals are written as {', '.join(ARRAY_SUFFIXES)}, not {path.name}; rename the output")
     check_writable(path)
 
 

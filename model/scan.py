@@ -79,8 +79,7 @@ class Scan(ABC):
                 raise InputError(f"{field.name} must be a positive number, not {value!r}")
         if len(self.sensor_denominator) <= len(self.sensor_numerator) or self.sensor_denominator[0] == 0:
             raise InputError(
-                "sensor_denominator must be of higher order than sensor_numerator, "
-                f"not {self.sensor_denominator}"
+                f"sensor_denominator must be of higher order than sensor_numerator, not {self.sensor_denominator}"
             )
 
     # -- what a preset says ----------------------------------------------------------------------
@@ -131,9 +130,7 @@ class Scan(ABC):
 
     # -- common ----------------------------------------------------------------------------------
 
-    def samples(
-        self, config: ReadoutConfig, image: ArrayLike, start_row: float = 0.0
-    ) -> tuple[NDArray[np.int32], int]:
+    def samples(self, config: ReadoutConfig, image: ArrayLike, start_row: float = 0.0) -> tuple[NDArray[np.int32], int]:
         """Return the codes of all taxels, int32 of shape (ticks, taxels), and how many were clipped."""
         return quantise(self.signals(config, image, start_row), config.sample_bits)
 

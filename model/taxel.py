@@ -40,8 +40,8 @@ Flags = NDArray[np.bool_]
 EVENT_LATENCY = 3
 """Clocks from ``sample_valid`` to the first event that it causes (docs/microarchitecture.md, Time)."""
 
-_BLOCK_BYTES = 256 * 1024
-"""Samples handled at a time where counts are not kept: samples and counts stay in a second-level cache."""
+_BLOCK_BYTES = 2**20
+"""Samples handled at a time where counts are not kept: their counts stay in the cache."""
 
 
 def decisions_per_tick(config: ReadoutConfig) -> int:
@@ -121,9 +121,7 @@ def count_events(config: ReadoutConfig, samples: Samples) -> NDArray[np.int64]:
     ticks, taxels = samples.shape
     bank = _Bank.reset(config, taxels)
     totals = np.zeros(taxels, np.int64)
-    block = max(
-        1, min(_BLOCK_BYTES // max(1, taxels * samples.itemsize), 2**31 // _largest_count(config) - 1)
-    )
+    block = max(1, min(_BLOCK_BYTES // max(1, taxels * samples.itemsize), 2**31 // _largest_count(config) - 1))
     counts = np.empty((min(block, ticks), taxels), _count_dtype(config))
     for start in range(0, ticks, block):
         part = samples[start : start + block]
@@ -154,9 +152,7 @@ def uncontended_events(config: ReadoutConfig, counts: Counts, late: Flags | None
     """
     counts, delay = _check_counts(config, counts, late, needed=config.encoding != "lcs")
     if counts.shape[1] != config.taxels:
-        raise InputError(
-            f"counts must have one column for each of the {config.taxels} taxels, not {counts.shape[1]}"
-        )
+        raise InputError(f"counts must have one column for each of the {config.taxels} taxels, not {counts.shape[1]}")
     tick, taxel = np.nonzero(counts)
     signed = counts[tick, taxel].astype(np.int64)
     number = np.abs(signed)
@@ -228,16 +224,12 @@ def decode(config: ReadoutConfig, counts: Counts, late: Flags | None = None) -> 
         return (u + config.step * np.cumsum(counts, axis=0, dtype=np.int64)).astype(np.float64)
     reference = np.empty(counts.shape, np.float64)
     if config.encoding == "cw-lcs":
-        kernels.decode_cw_lcs(
-            counts, delay, u, config.step, config.closing_step, config.window_period, reference
-        )
+        kernels.decode_cw_lcs(counts, delay, u, config.step, config.closing_step, config.window_period, reference)
     else:
         unit = 2.0**-config.fraction_bits
         u <<= config.fraction_bits
         step = config.step << config.fraction_bits
-        kernels.decode_nlcs(
-            counts, u, _phases(config), config.leak_period, config.leak_shift, step, unit, reference
-        )
+        kernels.decode_nlcs(counts, u, _phases(config), config.leak_period, config.leak_shift, step, unit, reference)
     return reference
 
 
@@ -247,7 +239,7 @@ def error_bound(config: ReadoutConfig) -> tuple[float, float]:
     The limit is ``slope_limit``, also for the step from the reference after reset to the first sample.
 
     - LCS: -D <= x - u < D.
-    - CW-LCS: -D <= x - u < D; once a window has closed to half-width h, -h <= x - u < h.
+    - CW-LCS: -D <= x - u < D; with several decisions per tick even -h <= x - u < h, h being the half-width.
     - N-LCS: x - u <= D, and a leak more where it decides only once per tick. No event follows a fall: there u
       stays below the leaky peak hold of x (it leaks as u does, and never lies below x). While x, from one
       decay tick to the next, falls by no more than the leak of its own level, that is within one leak of x.
@@ -315,9 +307,7 @@ class _Bank:
             start <<= config.fraction_bits
         elif config.encoding == "lcs" and config.resolution <= 12:
             dtype = np.int16  # the cap of 2**(N + 2) steps takes N + 4 bits
-        return cls(
-            config, np.full(taxels, start, dtype), np.zeros(taxels, np.int32), np.zeros(taxels, np.int32)
-        )
+        return cls(config, np.full(taxels, start, dtype), np.zeros(taxels, np.int32), np.zeros(taxels, np.int32))
 
     def run(self, x: NDArray[Any], counts: Counts, late: Flags | None) -> None:
         """Write the events of the samples x, shape (ticks, taxels), into counts and, if wanted, late."""
@@ -381,9 +371,7 @@ def _check_samples(config: ReadoutConfig, samples: Samples) -> NDArray[Any]:
     return checked
 
 
-def _check_counts(
-    config: ReadoutConfig, counts: Counts, late: Flags | None, needed: bool
-) -> tuple[Counts, Flags]:
+def _check_counts(config: ReadoutConfig, counts: Counts, late: Flags | None, needed: bool) -> tuple[Counts, Flags]:
     """Return the counts and late flags, all false where not given and not needed, or raise InputError."""
     counts = np.asarray(counts)
     if counts.ndim != 2 or counts.dtype.kind != "i":
@@ -391,9 +379,7 @@ def _check_counts(
             f"counts must be signed integers of shape (ticks, taxels), not {counts.dtype} of {counts.shape}"
         )
     if config.encoding == "nlcs" and counts.shape[1] != config.taxels:
-        raise InputError(
-            f"counts must have one column for each of the {config.taxels} taxels, not {counts.shape[1]}"
-        )
+        raise InputError(f"counts must have one column for each of the {config.taxels} taxels, not {counts.shape[1]}")
     if late is None:
         if needed and decisions_per_tick(config) > 1:
             raise InputError(
@@ -403,7 +389,5 @@ def _check_counts(
         return counts, np.zeros(counts.shape, np.bool_)
     late = np.asarray(late)
     if late.shape != counts.shape or late.dtype != np.bool_:
-        raise InputError(
-            f"late must be a bool array of shape {counts.shape}, not {late.dtype} of {late.shape}"
-        )
+        raise InputError(f"late must be a bool array of shape {counts.shape}, not {late.dtype} of {late.shape}")
     return counts, late

@@ -119,9 +119,7 @@ class PaperScan(Scan):
         pixels = gray(image)
         every = self._every(config)
         if start_row != 0:
-            raise InputError(
-                f"start row must be 0 in the paper preset, not {start_row:g}; use the physical preset"
-            )
+            raise InputError(f"start row must be 0 in the paper preset, not {start_row:g}; use the physical preset")
         kept = self._kept_pixels(config, pixels.shape)
         turned = pixels.T if pixels.shape[1] > pixels.shape[0] else pixels
         length = turned.shape[0] - config.rows + 1

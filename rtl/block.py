@@ -59,7 +59,7 @@ class Netlist:
                 emit_src=False,
                 missing_domain=lambda name: ClockDomain(name, async_reset=self.async_reset),
             )
-            self.modules[block.module_name] = text
+            self.modules[block.module_name] = _in_order(text, ["clk", "rst", *block.signature.members])
         return self.modules[block.module_name]
 
     def instance(self, block: Block) -> Instance:
@@ -69,3 +69,11 @@ class Netlist:
         for name, member in block.signature.members.items():
             wires[f"{'i' if member.flow is wiring.In else 'o'}_{name}"] = getattr(block, name)
         return Instance(block.module_name, **wires)
+
+
+def _in_order(text: str, names: list[str]) -> str:
+    """Return the RTLIL of a module with its ports numbered in the order of some names."""
+    present = [name for name in names if re.search(rf"^  wire .*put \d+ .*\\{name}$", text, re.MULTILINE)]
+    for number, name in enumerate(present, 1):
+        text = re.sub(rf"^(  wire .*put) \d+ (.*\\{name})$", rf"\1 {number} \2", text, flags=re.MULTILINE)
+    return text

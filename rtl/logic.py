@@ -24,9 +24,7 @@ def exclusive_prefix_or(bits: Sequence[ValueLike]) -> list[Value]:
     values = [Value.cast(bit) for bit in bits]
     if len(values) <= 1:
         return [Const(0, 1)] * len(values)
-    pairs = [
-        values[i] | values[i + 1] if i + 1 < len(values) else values[i] for i in range(0, len(values), 2)
-    ]
+    pairs = [values[i] | values[i + 1] if i + 1 < len(values) else values[i] for i in range(0, len(values), 2)]
     below = exclusive_prefix_or(pairs)
     return [below[i // 2] | values[i - 1] if i % 2 else below[i // 2] for i in range(len(values))]
 

@@ -97,9 +97,7 @@ class Taxel(Block):
             m.d.comb += self.polarity.eq(sign)
         return m
 
-    def _reference(
-        self, m: Module, free: Signal, on: Signal, off: Signal, platform: Any
-    ) -> tuple[Signal, Any]:
+    def _reference(self, m: Module, free: Signal, on: Signal, off: Signal, platform: Any) -> tuple[Signal, Any]:
         """Add the reference register; return it (in grid units) and the half-width of the window."""
         config = self.config
         init = config.reference_reset // config.grid

@@ -17,15 +17,15 @@ from amaranth.lib import wiring
 from model import __version__
 from model.config import ReadoutConfig
 from model.files import atomic_write
-from rtl.block import Block, Netlist
+from rtl.block import Netlist
 from rtl.readout import Readout
 
 # Amaranth's RTLIL to readable Verilog: one always block per register with its reset and enable, no initial values.
 # The order matters: Amaranth's own wires must be gone before opt_dff looks for the reset and enable of a register.
 YOSYS_SCRIPT = (
     "read_rtlil readout.il; hierarchy -check -top {top}; proc -norom; opt_expr; opt_merge; opt_clean; opt_dff; "
-    "opt_expr -mux_undef; wreduce; splitnets -driver; opt_clean -purge; setattr -unset init w:*; check -assert; autoname; "
-    "write_verilog -noattr readout.v"
+    "opt_expr -mux_undef; wreduce; splitnets -driver; opt_clean -purge; setattr -unset init w:*; check -assert; "
+    "autoname; write_verilog -noattr readout.v"
 )
 
 PORTS = {
@@ -85,9 +85,7 @@ def run_yosys(script: str, rtlil: str) -> str:
         ]
         done = subprocess.run(command, cwd=folder, stderr=subprocess.PIPE, text=True, check=False)
         if done.returncode:
-            raise RuntimeError(
-                f"Yosys failed on the readout with exit code {done.returncode}:\n{done.stderr}"
-            )
+            raise RuntimeError(f"Yosys failed on the readout with exit code {done.returncode}:\n{done.stderr}")
         return (Path(folder) / "readout.v").read_text()
 
 
@@ -175,22 +173,27 @@ def description(config: ReadoutConfig) -> str:
 def constraints(config: ReadoutConfig) -> str:
     """Return the timing constraints (SDC): the clock, the ports' share of it, and what is asynchronous."""
     period_ns = 1e9 / config.clock_hz
-    by_direction: dict[str, list[str]] = {"input": [], "output": []}
-    loose = {"clk", "aer_ack", "taxel_enable"} | ({"rst"} if config.reset == "async" else set())
-    for port in ports(config):
-        if port["name"] not in loose:
-            by_direction[port["direction"]].append(port["name"])
+    asynchronous = {"clk", "aer_ack", "taxel_enable"} | ({"rst"} if config.reset == "async" else set())
+    pins = {port["name"]: port["name"] + ("[*]" if port["width"] > 1 else "") for port in ports(config)}
+    timed = {
+        way: " ".join(
+            pins[port["name"]]
+            for port in ports(config)
+            if port["direction"] == way and port["name"] not in asynchronous
+        )
+        for way in ("input", "output")
+    }
     lines = [
         "# Clock: sample rate times clocks per sample. Tighten it to what the technology should reach.",
         f"set period_ns {period_ns:.6g}",
         "create_clock -name clk -period $period_ns [get_ports clk]",
         "",
         "# A fifth of the period belongs to whatever drives an input or takes an output.",
-        f"set_input_delay [expr 0.2 * $period_ns] -clock clk [get_ports {{{' '.join(map(_glob(config), by_direction['input']))}}}]",
-        f"set_output_delay [expr 0.2 * $period_ns] -clock clk [get_ports {{{' '.join(map(_glob(config), by_direction['output']))}}}]",
+        f"set_input_delay [expr 0.2 * $period_ns] -clock clk [get_ports {{{timed['input']}}}]",
+        f"set_output_delay [expr 0.2 * $period_ns] -clock clk [get_ports {{{timed['output']}}}]",
         "",
         "# The mask is set up before use and then stands still.",
-        f"set_false_path -from [get_ports {{{_glob(config)('taxel_enable')}}}]",
+        f"set_false_path -from [get_ports {{{pins['taxel_enable']}}}]",
     ]
     if config.link == "four_phase":
         lines += [
@@ -205,12 +208,6 @@ def constraints(config: ReadoutConfig) -> str:
             "set_false_path -from [get_ports rst]",
         ]
     return header(config, "#") + "\n" + "\n".join(lines) + "\n"
-
-
-def _glob(config: ReadoutConfig) -> Any:
-    """Return a function from a port's name to the pattern that matches all its bits."""
-    wide = {port["name"] for port in ports(config) if port["width"] > 1}
-    return lambda name: f"{name}[*]" if name in wide else name
 
 
 def core(config: ReadoutConfig) -> str:

@@ -142,9 +142,7 @@ def test_draws_any_array(rows: int, columns: int, encoding: str, tmp_path: Path)
     config = ReadoutConfig(rows=rows, columns=columns, encoding=encoding)  # type: ignore[arg-type]
     events = make_events(np.arange(100), np.arange(100) % rows, np.arange(100) % columns)
     signal = np.zeros((20, config.taxels))
-    plot_comparison(
-        events, events, config, tmp_path / "a.png", signal=signal, texture=np.zeros((9, 40), np.uint8)
-    )
+    plot_comparison(events, events, config, tmp_path / "a.png", signal=signal, texture=np.zeros((9, 40), np.uint8))
     plot_signals(events, signal, config, tmp_path / "b.png")
     assert Image.open(tmp_path / "a.png").height > Image.open(tmp_path / "b.png").height
 
@@ -233,9 +231,7 @@ def test_order_alone_makes_a_difference(call: Any, folder: Path) -> None:
 
 def test_arrays_of_different_size(call: Any, folder: Path) -> None:
     Recording(make_events([1], 0, 3), ReadoutConfig(rows=1, columns=4), 9).save(folder / "[a].npz")
-    Recording(make_events([1], 4, 0), ReadoutConfig(rows=5, columns=1, encoding="nlcs"), 9).save(
-        folder / "b.npz"
-    )
+    Recording(make_events([1], 4, 0), ReadoutConfig(rows=5, columns=1, encoding="nlcs"), 9).save(folder / "b.npz")
     code, out, err = call("compare [a].npz b.npz --plot p.svg")
     assert (code, err) == (1, "")
     assert "rows differs: [a].npz 1; b.npz 5\n" in out

@@ -35,7 +35,7 @@ REFUSALS: list[tuple[dict[str, Any], str]] = [
     ({"window_period": 0}, "window_period must be in 1..65536, not 0"),
     ({"leak_shift": 0}, "leak_shift must be in 1..16, not 0"),
     ({"leak_period": 2**20 + 1}, "leak_period must be in 1..1048576, not 1048577"),
-    ({"fraction_bits": 20}, "fraction_bits must be in 0..31 - sample_bits = 19, not 20"),
+    ({"encoding": "nlcs", "fraction_bits": 20}, "fraction_bits must be in 0..31 - sample_bits = 19, not 20"),
     ({"clocks_per_sample": 0}, "clocks_per_sample must be in 1..16777216, not 0"),
     ({"sample_rate_hz": 0.0}, "sample_rate_hz must be a positive number of hertz, not 0.0"),
     ({"sample_rate_hz": math.nan}, "sample_rate_hz must be a positive number of hertz, not nan"),
@@ -141,8 +141,7 @@ def test_from_tau_says_what_is_reachable(tau_s: float) -> None:
     with pytest.raises(InputError) as refused:
         ReadoutConfig.from_tau(tau_s, 5e-5)
     assert str(refused.value) == (
-        f"tau {tau_s:g} s is not reachable with a sample period of 5e-05 s; "
-        "choose one between 7.5e-05 and 3.3e+03 s"
+        f"tau {tau_s:g} s is not reachable with a sample period of 5e-05 s; choose one between 7.5e-05 and 3.3e+03 s"
     )
 
 
@@ -200,9 +199,7 @@ def test_from_json_refuses(text: str, sentence: str) -> None:
 
 
 def test_unknown_fields_are_named() -> None:
-    with pytest.raises(
-        InputError, match=r"^unknown configuration field 'row'; known are clocks_per_sample, "
-    ):
+    with pytest.raises(InputError, match=r"^unknown configuration field 'row'; known are clocks_per_sample, "):
         ReadoutConfig.from_dict({"row": 8})
     with pytest.raises(InputError, match=r"^unknown parameter in row: "):
         ReadoutConfig().replace(row=8)

@@ -76,9 +76,7 @@ def test_directory_without_sums_is_used_as_it_is(textures):
 
 def test_sums_in_binary_mode_and_blank_lines_are_read(textures):
     sums = (textures / "SHA256SUMS").read_text()
-    (textures / "SHA256SUMS").write_text(
-        "\n" + sums.replace("  ", " *").upper().replace(".PNG", ".png").lower()
-    )
+    (textures / "SHA256SUMS").write_text("\n" + sums.replace("  ", " *").upper().replace(".PNG", ".png").lower())
     assert len(directory_dataset(textures)) == 4
 
 
@@ -160,9 +158,7 @@ def test_wrong_checksum_is_refused(textures):
 def test_sums_file_that_is_none_is_refused(textures, line):
     with (textures / "SHA256SUMS").open("a") as file:
         file.write(line + "\n")
-    with pytest.raises(
-        InputError, match=r"^line 5 of .*SHA256SUMS is not '<SHA-256 sum>  <class>/<name>\.png': '"
-    ):
+    with pytest.raises(InputError, match=r"^line 5 of .*SHA256SUMS is not '<SHA-256 sum>  <class>/<name>\.png': '"):
         open_dataset(textures)
 
 
@@ -173,15 +169,11 @@ def test_truncated_png_is_refused(textures):
     path = textures / "silk" / "silk-1.png"
     path.write_bytes(path.read_bytes()[:-700])
     write_sums(textures)
-    with pytest.raises(
-        InputError, match=r"^image .*silk-1\.png is damaged or no PNG file \(.*\); copy it again$"
-    ):
+    with pytest.raises(InputError, match=r"^image .*silk-1\.png is damaged or no PNG file \(.*\); copy it again$"):
         open_dataset(textures)[2].load()
 
 
-@pytest.mark.parametrize(
-    "content", [b"", b"not a picture", b"\x89PNG\r\n\x1a\n", b"\x89PNG\r\n\x1a\n" + bytes(99)]
-)
+@pytest.mark.parametrize("content", [b"", b"not a picture", b"\x89PNG\r\n\x1a\n", b"\x89PNG\r\n\x1a\n" + bytes(99)])
 def test_file_that_is_no_png_is_refused(tmp_path, content):
     path = tmp_path / "x.png"
     path.write_bytes(content)

@@ -81,9 +81,7 @@ def test_the_same_samples_in_any_form_give_the_same_events(call: Any, folder: Pa
         assert np.array_equal(recording.events, simulate(config, Stimulus.from_samples(config, codes))), line
 
 
-@pytest.mark.parametrize(
-    ("text", "code"), [("1,2\n", 1), ("1e0,0\n", 2047), ("5E-1,0\n", 1024), (".5,0", 1024)]
-)
+@pytest.mark.parametrize(("text", "code"), [("1,2\n", 1), ("1e0,0\n", 2047), ("5E-1,0\n", 1024), (".5,0", 1024)])
 def test_numbers_without_point_or_exponent_are_codes(text: str, code: int, call: Any, folder: Path) -> None:
     (folder / "x.csv").write_text(text)
     _, out, err = call("encode x.csv -o e.npz --rows 1 --columns 2 --sample-rate 1000")
@@ -281,22 +279,19 @@ ENCODE_ERRORS: list[tuple[str, bytes | None, str, str]] = [
         "x.csv",
         b"1,2\n3\n",
         RATE,
-        "x.csv is not a table of numbers separated by commas: "
-        "the number of columns changed from 2 to 1 at row 2",
+        "x.csv is not a table of numbers separated by commas: the number of columns changed from 2 to 1 at row 2",
     ),
     (
         "x.csv",
         b"1,2\n3,x\n",
         RATE,
-        "x.csv is not a table of numbers separated by commas: "
-        "could not convert string 'x' to int64 at row 1, column 2",
+        "x.csv is not a table of numbers separated by commas: could not convert string 'x' to int64 at row 1, column 2",
     ),
     (
         "x.csv",
         b"0,a\n3,4\n",
         RATE,
-        "x.csv is not a table of numbers separated by commas: "
-        "could not convert string 'a' to int64 at row 0, column 2",
+        "x.csv is not a table of numbers separated by commas: could not convert string 'a' to int64 at row 0, column 2",
     ),
     (
         "x.npy",
@@ -374,12 +369,8 @@ ENCODE_ERRORS: list[tuple[str, bytes | None, str, str]] = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("name", "content", "options", "sentence"), ENCODE_ERRORS, ids=lambda v: str(v)[-40:]
-)
-def test_encode_refuses(
-    name: str, content: bytes | None, options: str, sentence: str, call: Any, folder: Path
-) -> None:
+@pytest.mark.parametrize(("name", "content", "options", "sentence"), ENCODE_ERRORS, ids=lambda v: str(v)[-40:])
+def test_encode_refuses(name: str, content: bytes | None, options: str, sentence: str, call: Any, folder: Path) -> None:
     if content is not None:
         (folder / name).write_bytes(content)
     before = sorted(folder.iterdir())

@@ -93,8 +93,7 @@ BAD_EVENTS: list[tuple[Any, ReadoutConfig, int, str]] = [
         np.zeros((2, 2), EVENT_DTYPE),
         CONFIG,
         9,
-        "events must be a one-dimensional array with the fields t, x, y, p, "
-        f"not shape (2, 2) of {EVENT_DTYPE}",
+        f"events must be a one-dimensional array with the fields t, x, y, p, not shape (2, 2) of {EVENT_DTYPE}",
     ),
     (
         np.zeros(2, np.int64),
@@ -118,9 +117,7 @@ BAD_EVENTS: list[tuple[Any, ReadoutConfig, int, str]] = [
 
 
 @pytest.mark.parametrize(("events", "config", "duration", "sentence"), BAD_EVENTS, ids=lambda v: str(v)[:30])
-def test_refuses_events_that_do_not_fit(
-    events: Any, config: ReadoutConfig, duration: int, sentence: str
-) -> None:
+def test_refuses_events_that_do_not_fit(events: Any, config: ReadoutConfig, duration: int, sentence: str) -> None:
     with pytest.raises(InputError) as refused:
         Recording(events, config, duration)
     assert str(refused.value) == sentence

@@ -47,9 +47,7 @@ def paper(encoding: str, resolution: int, **fields) -> ReadoutConfig:
 def run(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "model", "rates", *arguments]
     root = Path(__file__).resolve().parents[1]
-    return subprocess.run(
-        command, capture_output=True, text=True, cwd=root, env=os.environ | environment, check=False
-    )
+    return subprocess.run(command, capture_output=True, text=True, cwd=root, env=os.environ | environment, check=False)
 
 
 # -- published rates ---------------------------------------------------------------------------------
@@ -107,16 +105,10 @@ def test_integer_nlcs_is_within_0_3_percent_of_the_exponential(resolution):
 def test_more_sample_or_fraction_bits_change_next_to_nothing():
     data = embedded_dataset().limit(12)
     base = measure_rates(data, PAPER, paper("nlcs", 6)).events
-    assert measure_rates(data, PAPER, paper("nlcs", 6, sample_bits=16)).events == pytest.approx(
-        base, rel=0.003
-    )
-    assert measure_rates(data, PAPER, paper("nlcs", 6, fraction_bits=16)).events == pytest.approx(
-        base, rel=0.001
-    )
+    assert measure_rates(data, PAPER, paper("nlcs", 6, sample_bits=16)).events == pytest.approx(base, rel=0.003)
+    assert measure_rates(data, PAPER, paper("nlcs", 6, fraction_bits=16)).events == pytest.approx(base, rel=0.001)
     base = measure_rates(data, PAPER, paper("lcs", 6)).events
-    assert measure_rates(data, PAPER, paper("lcs", 6, sample_bits=16)).events == pytest.approx(
-        base, rel=0.001
-    )
+    assert measure_rates(data, PAPER, paper("lcs", 6, sample_bits=16)).events == pytest.approx(base, rel=0.001)
 
 
 # -- what a rate is ----------------------------------------------------------------------------------
@@ -183,9 +175,7 @@ def test_json_is_one_object_and_nothing_else():
     report = json.loads(done.stdout)
     assert report["population_rate_hz"] > 0
     expected = {"preset": "paper", "encoding": "nlcs", "resolution": 6, "dataset": "embedded", "images": 3}
-    assert (
-        report.items() >= (expected | {"scans": 3, "clipped_samples": 0, "published_rate_hz": None}).items()
-    )
+    assert report.items() >= (expected | {"scans": 3, "clipped_samples": 0, "published_rate_hz": None}).items()
     assert report["tau_s"] == pytest.approx(0.05, rel=0.01)
     assert report["scan_s"] == pytest.approx(0.1764)
 

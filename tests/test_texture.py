@@ -26,9 +26,7 @@ def noise(height: int, width: int, seed: int = 1) -> np.ndarray:
 def paper_reference(config: ReadoutConfig, image: np.ndarray) -> np.ndarray:
     """The paper scan taxel by taxel at full rate, as the specification tells it."""
     every = PAPER.loop_samples(config)
-    numerator, denominator, _ = signal.cont2discrete(
-        ([1000.0, 0.0], [1.0, 1007.0, 7000.0]), 1 / 1.4e6, method="foh"
-    )
+    numerator, denominator, _ = signal.cont2discrete(([1000.0, 0.0], [1.0, 1007.0, 7000.0]), 1 / 1.4e6, method="foh")
     columns = []
     for row in range(config.rows):
         for column in range(config.columns):
@@ -72,9 +70,7 @@ def test_quantise_leaves_its_input_alone():
 
 
 def test_quantise_refuses_nan():
-    with pytest.raises(
-        InputError, match=r"^signals must be numbers, not NaN; check the image they come from$"
-    ):
+    with pytest.raises(InputError, match=r"^signals must be numbers, not NaN; check the image they come from$"):
         quantise(np.array([0.0, math.nan]), 12)
 
 
@@ -170,9 +166,7 @@ def test_paper_refuses_a_sample_rate_that_is_no_loop_time():
 
 def test_paper_refuses_a_start_row():
     config = PAPER.configure(ReadoutConfig())
-    with pytest.raises(
-        InputError, match=r"^start row must be 0 in the paper preset, not 3; use the physical preset$"
-    ):
+    with pytest.raises(InputError, match=r"^start row must be 0 in the paper preset, not 3; use the physical preset$"):
         PAPER.signals(config, noise(90, 90), 3)
 
 
@@ -231,9 +225,7 @@ def test_physical_columns_repeat_each_other_one_pitch_later():
 def test_physical_start_rows_span_the_image():
     config = ReadoutConfig()
     rows = PHYSICAL.start_rows(config, (576, 576), 3)
-    assert rows == pytest.approx(
-        [0.0, (575 - 7 * PHYSICAL.taxel_pitch_px) / 2, 575 - 7 * PHYSICAL.taxel_pitch_px]
-    )
+    assert rows == pytest.approx([0.0, (575 - 7 * PHYSICAL.taxel_pitch_px) / 2, 575 - 7 * PHYSICAL.taxel_pitch_px])
     image = noise(576, 60)
     assert not np.array_equal(*(PHYSICAL.signals(config, image, row) for row in rows[:2]))
     PHYSICAL.signals(config, image, rows[2])
@@ -391,6 +383,4 @@ def test_scan_constants_are_used():
     half = PaperScan(pixel_full_scale=512.0)
     np.testing.assert_allclose(half.signals(config, image) * 2, PAPER.signals(config, image))
     slow = PhysicalScan(speed_m_per_s=65e-4)
-    assert slow.duration_s(config, (90, 90)) == pytest.approx(
-        10 * PHYSICAL.duration_s(config, (90, 90)), rel=0.01
-    )
+    assert slow.duration_s(config, (90, 90)) == pytest.approx(10 * PHYSICAL.duration_s(config, (90, 90)), rel=0.01)

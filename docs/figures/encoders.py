@@ -40,9 +40,7 @@ def main() -> None:
         reference = decode(config, counts, late)[:, 0]
         events = uncontended_events(config, counts, late)
         axis.plot(seconds * 1e3, codes[:, 0] / config.full_scale, color="0.6", label="signal x")
-        axis.step(
-            seconds * 1e3, reference / config.full_scale, where="post", color="C0", lw=1, label="reference u"
-        )
+        axis.step(seconds * 1e3, reference / config.full_scale, where="post", color="C0", lw=1, label="reference u")
         for polarity, colour, name in ((True, "C2", "ON events"), (False, "C3", "OFF events")):
             times = events["t"][events["p"] == polarity] / config.clock_hz * 1e3
             if config.has_polarity or polarity:

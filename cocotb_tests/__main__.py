@@ -1,0 +1,19 @@
+"""``python -m cocotb_tests``: RTL against model, on scenarios and on whole datasets."""
+
+from __future__ import annotations
+
+from cocotb_tests.commands import replay, sim
+from model.cli import make_app, run
+
+app = make_app("Co-simulation of the spiking e-skin readout: RTL against golden model.")
+app.command()(sim)
+app.command()(replay)
+
+
+def main() -> None:
+    """Run the command line of the co-simulation."""
+    run(app, "python -m cocotb_tests")
+
+
+if __name__ == "__main__":
+    main()

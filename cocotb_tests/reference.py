@@ -1,0 +1,400 @@
+"""The readout in plain Python, one clock at a time: obviously right rather than fast.
+
+Written from the specification and docs/microarchitecture.md alone, to hold both the clock-skipping
+model and the RTL to. What a block shows just before a rising edge are its properties and methods, and
+``clock`` is that edge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+from model.config import ReadoutConfig
+
+if TYPE_CHECKING:  # importing it would compile the fast model in every simulator
+    from model.readout import Stimulus
+
+
+class AddressEvent(NamedTuple):
+    """Where an event comes from; the events of a unipolar encoder are ON."""
+
+    row: int
+    column: int
+    polarity: bool
+
+
+class TimedEvent(NamedTuple):
+    """An address event and the clock of its transfer."""
+
+    clock: int
+    row: int
+    column: int
+    polarity: bool
+
+
+Requests = Sequence[Sequence[bool | None]]
+"""For every row and column the polarity of a pending request; None where there is none."""
+
+
+class TaxelReference:
+    """One taxel.
+
+    Attributes
+    ----------
+    sample : int
+        The newest sample, in codes (digital front end).
+    reference : int
+        u, in codes; for N-LCS in 2**-fraction_bits codes.
+    pending, polarity : bool
+        The request register, and the polarity of the last request.
+    closed, quiet_ticks : int
+        Closing steps taken off the half-width, and sample ticks since the last of them or the last event.
+    """
+
+    def __init__(self, config: ReadoutConfig) -> None:
+        self.config = config
+        self.unit = 2**config.fraction_bits if config.encoding == "nlcs" else 1
+        self.step = 2 ** (config.sample_bits - 2 - config.resolution)
+        self.closing_step = max(self.step >> config.closing_shift, 1)
+        self.reset()
+
+    def reset(self) -> None:
+        """Take the reset state."""
+        self.sample = 0
+        self.reference = self.config.reference_reset * self.unit
+        self.pending = False
+        self.polarity = False
+        self.closed = 0
+        self.quiet_ticks = 0
+
+    def request(self, enable: bool) -> bool:
+        """Return the request line; a disabled taxel's is low in that very clock."""
+        return self.pending and enable
+
+    @property
+    def half_width(self) -> int:
+        """h in codes: D, less the closing steps taken (CW-LCS)."""
+        return self.step - self.closed * self.closing_step
+
+    @property
+    def upper(self) -> int:
+        """The smallest code that is ON."""
+        if self.config.encoding == "nlcs":
+            return self.reference // self.unit + self.step + 1
+        return self.reference + self.half_width
+
+    @property
+    def lower(self) -> int:
+        """The smallest code that is not OFF."""
+        return self.reference - self.half_width
+
+    def compare(self, x: int) -> tuple[bool, bool]:
+        """Return whether a code is ON and whether it is OFF, by the inequalities of the specification."""
+        difference = x * self.unit - self.reference
+        if self.config.encoding == "nlcs":
+            return difference > self.step * self.unit, False
+        return difference >= self.half_width, difference < -self.half_width
+
+    def comparators(self, x: int) -> tuple[bool, bool]:
+        """Return what the analog comparators find: x >= upper, and x < lower where there is polarity."""
+        return x >= self.upper, self.config.has_polarity and x < self.lower
+
+    def clock(
+        self,
+        *,
+        enable: bool,
+        tick: bool,
+        granted: bool,
+        decay: bool = False,
+        sample: int | None = None,
+        decision: tuple[bool, bool] | None = None,
+    ) -> None:
+        """Take a rising edge.
+
+        Parameters
+        ----------
+        enable, tick, granted : bool
+            Mask bit, sample tick (the clock after ``sample_valid``), and whether the row is granted.
+        decay : bool
+            The sample tick is a decay tick of this row (N-LCS).
+        sample : int, optional
+            The new sample, where ``sample_valid`` is high (digital front end).
+        decision : (bool, bool), optional
+            Whether the comparators find x >= upper and x < lower (analog front end).
+        """
+        if not enable:
+            self.reset()
+            return
+        above, below = self.compare(self.sample) if decision is None else decision
+        if not self.pending or granted:
+            decides = tick or self.config.decide_every == "clock"
+            on, off = decides and above, decides and below
+            self._move(on, off, tick, decay)
+            self.pending = on or off
+            if self.pending:
+                self.polarity = on
+        if sample is not None:
+            self.sample = sample
+
+    def _move(self, on: bool, off: bool, tick: bool, decay: bool) -> None:
+        """Move reference and window by a decision."""
+        if self.config.encoding == "nlcs":
+            divisor = 2**self.config.leak_shift
+            leak = (2 * self.reference + divisor) // (2 * divisor) if decay else 0  # rounded half up
+            self.reference += (self.step * self.unit if on else 0) - leak
+            return
+        if on:
+            self.reference += self.half_width
+        elif off:
+            self.reference -= self.half_width
+        if self.config.encoding == "cw-lcs":
+            if on or off:
+                self.closed = self.quiet_ticks = 0
+            elif tick:
+                self.quiet_ticks += 1
+                if self.quiet_ticks == self.config.window_period:
+                    self.quiet_ticks = 0
+                    self.closed = min(self.closed + 1, self.step // self.closing_step - 1)
+
+
+class ArbiterReference:
+    """Rows round robin, all requests of a row latched at once, one event per clock in rising column order.
+
+    Attributes
+    ----------
+    last : int or None
+        The row last granted.
+    latch : list of AddressEvent
+        The burst latch, next event first.
+    """
+
+    def __init__(self, config: ReadoutConfig) -> None:
+        self.config = config
+        self.reset()
+
+    def reset(self) -> None:
+        """Take the reset state."""
+        self.last: int | None = None
+        self.latch: list[AddressEvent] = []
+
+    @property
+    def event(self) -> AddressEvent | None:
+        """The event offered, or None."""
+        return self.latch[0] if self.latch else None
+
+    def selected(self, requests: Requests) -> int | None:
+        """Return the row to grant next: the first requesting one behind the last granted, or from the top."""
+        rows = self.config.rows
+        start = 0 if self.last is None else self.last + 1
+        for row in [*range(start, rows), *range(min(start, rows))]:
+            if any(polarity is not None for polarity in requests[row]):
+                return row
+        return None
+
+    def granted(self, requests: Requests, ready: bool) -> int | None:
+        """Return the row granted in this clock: only when the latch is empty or gives its last event."""
+        if not self.latch or (len(self.latch) == 1 and ready):
+            return self.selected(requests)
+        return None
+
+    def clock(self, requests: Requests, ready: bool) -> None:
+        """Take a rising edge."""
+        row = self.granted(requests, ready)
+        if self.latch and ready:
+            self.latch.pop(0)
+        if row is not None:
+            self.last = row
+            for column, polarity in enumerate(requests[row]):
+                if polarity is not None:
+                    self.latch.append(AddressEvent(row, column, polarity))
+
+
+class LinkReference:
+    """The four-phase link: set up the address, raise REQ, wait for ACK, lower REQ, wait for ACK low.
+
+    Attributes
+    ----------
+    state : "idle", "set up" or "request"
+    address : AddressEvent or None
+        The event on the address lines; None (all zero) after reset.
+    """
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Take the reset state."""
+        self.state: Literal["idle", "set up", "request"] = "idle"
+        self.address: AddressEvent | None = None
+        self.flops = [False, False]  # of the synchroniser; the last one is what the link sees
+
+    @property
+    def ready(self) -> bool:
+        """Whether an event is taken in this clock."""
+        return self.state == "idle" and not self.flops[-1]
+
+    @property
+    def req(self) -> bool:
+        """aer_req."""
+        return self.state == "request"
+
+    def clock(self, event: AddressEvent | None, ack: bool) -> None:
+        """Take a rising edge with an event offered, or None, and the level of aer_ack."""
+        if self.ready:
+            if event is not None:
+                self.address = event
+                self.state = "set up"
+        elif self.state == "set up":
+            self.state = "request"
+        elif self.state == "request" and self.flops[-1]:
+            self.state = "idle"
+        self.flops = [ack, self.flops[0]]
+
+
+class ReceiverReference:
+    """An asynchronous receiver: ACK follows every edge of REQ after a delay.
+
+    Parameters
+    ----------
+    delays : sequence of int
+        In 1/8 clock, used in turn and over again; never a multiple of 8.
+    """
+
+    def __init__(self, delays: Sequence[int]) -> None:
+        self.delays = delays
+        self.edges = 0
+        self.req = self.ack = False
+        self.at = 0  # when ACK follows, in 1/8 clock
+
+    def ack_at(self, clock: int) -> bool:
+        """Return ACK just before the edge of a clock."""
+        if self.ack != self.req and 8 * clock > self.at:
+            self.ack = self.req
+        return self.ack
+
+    def see(self, req: bool, clock: int) -> None:
+        """See REQ just after the edge of a clock."""
+        if req != self.req:
+            self.req = req
+            self.at = 8 * clock + self.delays[self.edges % len(self.delays)]
+            self.edges += 1
+
+
+class ReadoutReference:
+    """The array, its arbiter and its link.
+
+    Attributes
+    ----------
+    taxels : list of lists of TaxelReference
+        Rows of columns.
+    signal : list of lists of int
+        What the comparators look at: the sample of the last tick, whatever the masks (analog front end).
+    time, ticks : int
+        Clocks and sample ticks since reset.
+    raised, accepted : list of TimedEvent
+        Requests and the first clock in which they are high; events and the clock in which the sink, or the
+        four-phase link, took them from the arbiter.
+    """
+
+    def __init__(self, config: ReadoutConfig, ack_delay: Sequence[int] = (1,)) -> None:
+        self.config = config
+        self.taxels = [[TaxelReference(config) for _ in range(config.columns)] for _ in range(config.rows)]
+        self.signal = [[0] * config.columns for _ in range(config.rows)]
+        self.arbiter = ArbiterReference(config)
+        self.link = LinkReference()
+        self.receiver = ReceiverReference(ack_delay)
+        self.tick = False
+        self.time = self.ticks = 0
+        self.raised: list[TimedEvent] = []
+        self.accepted: list[TimedEvent] = []
+
+    def requests(self, enable: Sequence[bool]) -> Requests:
+        """Return the pending requests under a mask of rows * columns bits."""
+        columns = self.config.columns
+        return [
+            [
+                (taxel.polarity if self.config.has_polarity else True)
+                if taxel.request(enable[row * columns + column])
+                else None
+                for column, taxel in enumerate(line)
+            ]
+            for row, line in enumerate(self.taxels)
+        ]
+
+    def decays(self, row: int) -> bool:
+        """Return whether the sample tick compared in this clock is a decay tick of a row."""
+        number, period = self.ticks - 1, self.config.leak_period
+        return self.tick and number % period == row * period // self.config.rows
+
+    def clock(self, sample: Sequence[int] | None, enable: Sequence[bool], ready: bool) -> None:
+        """Take a rising edge.
+
+        Parameters
+        ----------
+        sample : sequence of int, rows * columns long, or None
+            The codes of all taxels where ``sample_valid`` is high.
+        enable : sequence of bool, rows * columns long
+            The mask.
+        ready : bool
+            ``event_ready``; a four-phase link has its own.
+        """
+        four_phase = self.config.link == "four_phase"
+        if four_phase:
+            ready = self.link.ready
+        requests = self.requests(enable)
+        event = self.arbiter.event
+        granted = self.arbiter.granted(requests, ready)
+        if event is not None and ready:
+            self.accepted.append(TimedEvent(self.time, *event))
+
+        for row, line in enumerate(self.taxels):
+            for column, taxel in enumerate(line):
+                index = row * self.config.columns + column
+                waited = taxel.pending and row != granted
+                x = self.signal[row][column]
+                digital = self.config.frontend == "digital"
+                taxel.clock(
+                    enable=enable[index],
+                    tick=self.tick,
+                    granted=row == granted,
+                    decay=self.decays(row),
+                    sample=sample[index] if digital and sample is not None else None,
+                    decision=None if digital else taxel.comparators(x),
+                )
+                if taxel.pending and not waited:
+                    polarity = taxel.polarity if self.config.has_polarity else True
+                    self.raised.append(TimedEvent(self.time + 1, row, column, polarity))
+                if sample is not None:
+                    self.signal[row][column] = sample[index]
+        self.arbiter.clock(requests, ready)
+        if four_phase:
+            self.link.clock(event, self.receiver.ack_at(self.time))
+            self.receiver.see(self.link.req, self.time)
+        self.tick = sample is not None
+        self.ticks += self.tick
+        self.time += 1
+
+
+def play(
+    config: ReadoutConfig, stimulus: Stimulus, clocks: int | None = None
+) -> tuple[ReadoutReference, list[TimedEvent]]:
+    """Play a stimulus, or its first clocks; return the readout as it then stands, and its events.
+
+    An event's clock is that of its transfer (stream), or that of the edge which raises REQ (four-phase); the
+    latter is seen in the clock after it.
+    """
+    readout = ReadoutReference(config, stimulus.ack_delay.tolist())
+    samples = dict(zip(stimulus.sample_clock.tolist(), stimulus.samples.tolist(), strict=True))
+    masks = dict(zip(stimulus.enable_clock.tolist(), stimulus.enable.tolist(), strict=True))
+    ready = stimulus.ready.tolist()
+    events: list[TimedEvent] = []
+    req, enable = False, masks[0]
+    for clock in range(stimulus.clocks if clocks is None else clocks):
+        if readout.link.req and not req:
+            assert readout.link.address is not None
+            events.append(TimedEvent(clock - 1, *readout.link.address))
+        req = readout.link.req
+        enable = masks.get(clock, enable)
+        readout.clock(samples.get(clock), enable, bool(ready[clock % len(ready)]))
+    return readout, events if config.link == "four_phase" else readout.accepted

@@ -1,0 +1,52 @@
+"""The model's four-phase link against the plain one, and its clocks per event."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cocotb_tests.reference import AddressEvent, LinkReference, ReceiverReference
+from model import link
+
+DELAYS = st.lists(st.integers(1, 100).filter(lambda delay: delay % 8), min_size=1, max_size=6)
+
+
+@given(DELAYS, st.lists(st.booleans(), min_size=1, max_size=60))
+def test_model_equals_the_reference_clock_by_clock(delays: list[int], offers: list[bool]) -> None:
+    state, reference, receiver = link.new_state(), LinkReference(), ReceiverReference(delays)
+    for clock in range(300):
+        offered = offers[clock % len(offers)]
+        assert link.ready(state) == reference.ready
+        req = reference.req
+        reference.clock(AddressEvent(0, clock, True) if offered else None, receiver.ack_at(clock))
+        receiver.see(reference.req, clock)
+        taken = bool(offered and link.ready(state))
+        assert link.advance(state, clock, taken, np.array(delays)) == (reference.req and not req)
+        assert state[link.REQ] == reference.req
+        if link.idle(state):
+            assert reference.ready
+            assert not receiver.ack_at(clock + 1)
+
+
+@given(st.integers(0, 40), st.integers(0, 40))
+def test_an_event_takes_seven_clocks_and_the_whole_clocks_of_both_delays(up: int, down: int) -> None:
+    delays = np.array([8 * up + 1, 8 * down + 7])
+    state = link.new_state()
+    rises = [clock for clock in range(700) if link.advance(state, clock, link.ready(state), delays)]
+    assert rises[0] == 1  # taken at clock 0
+    assert set(np.diff(rises).tolist()) == {7 + up + down}
+
+
+@given(DELAYS)
+def test_idle_link_stays_as_it_is(delays: list[int]) -> None:
+    state = link.new_state()
+    link.advance(state, 0, True, np.array(delays))
+    clock = 1
+    while not link.idle(state):
+        link.advance(state, clock, False, np.array(delays))
+        clock += 1
+    before = state.copy()
+    assert not link.advance(state, clock, False, np.array(delays))
+    assert (state == before).all()
+    assert state[link.EDGES] == 2

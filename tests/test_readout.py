@@ -1,0 +1,361 @@
+"""The clock-skipping model against the plain one, and what section 3 of the specification promises."""
+
+from __future__ import annotations
+
+import copy
+import itertools
+from collections import Counter, defaultdict
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from cocotb_tests.reference import ReadoutReference, TimedEvent, play
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.readout import LATENCY, Stimulus, simulate, state_at
+from model.taxel import encode_timed, uncontended_events
+
+ARRAYS = [(1, 1), (1, 4), (3, 5), (2, 2), (6, 1), (1, 64), (2, 33), (17, 3)]
+ENCODINGS = ("lcs", "cw-lcs", "nlcs")
+
+
+def timed(events: NDArray[Any]) -> list[TimedEvent]:
+    """Return the events of the model in the form of the reference."""
+    return [TimedEvent(int(t), int(y), int(x), bool(p)) for t, x, y, p in events.tolist()]
+
+
+@st.composite
+def configs(draw: st.DrawFn, **fixed: Any) -> ReadoutConfig:
+    """Return any configuration of a small array, with the edges of every parameter within reach."""
+    rows, columns = draw(st.sampled_from(ARRAYS))
+    bits = draw(st.sampled_from([3, 5, 8, 12]))
+    parameters: dict[str, Any] = {
+        "rows": rows,
+        "columns": columns,
+        "encoding": draw(st.sampled_from(ENCODINGS)),
+        "sample_bits": bits,
+        "resolution": draw(st.sampled_from(sorted({1, min(2, bits - 2), (bits - 1) // 2, bits - 2}))),
+        "decide_every": draw(st.sampled_from(["clock", "sample"])),
+        "closing_shift": draw(st.sampled_from([0, 1, 2, 16])),
+        "window_period": draw(st.sampled_from([1, 2, 5])),
+        "leak_shift": draw(st.sampled_from([1, 2, 4, 16])),
+        "leak_period": draw(st.sampled_from([1, 2, 5, 7])),
+        "fraction_bits": draw(st.sampled_from([0, 1, 4, 31 - bits])),
+        "link": draw(st.sampled_from(["stream", "stream", "four_phase"])),
+        "frontend": draw(st.sampled_from(["digital", "analog"])),
+    } | fixed
+    config = ReadoutConfig(**parameters)
+    low = 0 if config.encoding == "nlcs" else -config.full_scale // config.grid
+    level = draw(st.sampled_from([0, 0, 1, low, low // 2, (config.full_scale - 1) // config.grid]))
+    return config.replace(reference_reset=level * config.grid)
+
+
+@st.composite
+def stimuli(draw: st.DrawFn, config: ReadoutConfig, **fixed: Any) -> Stimulus:
+    """Return a stimulus of any kind: samples, their clocks, masks that change, and a sink."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    ticks = draw(st.sampled_from([1, 0, 6, 12, 20, 30, 40]))
+    shape = (ticks, config.taxels)
+    high = config.full_scale
+    kind = draw(st.sampled_from(["noise", "walk", "near", "square", "rest"]))
+    if kind == "noise":
+        samples = rng.integers(-high, high, shape)
+    elif kind == "walk":
+        samples = np.cumsum(rng.integers(-2 * config.step, 2 * config.step + 1, shape), axis=0)
+    elif kind == "near":  # levels, and the codes beside them
+        samples = config.reference_reset + rng.integers(-3, 4, shape) * config.step + rng.integers(-1, 2, shape)
+    elif kind == "square":
+        samples = np.where(np.arange(ticks) // 5 % 2, -high, high - 1)[:, None].repeat(config.taxels, axis=1)
+    else:
+        samples = np.full(shape, config.reference_reset)
+    gap = draw(st.sampled_from([1, 2, 4, 20, 60]))
+    clock = draw(st.sampled_from([0, 1, 9, 30])) + np.cumsum(rng.integers(1, gap + 1, ticks)) - 1
+    last = int(clock[-1]) if ticks else 0
+    changes = draw(st.sampled_from([0, 0, 1, 5]))
+    at = np.unique(np.concatenate([[0], rng.integers(1, last + 2, changes)])).astype(np.int64)
+    mask = rng.random((len(at), config.taxels)) < draw(st.sampled_from([0.4, 0.9]))
+    if not changes:
+        mask[:] = True
+    pattern = draw(st.sampled_from([1, 3, 64]))
+    ready = rng.random(pattern) < draw(st.sampled_from([1.0, 0.8, 0.3, 0.0]))
+    delays = rng.integers(1, draw(st.sampled_from([2, 40, 300])), draw(st.sampled_from([1, 7])))
+    parameters: dict[str, Any] = {
+        "samples": np.clip(samples, -high, high - 1).astype(np.int32),
+        "sample_clock": clock.astype(np.int64),
+        "clocks": last + draw(st.sampled_from([3, 60, 200, 400])),
+        "enable_clock": at,
+        "enable": mask,
+        "ready": ready.astype(np.uint8),
+        "ack_delay": delays + (delays % 8 == 0),
+    } | fixed
+    return Stimulus(**parameters)
+
+
+# -- the model is the reference ----------------------------------------------------------------------
+
+
+@settings(deadline=None, max_examples=800)
+@given(st.data())
+def test_model_equals_the_reference_event_by_event(data: st.DataObject) -> None:
+    config = data.draw(configs())
+    stimulus = data.draw(stimuli(config))
+    _, expected = play(config, stimulus)
+    assert timed(simulate(config, stimulus)) == expected
+
+
+def assert_same_registers(config: ReadoutConfig, stimulus: Stimulus, clock: int) -> None:
+    """Compare the registers just before a clock, as far as anything can depend on them."""
+    state = state_at(config, stimulus, clock)
+    readout, _ = play(config, stimulus, clock)
+    taxels = list(itertools.chain(*readout.taxels))
+    held = [taxel.sample for taxel in taxels]
+    signal = held if config.frontend == "digital" else list(itertools.chain(*readout.signal))
+    assert state.sample.ravel().tolist() == signal
+    assert state.reference.ravel().tolist() == [taxel.reference for taxel in taxels]
+    assert state.half_width.ravel().tolist() == [taxel.half_width for taxel in taxels]
+    assert state.pending.ravel().tolist() == [taxel.pending for taxel in taxels]
+    if config.has_polarity:
+        waiting = [taxel.polarity for taxel in taxels if taxel.pending]
+        assert state.polarity[state.pending].tolist() == waiting
+    latch, last = readout.arbiter.latch, readout.arbiter.last
+    assert state.latch_columns == sum(1 << event.column for event in latch)
+    assert not latch or state.latch_row == latch[0].row
+    behind = [] if last is None else range(last + 1, config.rows)
+    assert state.behind & (1 << config.rows) - 1 == sum(1 << row for row in behind)
+
+
+@settings(deadline=None, max_examples=300)
+@given(st.data())
+def test_state_at_gives_the_registers_of_the_reference(data: st.DataObject) -> None:
+    config = data.draw(configs())
+    stimulus = data.draw(stimuli(config))
+    assert_same_registers(config, stimulus, data.draw(st.integers(0, stimulus.clocks)))
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+@pytest.mark.parametrize("link", ["stream", "four_phase"])
+def test_state_at_is_right_before_every_clock(encoding: str, link: str) -> None:
+    config = ReadoutConfig(rows=2, columns=3, encoding=encoding, link=link, resolution=3, window_period=2)  # type: ignore[arg-type]
+    config = config.replace(leak_period=3, leak_shift=2)
+    rng = np.random.default_rng(5)
+    samples = rng.integers(-900, 901, (8, 6)).astype(np.int32)
+    stimulus = Stimulus.from_samples(config, samples, clocks_per_sample=9, ready=np.array([1, 0, 1]))
+    assert len(simulate(config, stimulus)) > 5
+    for clock in range(stimulus.clocks + 1):
+        assert_same_registers(config, stimulus, clock)
+
+
+@settings(deadline=None, max_examples=150)
+@given(st.data())
+def test_functional_encoder_equals_one_taxel_alone_clock_by_clock(data: st.DataObject) -> None:
+    period = data.draw(st.sampled_from([1, 2, 3, 40]))
+    config = data.draw(configs(rows=1, columns=1, link="stream", clocks_per_sample=period))
+    low = 0 if config.encoding == "nlcs" else 1 - config.step // config.grid
+    silent = data.draw(st.integers(low, min(config.step, config.full_scale - 1) // config.grid))
+    config = config.replace(reference_reset=silent * config.grid)  # no event before the first sample
+    drawn = data.draw(stimuli(config))
+    end = len(drawn.samples) * period + LATENCY
+    stimulus = Stimulus.from_samples(config, drawn.samples, clocks=end)
+    _, expected = play(config, stimulus)
+    events = uncontended_events(config, *encode_timed(config, drawn.samples))
+    assert timed(events) == expected
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_a_sample_leaves_as_events_from_three_clocks_later_on(encoding: str) -> None:
+    config = ReadoutConfig(rows=3, columns=5, encoding=encoding, resolution=4)  # type: ignore[arg-type]
+    samples = np.zeros((1, 15), np.int32)
+    samples[0, 7] = 5 * config.step + 1
+    events = simulate(config, replace(Stimulus.from_samples(config, samples), sample_clock=np.array([10])))
+    assert timed(events) == [TimedEvent(13 + i, 1, 2, True) for i in range(5)]
+
+
+# -- the promises of section 3 -----------------------------------------------------------------------
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.data())
+def test_full_rate_while_anything_is_pending_and_the_sink_is_ready(data: st.DataObject) -> None:
+    config = data.draw(configs(link="stream"))
+    stimulus = data.draw(stimuli(config))
+    transfers = {event.clock for event in timed(simulate(config, stimulus))}
+    readout = ReadoutReference(config)
+    samples = dict(zip(stimulus.sample_clock.tolist(), stimulus.samples.tolist(), strict=True))
+    offered = False
+    for clock in range(stimulus.clocks):
+        ready = bool(stimulus.ready[clock % len(stimulus.ready)])
+        assert (clock in transfers) == (offered and ready), clock
+        changes = np.searchsorted(stimulus.enable_clock, clock, side="right") - 1
+        enable = stimulus.enable[changes].tolist()
+        pending = any(polarity is not None for line in readout.requests(enable) for polarity in line)
+        offered = pending or len(readout.arbiter.latch) > (1 if ready else 0)
+        readout.clock(samples.get(clock), enable, ready)
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(1, 1), (1, 4), (5, 1), (3, 5), (64, 64)])
+def test_saturated_array_sends_one_event_every_clock_and_serves_all_alike(rows: int, columns: int) -> None:
+    config = ReadoutConfig(rows=rows, columns=columns, resolution=10)
+    samples = np.full((1, config.taxels), 1500, np.int32)
+    rounds = 7
+    stimulus = Stimulus.from_samples(config, samples, clocks=LATENCY + rounds * config.taxels)
+    events = simulate(config, stimulus)
+    assert events["t"].tolist() == list(range(LATENCY, stimulus.clocks))
+    taxel = events["y"].astype(int) * columns + events["x"]
+    assert (np.bincount(taxel, minlength=config.taxels) == rounds).all()
+    for number in range(rounds):  # and after every round
+        assert (np.bincount(taxel[number * config.taxels :][: config.taxels]) == 1).all()
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.data())
+def test_every_accepted_request_leaves_once_in_order_and_in_time(data: st.DataObject) -> None:
+    config = data.draw(configs(link="stream"))
+    stimulus = data.draw(stimuli(config, enable_clock=np.zeros(1, np.int64), enable=np.ones((1, config.taxels), bool)))
+    events = timed(simulate(config, stimulus))
+    readout, _ = play(config, stimulus)
+    left: dict[tuple[int, int], list[tuple[int, TimedEvent]]] = defaultdict(list)
+    for number, event in enumerate(events):
+        left[event.row, event.column].append((number, event))
+    accepted_before = np.searchsorted([event.clock for event in events], np.arange(stimulus.clocks + 2))
+    always_ready = stimulus.ready.all()
+    raised: Counter[tuple[int, int]] = Counter()
+    for request in readout.raised:
+        taxel = request.row, request.column
+        nth = raised[taxel]
+        raised[taxel] += 1
+        bound = (config.rows + 1) * config.columns
+        if nth < len(left[taxel]):
+            number, event = left[taxel][nth]
+            assert event.polarity == request.polarity
+            assert event.clock > request.clock
+            assert number + 1 - accepted_before[request.clock] <= bound
+            assert not always_ready or event.clock - request.clock < bound + 2
+        else:  # still on its way
+            assert len(events) - accepted_before[request.clock] < bound
+    on_the_way = Counter((event.row, event.column) for event in readout.arbiter.latch)
+    on_the_way.update(
+        (row, column)
+        for row, line in enumerate(readout.taxels)
+        for column, taxel_reference in enumerate(line)
+        if taxel_reference.pending
+    )
+    for place, number in raised.items():
+        assert number == len(left[place]) + on_the_way[place]
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.data())
+def test_what_left_and_what_waits_is_how_far_the_references_moved(data: st.DataObject) -> None:
+    config = data.draw(configs(encoding="lcs", decide_every="clock"))
+    stimulus = data.draw(stimuli(config, enable_clock=np.zeros(1, np.int64), enable=np.ones((1, config.taxels), bool)))
+    stimulus = replace(stimulus, ready=np.ones(1, np.uint8), ack_delay=np.ones(1, np.int64))
+    steps = int(np.abs(np.diff(stimulus.samples.astype(np.int64), axis=0, prepend=0)).sum()) // config.step
+    start = (abs(config.reference_reset) // config.step + 1) * config.taxels
+    last = int(stimulus.sample_clock[-1]) if len(stimulus.sample_clock) else 0
+    stimulus = replace(stimulus, clocks=last + 7 * (steps + start) + 50)  # all caught up, at 7 clocks an event
+    events = simulate(config, stimulus)
+    rest = state_at(config, stimulus, stimulus.clocks)
+    moved = np.zeros((config.rows, config.columns), np.int64)
+    np.add.at(moved, (events["y"], events["x"]), np.where(events["p"], 1, -1))
+    assert not rest.pending.any()
+    assert not rest.latch_columns
+    assert np.array_equal(rest.reference, config.reference_reset + config.step * moved)
+    x = rest.sample - rest.reference
+    assert ((-config.step <= x) & (x < config.step)).all()
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.data())
+def test_same_stimulus_gives_the_same_events_and_stays_untouched(data: st.DataObject) -> None:
+    config = data.draw(configs())
+    stimulus = data.draw(stimuli(config))
+    before = copy.deepcopy(stimulus)
+    first = simulate(config, stimulus)
+    assert np.array_equal(simulate(config, stimulus), first)
+    for field in fields(Stimulus):
+        assert np.array_equal(getattr(stimulus, field.name), getattr(before, field.name))
+
+
+def test_a_run_is_the_start_of_a_longer_one() -> None:
+    for link in ("stream", "four_phase"):
+        config = ReadoutConfig(rows=3, columns=5, link=link, resolution=5)  # type: ignore[arg-type]
+        rng = np.random.default_rng(1)
+        samples = rng.integers(-2048, 2048, (20, 15))
+        stimulus = Stimulus.from_samples(config, samples, clocks_per_sample=11, ack_delay=np.array([3, 17]))
+        whole = timed(simulate(config, stimulus))
+        seen = 1 if link == "four_phase" else 0  # REQ is seen in the clock after its edge
+        for clocks in range(stimulus.clocks):
+            part = simulate(config, replace(stimulus, clocks=clocks))
+            assert timed(part) == [event for event in whole if event.clock + seen < clocks]
+
+
+def test_nothing_happening_gives_no_event() -> None:
+    for encoding in ENCODINGS:
+        config = ReadoutConfig(encoding=encoding, window_period=1)  # type: ignore[arg-type]
+        assert not len(simulate(config, Stimulus.from_samples(config, np.zeros((500, 64), np.int32))))
+        assert not len(simulate(config, Stimulus.from_samples(config, np.zeros((0, 64), np.int32), clocks=99)))
+
+
+# -- refusals ----------------------------------------------------------------------------------------
+
+GOOD = Stimulus.from_samples(ReadoutConfig(rows=1, columns=2), np.zeros((3, 2), np.int32))
+ACK = "ack_delay must be positive and never a multiple of 8, or ACK changes at a clock edge"
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        (
+            {"samples": np.zeros((3, 3), np.int32)},
+            "samples must have shape (ticks, 2) for 1 x 2 taxels, not (3, 3)",
+        ),
+        ({"samples": np.zeros(3, np.int32)}, "samples must have shape (ticks, 2) for 1 x 2 taxels, not (3,)"),
+        (
+            {"samples": np.array([[0, 0], [-2049, 5], [0, 0]])},
+            "samples must be in -2048..2047 (12 bits), not -2049..5",
+        ),
+        (
+            {"samples": np.array([[0, 0], [0, 2048], [0, 0]])},
+            "samples must be in -2048..2047 (12 bits), not 0..2048",
+        ),
+        (
+            {"sample_clock": np.array([0, 4])},
+            "sample_clock must be one rising clock for every row of samples",
+        ),
+        (
+            {"sample_clock": np.array([0, 4, 4])},
+            "sample_clock must be one rising clock for every row of samples",
+        ),
+        (
+            {"sample_clock": np.array([-1, 4, 5])},
+            "sample_clock must be one rising clock for every row of samples",
+        ),
+        ({"enable": np.ones((2, 2), bool)}, "enable must have shape (1, 2), one mask at least"),
+        ({"enable": np.ones((1, 3), bool)}, "enable must have shape (1, 2), one mask at least"),
+        (
+            {"enable": np.ones((0, 2), bool), "enable_clock": np.zeros(0, np.int64)},
+            "enable must have shape (0, 2), one mask at least",
+        ),
+        ({"enable_clock": np.array([1])}, "enable_clock must rise from 0"),
+        (
+            {"enable": np.ones((2, 2), bool), "enable_clock": np.array([0, 0])},
+            "enable_clock must rise from 0",
+        ),
+        ({"ready": np.zeros(0, np.uint8)}, "ready and ack_delay must not be empty"),
+        ({"ack_delay": np.zeros(0, np.int64)}, "ready and ack_delay must not be empty"),
+        ({"ack_delay": np.array([1, 0])}, ACK),
+        ({"ack_delay": np.array([1, 16])}, ACK),
+    ],
+)
+def test_stimulus_that_does_not_fit_is_refused(changes: dict[str, Any], sentence: str) -> None:
+    config = ReadoutConfig(rows=1, columns=2)
+    bad = replace(GOOD, **changes)
+    for call in (lambda: simulate(config, bad), lambda: state_at(config, bad, 0)):
+        with pytest.raises(InputError) as error:
+            call()
+        assert str(error.value) == sentence
