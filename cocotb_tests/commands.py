@@ -80,7 +80,7 @@ def sim(
                 reproduce(chosen, simulator, seed).replace(" TEXTURES=0", f" TEXTURES={textures}"),
                 seed=seed,
                 dataset=dataset or "embedded",
-                textures=picked,
+                textures=[data[number].name for number in picked],
                 ticks=ticks,
                 keep=str((folder / "events").resolve()),
             )
@@ -96,7 +96,7 @@ def sim(
                 _picture(chosen, data[picked[0]], folder, ticks)
             progress.update(task, description=f"{encoding}: done")
             if waves:
-                wave = folder / "run" / "waves.vcd"
+                wave = folder / "run" / ("waves.vcd" if simulator == "verilator" else "waves.fst")
                 print(f"waveform: {wave}; open it with: gtkwave {wave}")
     if not total.events:
         print("FAILED: no event was compared")
@@ -213,10 +213,13 @@ def replay(
                 f"make replay {' '.join(_variables(config))} PRESET={preset} DATASET={dataset or data.name} WORKERS=1"
             )
             job = Job(
-                config.to_dict(), command, dataset=dataset, preset=preset, textures=numbers, start_row=start_row,
+                config.to_dict(), command, dataset=dataset, preset=preset, textures=[data[number].name for number in numbers], start_row=start_row,
                 keep=str(events.resolve()),
             )  # fmt: skip
-            return run_job(program, job, folder / f"run-{part}", functools.partial(_advance, progress, task))
+            running = folder / f"run-{os.getpid()}-{part}"
+            tally = run_job(program, job, running, functools.partial(_advance, progress, task))
+            shutil.rmtree(running)
+            return tally
 
         with ThreadPoolExecutor(workers) as pool:
             try:

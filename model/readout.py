@@ -18,6 +18,7 @@ from model.arbiter import ONE, ZERO, lowest, next_row, rows_behind, without_lowe
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.events import EVENT_DTYPE, Events
+from model.taxel import EVENT_LATENCY as LATENCY  # noqa: F401
 from model.window import decay_phases
 
 LCS, CW_LCS, N_LCS = range(3)

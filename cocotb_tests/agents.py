@@ -1,0 +1,182 @@
+"""What the block-level tests share: pins and clock of a block, a checker, and how a test reaches the simulator."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from cocotb.triggers import Timer
+
+from cocotb_tests.simulator import Simulator, build
+from model.config import ReadoutConfig
+
+JOB = "ESKIN_BLOCK_JOB"
+"""Environment variable with the job of a block-level test, as JSON."""
+
+
+class BlockMismatch(AssertionError):
+    """A block differs from its reference, or breaks its contract; the text says when, where and how."""
+
+
+class Block:
+    """A block under test: its pins, and the clock, which the bench makes itself.
+
+    Within a clock everything has its fixed place, so that all simulators see the same: inputs change after the
+    falling edge, settle, are checked, and only then comes the rising edge.
+
+    Attributes
+    ----------
+    time : int
+        Clocks since the simulation began.
+    """
+
+    HALF_PS = 5_000
+    SETTLE_PS = 500
+
+    def __init__(self, dut: Any) -> None:
+        self.dut = dut
+        self.time = 0
+        self.dut.clk.value = 0
+
+    def has(self, name: str) -> bool:
+        """Return whether the block has a port."""
+        return hasattr(self.dut, name)
+
+    def drive(self, **values: int) -> None:
+        """Set inputs; those that this configuration does not have are left out."""
+        for name, value in values.items():
+            if self.has(name):
+                handle = getattr(self.dut, name)
+                handle.value = int(value) & (1 << len(handle)) - 1
+
+    def read(self, name: str) -> int:
+        """Return an output as an unsigned number; 0 for one that this configuration does not have."""
+        if not self.has(name):
+            return 0
+        value = getattr(self.dut, name).value
+        if not value.is_resolvable:
+            raise BlockMismatch(f"clock {self.time}: {name} is {value}")
+        return int(value)
+
+    def read_signed(self, name: str) -> int:
+        """Return an output as a signed number."""
+        value, bits = self.read(name), len(getattr(self.dut, name))
+        return value - (value >> (bits - 1) << bits)
+
+    async def settle(self) -> None:
+        """Let inputs reach the outputs."""
+        await Timer(self.SETTLE_PS, "ps")
+
+    async def edge(self) -> None:
+        """Make the rising edge, and the falling one."""
+        self.dut.clk.value = 1
+        await Timer(self.HALF_PS, "ps")
+        self.dut.clk.value = 0
+        await Timer(self.HALF_PS, "ps")
+        self.time += 1
+
+    async def reset(self, clocks: int = 2) -> None:
+        """Hold the reset over some edges."""
+        self.drive(rst=1)
+        await self.settle()
+        for _ in range(clocks):
+            await self.edge()
+        self.drive(rst=0)
+        await self.settle()
+
+
+class Checker:
+    """Holds what a block does to what it shall do, and counts every check by its name."""
+
+    def __init__(self, block: Block) -> None:
+        self.block = block
+        self.counts: Counter[str] = Counter()
+
+    def equal(self, name: str, expected: int, got: int, state: object = "") -> None:
+        """Compare a signal in this clock."""
+        self.counts["checks"] += 1
+        if expected != got:
+            raise BlockMismatch(f"clock {self.block.time}: {name}: expected {expected}, got {got}; {state}")
+
+    def holds(self, name: str, condition: bool, why: object = "") -> None:
+        """Check a named property in this clock."""
+        self.counts[name] += 1
+        if not condition:
+            raise BlockMismatch(f"clock {self.block.time}: {name} is broken; {why}")
+
+
+class Sink:
+    """A receiver's ready: ``always``, ``random``, ``slow`` (every seventh clock) or ``stuck`` (with one long stall)."""
+
+    NAMES = ("always", "random", "slow", "stuck")
+
+    def __init__(self, name: str, rng: random.Random) -> None:
+        self.name, self.rng, self.clock = name, rng, 0
+
+    def ready(self) -> bool:
+        """Return event_ready of the next clock."""
+        self.clock += 1
+        if self.name == "slow":
+            return self.clock % 7 == 0
+        if self.name == "stuck" and 30 <= self.clock < 110:
+            return False
+        return self.name == "always" or self.rng.random() < 0.6
+
+
+def bits(values: Sequence[object]) -> int:
+    """Return true values as set bits, the first in the least significant one."""
+    return sum(1 << index for index, value in enumerate(values) if value)
+
+
+def payload(config: ReadoutConfig, row: int, column: int, polarity: bool) -> dict[str, int]:
+    """Return the payload of an event as values of the ports that a configuration has."""
+    fields = {"event_row": row, "event_col": column, "event_polarity": int(polarity)}
+    present = {
+        "event_row": config.row_bits > 0,
+        "event_col": config.column_bits > 0,
+        "event_polarity": config.has_polarity,
+    }
+    return {name: value for name, value in fields.items() if present[name]}
+
+
+# -- from pytest into the simulator and back ---------------------------------------------------------
+
+
+def cosimulate(
+    config: ReadoutConfig, simulator: Simulator, top: str, test: str, folder: Path, seed: int
+) -> Counter[str]:
+    """Run one cocotb test of a block and return what it counted.
+
+    Parameters
+    ----------
+    config : ReadoutConfig
+    simulator : "icarus" or "verilator"
+    top : str
+        The block: ``eskin_taxel``, ``eskin_arbiter`` or ``eskin_link``; its test file has the name of the block.
+    test : str
+        Name of the cocotb test.
+    folder : Path
+        Where it runs and leaves its log.
+    seed : int
+        For everything random in it.
+    """
+    job = {"config": config.to_dict(), "seed": seed}
+    module = top.replace("eskin_", "cocotb_tests.test_")
+    build(config, simulator, top=top).test(module, folder, test, {JOB: json.dumps(job)})
+    return Counter(json.loads((folder / "counts.json").read_text()))
+
+
+def job() -> tuple[ReadoutConfig, random.Random]:
+    """Return, within the simulator, the configuration of the test and its source of randomness."""
+    fields = json.loads(os.environ[JOB])
+    return ReadoutConfig.from_dict(fields["config"]), random.Random(fields["seed"])
+
+
+def report(counts: Counter[str]) -> None:
+    """Leave the counts for pytest."""
+    Path("counts.json").write_text(json.dumps(counts))

@@ -1,0 +1,328 @@
+"""The arbiter's RTL against the plain arbiter in every clock, and against its contract, property by property."""
+
+from __future__ import annotations
+
+import random
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import cocotb
+import pytest
+
+from cocotb_tests.agents import Block, Checker, Sink, bits, cosimulate, job, payload, report
+from cocotb_tests.reference import AddressEvent, ArbiterReference
+from cocotb_tests.simulator import Simulator
+from model.config import ReadoutConfig
+
+Want = Callable[[int, int], bool]
+"""Whether the taxel of a row and column raises a request now, if it has none."""
+
+
+class RowsAgent:
+    """The rows of taxels: drive the request lines, and the column lines when selected.
+
+    Attributes
+    ----------
+    requests : list of lists
+        The polarity of every pending request, None where there is none.
+    """
+
+    def __init__(self, config: ReadoutConfig, rng: random.Random) -> None:
+        self.config, self.rng = config, rng
+        self.requests: list[list[bool | None]] = []
+        self.clear()
+
+    def clear(self) -> None:
+        """Drop all requests, as a reset does."""
+        self.requests = [[None] * self.config.columns for _ in range(self.config.rows)]
+
+    def raise_requests(self, want: Want) -> Iterator[AddressEvent]:
+        """Raise requests where they are wanted and none is pending; yield them."""
+        for row, line in enumerate(self.requests):
+            for column, pending in enumerate(line):
+                if pending is None and want(row, column):
+                    line[column] = self.rng.random() < 0.5 or not self.config.has_polarity
+                    yield AddressEvent(row, column, bool(line[column]))
+
+    def withdraw(self, share: float) -> Iterator[AddressEvent]:
+        """Withdraw a share of the requests, as a mask does; yield them."""
+        for row, line in enumerate(self.requests):
+            for column, pending in enumerate(line):
+                if pending is not None and self.rng.random() < share:
+                    line[column] = None
+                    yield AddressEvent(row, column, pending)
+
+    def row_lines(self) -> int:
+        """Return row_request."""
+        return bits([any(polarity is not None for polarity in line) for line in self.requests])
+
+    def column_lines(self, select: int) -> tuple[int, int]:
+        """Return column_request and column_polarity of the selected rows; a polarity without a request is noise."""
+        request = polarity = 0
+        for row, line in enumerate(self.requests):
+            if select >> row & 1:
+                shift = row * self.config.columns
+                request |= bits([value is not None for value in line]) << shift
+                noise = [self.rng.random() < 0.5 if value is None else value for value in line]
+                polarity |= bits(noise) << shift
+        return request, polarity
+
+
+class ArbiterContract:
+    """What must hold whatever the microarchitecture, seen from the ports alone: one method a property.
+
+    Assumptions on the environment: a request stays until its row is granted or it is withdrawn, and a row drives
+    the column lines when it is selected, in the same clock.
+    """
+
+    def __init__(self, config: ReadoutConfig, check: Checker) -> None:
+        self.config, self.check = config, check
+        self.bound = (config.rows + 1) * config.columns
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget what was on its way."""
+        self.raised: dict[tuple[int, int], list[tuple[bool, int, int]]] = defaultdict(list)
+        self.served: Counter[tuple[int, int]] = Counter()
+        self.accepted = 0
+        self.offered: tuple[int, ...] | None = None  # an event that was offered in the last clock and not taken
+        self.outstanding = False  # something requested by the last clock had not left after it
+        self.always_ready = True
+
+    def raise_request(self, event: AddressEvent) -> None:
+        """Note a request."""
+        self.raised[event.row, event.column].append((event.polarity, self.accepted, self.check.block.time))
+
+    def withdraw(self, event: AddressEvent) -> None:
+        """Strike a request that was withdrawn before it was granted."""
+        self.raised[event.row, event.column].pop()
+
+    def grant(self, granted: int, select: int, row_request: int) -> None:
+        """CheckOneHotGrant, GrantImpliesRequest, GrantImpliesSelect."""
+        for name, word in (("granted", granted), ("select", select)):
+            self.check.holds("CheckOneHotGrant", word & (word - 1) == 0, f"{name} is {word:#x}")
+        self.check.holds("GrantImpliesRequest", granted & ~row_request == 0, f"{granted:#x} of {row_request:#x}")
+        self.check.holds("GrantImpliesSelect", granted & ~select == 0, f"{granted:#x} of {select:#x}")
+
+    def stream(self, valid: bool, ready: bool, fields: tuple[int, ...]) -> None:
+        """ValidStableUntilReady, PayloadStable, FullRate: what is offered in this clock."""
+        if self.offered is not None:
+            self.check.holds("ValidStableUntilReady", valid, f"{self.offered} vanished")
+            self.check.holds("PayloadStable", fields == self.offered, f"{self.offered} became {fields}")
+        if self.outstanding:
+            self.check.holds("FullRate", valid, "something is pending, and no event is offered")
+        self.offered = fields if valid and not ready else None
+
+    def transfer(self, event: AddressEvent) -> None:
+        """NoDuplicate, InOrder, NoStarvation, NoStarvationClocks: an event leaves."""
+        self.accepted += 1
+        taxel = event.row, event.column
+        self.check.holds("NoDuplicate", bool(self.raised[taxel]), f"{event} was not requested, or left before")
+        polarity, accepted_then, clock_then = self.raised[taxel].pop(0)
+        self.check.holds("InOrder", polarity == event.polarity, f"{event} has the wrong polarity")
+        waited = self.accepted - accepted_then
+        self.check.holds("NoStarvation", waited <= self.bound, f"{event} waited {waited} of {self.bound} events")
+        if self.always_ready:
+            clocks = self.check.block.time - clock_then
+            self.check.holds("NoStarvationClocks", clocks < self.bound + 2, f"{event} waited {clocks} clocks")
+        self.served[taxel] += 1
+        self.check.counts["transfers"] += 1
+
+    def end_of_clock(self) -> None:
+        """Note whether anything that was requested has not left yet."""
+        self.outstanding = any(self.raised.values())
+
+    def fair(self, wanting: list[tuple[int, int]]) -> None:
+        """Fairness: those who always wanted got the same, but for the round that is under way."""
+        shares = [self.served[taxel] for taxel in wanting]
+        self.check.holds("Fairness", max(shares) - min(shares) <= 1 and min(shares) > 1, shares)
+
+    def empty(self) -> None:
+        """NoLoss: all that was requested has left."""
+        left = {taxel: requests for taxel, requests in self.raised.items() if requests}
+        self.check.holds("NoLoss", not left, left)
+
+
+class ArbiterBench:
+    """An arbiter, its rows and sink, its reference and its contract."""
+
+    def __init__(self, dut: Any, config: ReadoutConfig, rng: random.Random) -> None:
+        self.config, self.rng = config, rng
+        self.block = Block(dut)
+        self.check = Checker(self.block)
+        self.rows = RowsAgent(config, rng)
+        self.reference = ArbiterReference(config)
+        self.contract = ArbiterContract(config, self.check)
+        self.block.drive(row_request=0, column_request=0, column_polarity=0, event_ready=0)
+
+    def fields(self) -> tuple[int, ...]:
+        """Return the payload on the ports."""
+        return tuple(self.block.read(name) for name in payload(self.config, 0, 0, False))
+
+    async def ready_changes_nothing(self) -> None:
+        """NoCombinationalReadyToValid: event_valid, payload and select are the same whatever event_ready is."""
+        seen = []
+        for ready in (0, 1, 0):
+            self.block.drive(event_ready=ready)
+            await self.block.settle()
+            seen.append((self.block.read("event_valid"), self.block.read("select"), *self.fields()))
+        self.check.holds("NoCombinationalReadyToValid", seen[0] == seen[1] == seen[2], seen)
+
+    async def clock(self, want: Want, ready: bool, withdraw: float = 0.0) -> None:
+        """Raise requests, drive, check everything, and make the edge."""
+        config, block, contract = self.config, self.block, self.contract
+        for event in self.rows.withdraw(withdraw):
+            contract.withdraw(event)
+        for event in self.rows.raise_requests(want):
+            contract.raise_request(event)
+        row_request = self.rows.row_lines()
+        block.drive(row_request=row_request, event_ready=ready)
+        await block.settle()
+        request, polarity = self.rows.column_lines(block.read("select"))
+        block.drive(column_request=request, column_polarity=polarity)
+        await self.ready_changes_nothing()
+        block.drive(event_ready=ready)
+        await block.settle()
+
+        self.compare(ready)
+        granted, select, valid = block.read("granted"), block.read("select"), bool(block.read("event_valid"))
+        contract.grant(granted, select, row_request)
+        contract.always_ready &= ready
+        contract.stream(valid, ready, self.fields())
+        if valid and ready:
+            contract.transfer(self.event())
+        contract.end_of_clock()
+
+        await block.edge()
+        self.reference.clock(self.rows.requests, ready)
+        for row in range(config.rows):
+            if granted >> row & 1:
+                self.rows.requests[row] = [None] * config.columns
+
+    def event(self) -> AddressEvent:
+        """Return the event on the ports."""
+        read = self.block.read
+        polarity = bool(read("event_polarity")) or not self.config.has_polarity
+        return AddressEvent(read("event_row"), read("event_col"), polarity)
+
+    def compare(self, ready: bool) -> None:
+        """Hold all outputs to the reference."""
+        requests, reference, read = self.rows.requests, self.reference, self.block.read
+        state = f"last {reference.last}, latch {reference.latch}, ready {ready}, requests {self.block.dut.row_request}"
+        for name, row in (("select", reference.selected(requests)), ("granted", reference.granted(requests, ready))):
+            self.check.equal(name, 0 if row is None else 1 << row, read(name), state)
+        event = reference.event
+        self.check.equal("event_valid", event is not None, read("event_valid"), state)
+        if event is not None:
+            for name, value in payload(self.config, *event).items():
+                self.check.equal(name, value, read(name), state)
+
+    async def drain(self, clocks: int) -> None:
+        """Let all that is pending leave."""
+        for _ in range(clocks):
+            await self.clock(lambda row, column: False, ready=True)
+        self.contract.empty()
+
+    async def reset(self) -> None:
+        """Reset in mid-stream: what was latched is gone, and row 0 comes first again."""
+        self.rows.clear()
+        self.contract.reset()
+        self.reference.reset()
+        self.block.drive(row_request=0, column_request=0, event_ready=0, rst=1)
+        await self.block.settle()
+        if self.config.reset == "async":  # in mid-clock: nothing is offered at once
+            self.check.equal("event_valid", 0, self.block.read("event_valid"), "rst is high")
+        await self.block.reset()
+        self.check.counts["resets"] += 1
+
+
+@cocotb.test()
+async def arbiter_keeps_its_contract(dut: Any) -> None:
+    """Play all kinds of demand against all kinds of sinks, each ended by draining or by a reset in mid-stream."""
+    config, rng = job()
+    bench = ArbiterBench(dut, config, rng)
+    await bench.block.reset()
+    everyone = [(row, column) for row in range(config.rows) for column in range(config.columns)]
+    full = config.taxels * 3 + 8
+    one = rng.choice(everyone)
+    some = sorted({rng.choice(everyone) for _ in range(5)})
+    always: dict[str, list[tuple[int, int]]] = {
+        "everyone": everyone,
+        "one row": [taxel for taxel in everyone if taxel[0] == one[0]],
+        "one column": [taxel for taxel in everyone if taxel[1] == one[1]],
+        "one taxel": [one],
+        "some": some,
+    }
+    for wanting in always.values():
+        members = set(wanting)
+        before = bench.check.counts["transfers"]
+        clocks = len(wanting) * 3 + 8 if len(wanting) > 1 else 40
+        for _ in range(clocks):
+            await bench.clock(lambda row, column, members=members: (row, column) in members, ready=True)  # type: ignore[misc]
+        bench.contract.fair(wanting)
+        bench.check.equal("events", clocks - 1, bench.check.counts["transfers"] - before)
+        await (bench.reset() if len(wanting) % 2 else bench.drain(2 * config.taxels + 4))
+        bench.contract.reset()
+
+    for sink_name in Sink.NAMES:
+        for demand, withdraw in ((0.02, 0.0), (0.3, 0.0), (0.2, 0.1)):
+            sink = Sink(sink_name, rng)
+            for _ in range(120):
+                await bench.clock(lambda row, column, p=demand: rng.random() < p, sink.ready(), withdraw)  # type: ignore[misc]
+            if rng.random() < 0.5:
+                await bench.reset()
+        await bench.drain(full)
+    report(bench.check.counts)
+
+
+PROPERTIES = (
+    "CheckOneHotGrant",
+    "GrantImpliesRequest",
+    "GrantImpliesSelect",
+    "ValidStableUntilReady",
+    "PayloadStable",
+    "NoCombinationalReadyToValid",
+    "NoLoss",
+    "NoDuplicate",
+    "InOrder",
+    "NoStarvation",
+    "NoStarvationClocks",
+    "Fairness",
+    "FullRate",
+)
+ICARUS = [
+    ReadoutConfig(rows=1, columns=1, encoding="nlcs"),
+    ReadoutConfig(rows=1, columns=1, reset="async"),
+    ReadoutConfig(rows=1, columns=4),
+    ReadoutConfig(rows=5, columns=1, encoding="nlcs", reset="async"),
+    ReadoutConfig(rows=3, columns=5, encoding="cw-lcs"),
+    ReadoutConfig(rows=2, columns=64, reset="async"),
+    ReadoutConfig(rows=64, columns=2, encoding="nlcs"),
+    ReadoutConfig(rows=8, columns=8),
+    ReadoutConfig(rows=12, columns=16, reset="async"),
+]
+VERILATOR = [ReadoutConfig(rows=3, columns=5, reset="async")]
+
+
+def name(config: ReadoutConfig) -> str:
+    """Return the name of a configuration in the list of tests."""
+    return f"{config.rows}x{config.columns}-{'bipolar' if config.has_polarity else 'unipolar'}-{config.reset}"
+
+
+CASES = [
+    *(pytest.param("icarus", config, id=f"icarus-{name(config)}") for config in ICARUS),
+    *(pytest.param("verilator", config, id=f"verilator-{name(config)}") for config in VERILATOR),
+]
+
+
+@pytest.mark.parametrize(("simulator", "config"), CASES)
+def test_arbiter_keeps_its_contract_and_equals_its_reference(
+    simulator: Simulator, config: ReadoutConfig, tmp_path: Path
+) -> None:
+    counts = cosimulate(config, simulator, "eskin_arbiter", "arbiter_keeps_its_contract", tmp_path, seed=2)
+    assert counts["transfers"] > 200
+    assert counts["resets"] > 0
+    assert counts["checks"] > 3 * counts["transfers"]
+    assert all(counts[property_name] > 0 for property_name in PROPERTIES), counts

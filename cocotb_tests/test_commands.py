@@ -1,0 +1,149 @@
+"""The commands behind make sim and make replay, as a user meets them; and that a broken RTL does not get past them."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cocotb_tests.simulator as simulator
+from cocotb_tests.player import Job
+from cocotb_tests.session import MismatchFound, run_job
+from model.config import ReadoutConfig
+from model.dataset import embedded_dataset
+from model.events import Recording
+from model.readout import Stimulus, simulate
+from model.texture import PhysicalScan
+
+BIT_EXACT = re.compile(r"bit-exact: (\d+) runs, (\d+) clocks, (\d+) events, 0 mismatches")
+COMMAND = [sys.executable, "-m", "cocotb_tests"]
+
+
+def call(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*COMMAND, *map(str, arguments)], capture_output=True, text=True, check=False)
+
+
+def test_sim_ends_with_its_one_line_and_leaves_picture_and_event_files(tmp_path: Path) -> None:
+    done = call(
+        "sim", "--rows", 2, "--columns", 3, "--encoding", "cw-lcs", "--sim", "icarus", "--textures", 2, "--ticks", 60,
+        "--waves", "-o", tmp_path,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    line = BIT_EXACT.fullmatch(done.stdout.strip().splitlines()[-1])
+    assert line is not None
+    assert int(line[1]) == 8 + 2
+    assert int(line[3]) > 0
+    folder = tmp_path / "2x3-cw-lcs-6b"
+    assert (folder / "raster.png").stat().st_size > 10_000
+    rtl, model = Recording.load(folder / "rtl.npz"), Recording.load(folder / "model.npz")
+    assert len(rtl.events) > 0
+    assert np.array_equal(rtl.events, model.events)
+    wave = re.search(r"waveform: (\S+); open it with: gtkwave", done.stdout)
+    assert wave is not None
+    assert Path(wave[1]).stat().st_size > 1000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["sim", "--sim", "modelsim"], "error: SIM must be one of verilator, icarus, not 'modelsim'\n"),
+        (["sim", "--resolution", "0"], "error: resolution must be in 1..sample_bits - 2 = 10, not 0\n"),
+        (["sim", "--ticks", "0"], "error: textures must be at least 0 and ticks at least 1, not 3 and 0\n"),
+        (["replay", "--workers", "0"], "error: workers must be at least 1, not 0\n"),
+    ],
+)
+def test_bad_input_is_one_sentence(arguments: list[str], sentence: str, tmp_path: Path) -> None:
+    done = call(*arguments, "-o", tmp_path / "out")
+    assert (done.returncode, done.stderr) == (2, sentence)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_missing_dataset_is_one_sentence(tmp_path: Path) -> None:
+    done = call("replay", "--dataset", tmp_path / "none", "-o", tmp_path / "out")
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: ")
+    assert done.stderr.count("\n") == 1
+
+
+def test_make_passes_variables_on_and_ignores_the_width_of_the_window() -> None:
+    command = ["make", "-n", "-o", ".venv/.installed", "sim", "ROWS=12", "SAMPLE_RATE=1e4", "SIM=icarus", "WAVES=1"]
+    done = subprocess.run(
+        command, cwd=simulator.ROOT, capture_output=True, text=True, check=True, env=os.environ | {"COLUMNS": "132"}
+    )
+    assert done.stdout.split()[1:] == [
+        "-m", "cocotb_tests", "sim", "--rows", "'12'", "--sample-rate", "'1e4'", "--sim", "'icarus'", "--waves",
+    ]  # fmt: skip
+    assert "132" not in done.stdout
+
+
+REPLAY = ["replay", "--dataset", "embedded", "--rows", "2", "--columns", "2", "--encoding", "nlcs"]
+
+
+def test_replay_is_bit_exact_and_does_only_what_is_missing(tmp_path: Path) -> None:
+    first = call(*REPLAY, "--limit", 3, "--workers", 2, "-o", tmp_path)
+    assert first.returncode == 0, first.stderr
+    next(tmp_path.glob("*/events/grass/*.npz")).write_bytes(b"damaged")
+    second = call(*REPLAY, "--limit", 3, "-o", tmp_path)
+    assert "played now: 1 images" in second.stdout
+    line = BIT_EXACT.fullmatch(second.stdout.strip().splitlines()[-1])
+    assert line is not None
+    assert line[1] == "3"
+    summary = json.loads(next(tmp_path.glob("*/summary.json")).read_text())
+    assert summary["events"] == int(line[3]) > 0
+    config = ReadoutConfig.from_dict(summary["configuration"])
+    for texture in embedded_dataset().limit(3):
+        recording = Recording.load(next(tmp_path.glob("*/events")) / f"{texture.name}.npz")
+        samples, _ = PhysicalScan().samples(config, texture.load())
+        assert np.array_equal(recording.events, simulate(config, Stimulus.from_samples(config, samples)))
+        assert recording.metadata["class"] == texture.class_name
+
+
+def test_replay_goes_on_after_a_kill(tmp_path: Path) -> None:
+    command = [*COMMAND, *REPLAY, "--limit", "12", "--workers", "1", "-o", str(tmp_path)]
+    killed = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 120
+    while not list(tmp_path.glob("*/events/*/*.npz")):
+        assert killed.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    killed.send_signal(signal.SIGKILL)
+    killed.wait()
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    line = BIT_EXACT.fullmatch(done.stdout.strip().splitlines()[-1])
+    assert line is not None
+    assert line[1] == "12"
+    assert "played now: 12 images" not in done.stdout
+
+
+FAULTS = {
+    "polarity swapped": ("event_polarity = | ", "event_polarity = ~| "),
+    "columns served in the wrong row": ("event_row <= select[2:1]", "event_row <= 2'h0"),
+    "an event lost now and then": ("assign event_valid = | waiting", "assign event_valid = | waiting[3:1]"),
+    "silent": ("assign event_valid = | waiting", "assign event_valid = 1'h0"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_broken_readout_is_found_and_described(fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    config = ReadoutConfig(rows=3, columns=4)
+    text = simulator.verilog(config)
+    before, after = FAULTS[fault]
+    assert before in text
+    monkeypatch.setattr(simulator, "verilog", lambda _: text.replace(before, after, 1))
+    monkeypatch.setattr(simulator, "BUILD", tmp_path)
+    job = Job(config.to_dict(), "make sim ROWS=3 COLUMNS=4", seed=0)
+    with pytest.raises(MismatchFound) as found:
+        run_job(simulator.build(config, "icarus"), job, tmp_path / "run")
+    message = str(found.value)
+    assert "RTL and model differ" in message
+    assert re.search(r"clock \d+: sample -?\d+, reference -?\d+, half-width \d+, pending [01]", message)
+    assert message.endswith("reproduce: make sim ROWS=3 COLUMNS=4")

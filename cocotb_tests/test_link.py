@@ -1,0 +1,278 @@
+"""The four-phase link's RTL against the plain link in every clock, with a receiver that knows no clock."""
+
+from __future__ import annotations
+
+import itertools
+import random
+from pathlib import Path
+from typing import Any
+
+import cocotb
+import pytest
+from cocotb.clock import Clock
+from cocotb.triggers import FallingEdge, ReadOnly, RisingEdge, Timer, ValueChange
+from cocotb.utils import get_sim_time
+
+from cocotb_tests.agents import Block, Checker, cosimulate, job, payload, report
+from cocotb_tests.reference import AddressEvent, LinkReference
+from cocotb_tests.simulator import Simulator
+from model.config import ReadoutConfig
+
+PERIOD_PS = 10_000
+BEFORE_EDGE_PS = 10  # when everything is compared
+
+
+class Receiver:
+    """Answers REQ with ACK after a delay that has nothing to do with the clock, and notes what it received.
+
+    Attributes
+    ----------
+    longest_ps : int
+        Delays are random up to this; with 0, ACK follows at once.
+    received : list of int
+        The address of every event, read when REQ rises; that it stays is for ``ProtocolMonitor``.
+    req_times_ps : list of int
+        When REQ rose.
+    busy : bool
+        A handshake is under way.
+    """
+
+    def __init__(self, block: Block, check: Checker, rng: random.Random) -> None:
+        self.block, self.check, self.rng = block, check, rng
+        self.longest_ps = 0
+        self.received: list[int] = []
+        self.req_times_ps: list[int] = []
+        self.busy = False
+
+    async def run(self) -> None:
+        """Answer for ever."""
+        dut = self.block.dut
+        while True:
+            await RisingEdge(dut.aer_req)
+            self.busy = True
+            self.req_times_ps.append(now_ps())
+            self.received.append(self.block.read("aer_addr"))
+            await self.answer(1)
+            if dut.aer_req.value == 1:
+                await FallingEdge(dut.aer_req)
+            await self.answer(0)
+            self.busy = False
+
+    async def answer(self, ack: int) -> None:
+        """Set ACK after a delay, but not in the few picoseconds before and at a clock edge, where it is undefined."""
+        delay = self.rng.randint(1, self.longest_ps) if self.longest_ps else 1
+        to_edge = -(now_ps() + delay) % PERIOD_PS  # rising edges are at multiples of the period
+        if to_edge <= 2 * BEFORE_EDGE_PS:
+            delay += to_edge + 1
+        await Timer(delay, "ps")
+        self.block.dut.aer_ack.value = ack
+
+
+class ProtocolMonitor:
+    """Watches the wires all the time, between clock edges too."""
+
+    def __init__(self, block: Block, check: Checker) -> None:
+        self.block, self.check = block, check
+        self.address_since_ps = 0
+
+    async def watch_request(self) -> None:
+        """NoRequestBeforeAckLow, RequestHeldUntilAck, AddressBeforeRequest."""
+        dut = self.block.dut
+        while True:
+            await ValueChange(dut.aer_req)
+            await ReadOnly()
+            req, ack, rst = dut.aer_req.value == 1, dut.aer_ack.value == 1, dut.rst.value == 1
+            if req:
+                self.check.holds("NoRequestBeforeAckLow", not ack, "REQ rises while ACK is high")
+                early = now_ps() - self.address_since_ps
+                self.check.holds("AddressBeforeRequest", early >= PERIOD_PS, f"address {early} ps before REQ")
+            elif not rst:
+                self.check.holds("RequestHeldUntilAck", ack, "REQ falls while ACK is low")
+
+    async def watch_address(self) -> None:
+        """AddressStable: the address moves only while REQ and ACK are low."""
+        dut = self.block.dut
+        while self.block.has("aer_addr"):
+            await ValueChange(dut.aer_addr)
+            await ReadOnly()
+            self.address_since_ps = now_ps()
+            if dut.rst.value == 0:
+                still = dut.aer_req.value == 0 and dut.aer_ack.value == 0
+                self.check.holds("AddressStable", still, f"address becomes {dut.aer_addr.value}")
+
+
+def now_ps() -> int:
+    """Return the time in picoseconds."""
+    return round(get_sim_time("ps"))
+
+
+def address_of(config: ReadoutConfig, event: AddressEvent) -> int:
+    """Return {polarity, row, column}."""
+    address = event.column | event.row << config.column_bits
+    return address | (event.polarity << (config.row_bits + config.column_bits) if config.has_polarity else 0)
+
+
+class LinkBench:
+    """A link between a source of events and a receiver, with its reference."""
+
+    def __init__(self, dut: Any, config: ReadoutConfig, rng: random.Random) -> None:
+        self.dut, self.config, self.rng = dut, config, rng
+        self.block = Block(dut)
+        self.check = Checker(self.block)
+        self.reference = LinkReference()
+        self.receiver = Receiver(self.block, self.check, rng)
+        self.monitor = ProtocolMonitor(self.block, self.check)
+        self.expected: list[int] = []
+        self.event: AddressEvent | None = None
+        self.block.drive(event_valid=0, event_row=0, event_col=0, event_polarity=0, aer_ack=0, rst=1)
+
+    async def start(self) -> None:
+        """Start clock, receiver and monitors, and reset."""
+        cocotb.start_soon(Clock(self.dut.clk, PERIOD_PS, "ps").start(start_high=True))
+        for task in (self.receiver.run(), self.monitor.watch_request(), self.monitor.watch_address()):
+            cocotb.start_soon(task)
+        await RisingEdge(self.dut.clk)
+        await self.reset(2)
+
+    async def clock(self, offer: float, rst: bool = False) -> None:
+        """Drive a clock from its falling edge on, compare just before the rising edge, and pass that."""
+        await FallingEdge(self.dut.clk)
+        if self.event is None and self.rng.random() < offer:
+            row, column = self.rng.randrange(self.config.rows), self.rng.randrange(self.config.columns)
+            self.event = AddressEvent(row, column, self.rng.random() < 0.5)
+        self.block.drive(rst=rst, event_valid=self.event is not None)
+        if self.event is not None:
+            self.block.drive(**payload(self.config, *self.event))
+        if rst and self.config.reset == "async":
+            self.reference.reset()
+        await Timer(PERIOD_PS // 2 - BEFORE_EDGE_PS, "ps")
+        self.compare()
+        ack = bool(self.block.read("aer_ack"))
+        await RisingEdge(self.dut.clk)
+        self.block.time += 1
+        if rst:
+            self.reference.reset()
+            return
+        taken, req = self.event is not None and self.reference.ready, self.reference.req
+        self.reference.clock(self.event, ack)
+        if self.reference.req and not req and self.reference.address is not None:
+            self.expected.append(address_of(self.config, self.reference.address))
+        if taken:
+            self.event = None
+            self.check.counts["taken"] += 1
+
+    def compare(self) -> None:
+        """Hold all outputs to the reference."""
+        reference = self.reference
+        state = {**vars(reference), "ack": self.dut.aer_ack.value, "offered": self.event}
+        self.check.equal("event_ready", reference.ready, self.block.read("event_ready"), state)
+        self.check.equal("aer_req", reference.req, self.block.read("aer_req"), state)
+        address = 0 if reference.address is None else address_of(self.config, reference.address)
+        self.check.equal("aer_addr", address, self.block.read("aer_addr"), state)
+
+    async def reset(self, clocks: int) -> None:
+        """Reset for some clocks, and offer nothing in the two after it.
+
+        AssumeSourceLatency: no event is offered in the two clocks in which the synchroniser has not seen ACK yet.
+        The readout cannot: a taxel and the arbiter come before the link.
+        """
+        self.event = None
+        for _ in range(clocks):
+            await self.clock(offer=0, rst=True)
+        for _ in range(2):
+            await self.clock(offer=0)
+        self.check.counts["resets"] += 1
+
+    async def finish(self) -> None:
+        """Let the last event arrive, and see that all did, once and in order."""
+        while self.event is not None or self.receiver.busy or not self.reference.ready:
+            await self.clock(offer=0)
+        self.check.holds("EveryEventOnceInOrder", self.receiver.received == self.expected, self.receiver.received)
+        self.check.counts["received"] = len(self.receiver.received)
+
+
+@cocotb.test()
+async def link_keeps_the_protocol(dut: Any) -> None:
+    """Receivers from immediate to slow, sources from rare to always, resets while idle and within a handshake."""
+    config, rng = job()
+    bench = LinkBench(dut, config, rng)
+    await bench.start()
+    for longest in (0, PERIOD_PS, 4 * PERIOD_PS, 25 * PERIOD_PS):
+        for offer in (1.0, 0.2, 0.02):
+            bench.receiver.longest_ps = longest
+            for _ in range(250):
+                await bench.clock(offer)
+            # Reset while ACK is high: REQ falls at once, ACK stays, and no new REQ may rise before ACK has fallen.
+            for _ in range(300):
+                if dut.aer_req.value == 1 and dut.aer_ack.value == 1:
+                    bench.check.counts["resets while ACK is high"] += 1
+                    await bench.reset(1)
+                    break
+                await bench.clock(offer=1)
+            for _ in range(100):
+                await bench.clock(offer=1)
+            # Reset anywhere. AssumeResetOutlastsHandshake: a receiver that has seen REQ may finish before it ends.
+            bench.event = None
+            await bench.clock(offer=0, rst=True)
+            while bench.receiver.busy:
+                await bench.clock(offer=0, rst=True)
+            await bench.reset(1)
+    await bench.finish()
+    report(bench.check.counts)
+
+
+@cocotb.test()
+async def immediate_receiver_takes_seven_clocks(dut: Any) -> None:
+    """REQ rises every seven clocks if ACK follows at once and an event is always offered."""
+    config, rng = job()
+    bench = LinkBench(dut, config, rng)
+    await bench.start()
+    for _ in range(500):
+        await bench.clock(offer=1)
+    times = bench.receiver.req_times_ps
+    for earlier, later in itertools.pairwise(times):
+        bench.check.equal("clocks per event", 7 * PERIOD_PS, later - earlier)
+    bench.check.counts["events"] = len(times)
+    await bench.finish()
+    report(bench.check.counts)
+
+
+PROPERTIES = ("NoRequestBeforeAckLow", "RequestHeldUntilAck", "AddressBeforeRequest", "EveryEventOnceInOrder")
+CONFIGS = [
+    ReadoutConfig(link="four_phase"),
+    ReadoutConfig(rows=3, columns=5, link="four_phase", reset="async"),
+    ReadoutConfig(rows=1, columns=4, encoding="nlcs", link="four_phase"),
+    ReadoutConfig(rows=1, columns=1, encoding="nlcs", link="four_phase", reset="async"),
+    ReadoutConfig(rows=1, columns=1, link="four_phase"),
+    ReadoutConfig(rows=64, columns=64, encoding="nlcs", link="four_phase", reset="async"),
+]
+
+
+def name(config: ReadoutConfig) -> str:
+    """Return the name of a configuration in the list of tests."""
+    return f"{config.rows}x{config.columns}-{config.event_bits}bit-{config.reset}"
+
+
+CASES = [
+    *(pytest.param("icarus", config, id=f"icarus-{name(config)}") for config in CONFIGS),
+    pytest.param("verilator", CONFIGS[1], id=f"verilator-{name(CONFIGS[1])}"),
+]
+
+
+@pytest.mark.parametrize(("simulator", "config"), CASES)
+def test_link_keeps_the_protocol_and_equals_its_reference(
+    simulator: Simulator, config: ReadoutConfig, tmp_path: Path
+) -> None:
+    counts = cosimulate(config, simulator, "eskin_link", "link_keeps_the_protocol", tmp_path, seed=3)
+    assert counts["received"] > 100
+    assert counts["resets while ACK is high"] > 5
+    assert counts["checks"] > 3000
+    assert all(counts[property_name] > 0 for property_name in PROPERTIES), counts
+    assert counts["AddressStable"] > 50 or config.event_bits < 2
+
+
+@pytest.mark.parametrize("config", CONFIGS[:2], ids=name)
+def test_link_with_an_immediate_receiver_takes_seven_clocks_per_event(config: ReadoutConfig, tmp_path: Path) -> None:
+    counts = cosimulate(config, "icarus", "eskin_link", "immediate_receiver_takes_seven_clocks", tmp_path, seed=4)
+    assert counts["events"] > 60
+    assert counts["received"] >= counts["events"]

@@ -1,0 +1,258 @@
+"""The taxel's RTL against the plain taxel in every clock: thresholds, requests, freezing, masks and resets."""
+
+from __future__ import annotations
+
+import itertools
+import random
+from pathlib import Path
+from typing import Any
+
+import cocotb
+import pytest
+
+from cocotb_tests.agents import Block, Checker, cosimulate, job, report
+from cocotb_tests.reference import TaxelReference
+from cocotb_tests.simulator import Simulator
+from model.config import ReadoutConfig
+
+PHASES, CLOCKS = 14, 160
+
+
+class SampleSource:
+    """Codes that look for trouble: levels and the codes beside them, walks, jumps, and rest."""
+
+    KINDS = ("threshold", "near", "walk", "jump", "rest", "full")
+
+    def __init__(self, config: ReadoutConfig, taxel: TaxelReference, rng: random.Random) -> None:
+        self.config, self.taxel, self.rng = config, taxel, rng
+        self.code = 0
+
+    def next(self, kind: str) -> int:
+        """Return the next code of a kind."""
+        taxel, rng, high = self.taxel, self.rng, self.config.full_scale
+        if kind == "threshold":
+            self.code = rng.choice([taxel.upper, taxel.lower]) + rng.randint(-1, 1)
+        elif kind == "near":
+            self.code = taxel.reference // taxel.unit + rng.randint(-2 * taxel.step, 2 * taxel.step)
+        elif kind == "walk":
+            self.code += rng.randint(-taxel.step - 1, taxel.step + 1)
+        elif kind == "jump":
+            self.code = rng.randrange(-high, high)
+        elif kind == "full":
+            self.code = rng.choice([-high, high - 1])
+        self.code = min(max(self.code, -high), high - 1)
+        return self.code
+
+
+class TaxelBench:
+    """A taxel and its reference, side by side."""
+
+    def __init__(self, dut: Any, config: ReadoutConfig, rng: random.Random) -> None:
+        self.config, self.rng = config, rng
+        self.block = Block(dut)
+        self.check = Checker(self.block)
+        self.reference = TaxelReference(config)
+        self.source = SampleSource(config, self.reference, rng)
+        self.signal = 0  # what the analog comparators look at
+        self.ticks = 0
+        self.tick = False
+
+    def compare(self, enable: bool) -> None:
+        """Hold all outputs to the reference; the polarity as long as there is a request."""
+        reference, block = self.reference, self.block
+        state = {**vars(reference), "enable": enable}
+        del state["config"]
+        request = reference.request(enable)
+        self.check.equal("request", request, block.read("request"), state)
+        if request and self.config.has_polarity:
+            self.check.equal("polarity", reference.polarity, block.read("polarity"), state)
+        if self.config.frontend == "analog":
+            self.check.equal("upper", reference.upper, block.read_signed("upper"), state)
+            if self.config.has_polarity:
+                self.check.equal("lower", reference.lower, block.read_signed("lower"), state)
+
+    def compare_reset(self) -> None:
+        """Hold all outputs to the reference while rst is high, which only resets at once if it is asynchronous."""
+        if self.config.reset == "async":
+            self.reference.reset()
+        self.compare(True)
+
+    async def clock(self, *, enable: bool, granted: bool, sample: int | None, rst: bool = False) -> None:
+        """Drive the inputs of a clock, compare, and make its edge."""
+        config, block, reference = self.config, self.block, self.reference
+        # One decay tick per leak_period, at a phase that is not 0, as in a higher row.
+        decay = self.tick and self.ticks % config.leak_period == 2 % config.leak_period
+        block.drive(rst=rst, enable=enable, granted=granted, tick=self.tick, decay=decay)
+        block.drive(sample_valid=sample is not None)
+        if sample is not None:
+            block.drive(sample=sample)
+        await block.settle()
+        decision = None
+        if config.frontend == "analog":  # the comparators look at the thresholds that the RTL gives them
+            above = self.signal >= block.read_signed("upper")
+            below = config.has_polarity and self.signal < block.read_signed("lower")
+            block.drive(above=above, below=below)
+            await block.settle()
+            decision = (above, below)
+        if rst and config.reset == "async":
+            reference.reset()
+        self.compare(enable)
+        self._count(enable, granted)
+        await block.edge()
+        if rst:
+            reference.reset()
+        else:
+            digital = config.frontend == "digital"
+            reference.clock(
+                enable=enable,
+                tick=self.tick,
+                granted=granted,
+                decay=decay,
+                sample=sample if digital else None,
+                decision=decision,
+            )
+        if sample is not None:
+            self.signal = sample
+        self.tick = sample is not None and not rst
+        self.ticks += self.tick
+
+    def _count(self, enable: bool, granted: bool) -> None:
+        """Count what happened, so that a test can tell that it did."""
+        counts = self.check.counts
+        counts["clocks"] += 1
+        if self.reference.request(enable):
+            if granted:
+                counts["on" if self.reference.polarity else "off"] += 1
+            else:
+                counts["waiting"] += 1
+        counts["disabled"] += not enable
+        counts["closed"] += self.reference.closed > 0
+        counts["charged"] += self.config.encoding == "nlcs" and self.reference.reference > 0
+
+    async def pulse_reset(self) -> None:
+        """Pulse rst between two edges: only an asynchronous reset may act on it."""
+        self.block.drive(rst=1, enable=1, granted=0)
+        await self.block.settle()
+        self.compare_reset()
+        self.block.drive(rst=0)
+        await self.block.settle()
+        self.compare(True)
+        self.check.counts["pulses"] += 1
+        if self.config.reset == "async":
+            self.tick = False
+
+    async def hold_reset(self) -> None:
+        """Hold rst over a few edges in mid-stream."""
+        for _ in range(self.rng.randint(1, 3)):
+            await self.clock(enable=True, granted=self.rng.random() < 0.5, sample=self.source.next("jump"), rst=True)
+        self.check.counts["resets"] += 1
+
+
+@cocotb.test()
+async def taxel_follows_its_reference(dut: Any) -> None:
+    """Play phases of random inputs of every kind."""
+    config, rng = job()
+    bench = TaxelBench(dut, config, rng)
+    bench.block.drive(enable=0, granted=0, tick=0, decay=0, sample=0, sample_valid=0, above=0, below=0)
+    await bench.block.reset()
+    for phase in range(PHASES):
+        kind = SampleSource.KINDS[phase % len(SampleSource.KINDS)]
+        samples, grants = rng.choice([1.0, 0.3, 0.1]), rng.choice([1.0, 1.0, 0.5, 0.1])
+        masked = rng.choice([0.0, 0.0, 0.05])
+        for _ in range(CLOCKS):
+            await bench.clock(
+                enable=rng.random() >= masked,
+                granted=rng.random() < grants,
+                sample=bench.source.next(kind) if rng.random() < samples else None,
+            )
+            if rng.random() < 0.01:
+                await bench.pulse_reset()
+        await bench.hold_reset()
+    report(bench.check.counts)
+
+
+@cocotb.test()
+async def overloaded_taxel_raises_a_request_every_clock(dut: Any) -> None:
+    """Step to full scale and take every request at once: no bubble until the reference has caught up."""
+    config, _ = job()
+    bench = TaxelBench(dut, config, random.Random(0))
+    bench.block.drive(enable=0, granted=0, tick=0, decay=0, sample=0, sample_valid=0, above=0, below=0)
+    await bench.block.reset()
+    top = config.full_scale - 1
+    await bench.clock(enable=True, granted=True, sample=top)
+    await bench.clock(enable=True, granted=True, sample=None)
+    steps = -(-top // config.step) - 1 if config.encoding == "nlcs" else top // config.step
+    for step in range(steps + 5):
+        bench.check.holds("NoBubble", bench.block.read("request") == (step < steps), f"step {step} of {steps}")
+        await bench.clock(enable=True, granted=True, sample=None)
+    report(bench.check.counts)
+
+
+# -- configurations ----------------------------------------------------------------------------------
+
+
+def breadth() -> list[ReadoutConfig]:
+    """Every encoding, front end and resolution; reset and decision rate change from one to the next."""
+    configs = []
+    for number, (encoding, frontend, resolution) in enumerate(
+        itertools.product(["lcs", "cw-lcs", "nlcs"], ["digital", "analog"], [1, 5, 10])
+    ):
+        variant = number + number // 3
+        config = ReadoutConfig(
+            rows=1,
+            columns=1,
+            encoding=encoding,  # type: ignore[arg-type]
+            frontend=frontend,  # type: ignore[arg-type]
+            resolution=resolution,
+            reset="async" if variant % 2 else "sync",
+            decide_every="sample" if variant % 4 > 1 else "clock",
+            closing_shift=[2, 0, 1, 16][number % 4],
+            window_period=[3, 1, 5][number // 2 % 3],
+            leak_shift=[3, 1, 5][number % 3],
+            leak_period=[5, 1, 3][number // 2 % 3],
+            fraction_bits=[4, 0, 12][number % 3],
+        )
+        configs.append(config.replace(reference_reset=config.grid * [0, 1, 3][number % 3] % config.full_scale))
+    # Windows that close in many steps, decided every clock and once a sample, and the smallest words.
+    closing = ReadoutConfig(rows=1, columns=1, encoding="cw-lcs", resolution=3, closing_shift=3, window_period=2)
+    configs += [closing, closing.replace(decide_every="sample", frontend="analog", reset="async", closing_shift=16)]
+    configs += [configs[0].replace(sample_bits=3, resolution=1), configs[-1].replace(sample_bits=4, resolution=1)]
+    return configs
+
+
+def name(config: ReadoutConfig) -> str:
+    """Return the name of a configuration in the list of tests."""
+    return (
+        f"{config.encoding}-{config.frontend}-{config.sample_bits}b-{config.resolution}b-{config.reset}"
+        f"-{config.decide_every}-m{config.closing_shift}"
+    )
+
+
+VERILATOR = [
+    ReadoutConfig(rows=1, columns=1, encoding="cw-lcs", resolution=4, window_period=2, reset="async"),
+    ReadoutConfig(rows=1, columns=1, encoding="nlcs", frontend="analog", leak_period=3, leak_shift=3),
+]
+CASES = [
+    *(pytest.param("icarus", config, id=f"icarus-{name(config)}") for config in breadth()),
+    *(pytest.param("verilator", config, id=f"verilator-{name(config)}") for config in VERILATOR),
+]
+
+
+@pytest.mark.parametrize(("simulator", "config"), CASES)
+def test_taxel_equals_its_reference_in_every_clock(simulator: Simulator, config: ReadoutConfig, tmp_path: Path) -> None:
+    counts = cosimulate(config, simulator, "eskin_taxel", "taxel_follows_its_reference", tmp_path, seed=1)
+    assert counts["clocks"] >= PHASES * CLOCKS
+    assert counts["checks"] >= counts["clocks"]
+    happened = {"on", "waiting", "disabled", "pulses", "resets"}
+    happened |= {"off"} if config.has_polarity else {"charged"}
+    happened |= {"closed"} if config.closes else set()
+    assert all(counts[what] > 0 for what in happened), counts
+
+
+@pytest.mark.parametrize("encoding", ["lcs", "cw-lcs", "nlcs"])
+def test_overloaded_taxel_raises_a_request_every_clock(encoding: str, tmp_path: Path) -> None:
+    config = ReadoutConfig(rows=1, columns=1, encoding=encoding, resolution=7)  # type: ignore[arg-type]
+    test = "overloaded_taxel_raises_a_request_every_clock"
+    counts = cosimulate(config, "icarus", "eskin_taxel", test, tmp_path, seed=1)
+    assert counts["on"] > 100
+    assert counts["NoBubble"] > counts["on"]

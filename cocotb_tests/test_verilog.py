@@ -1,0 +1,172 @@
+"""The Verilog that is delivered: lint, style, stability, and what lies beside it."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cocotb_tests.simulator import build_environment, require_programs
+from model.config import ReadoutConfig
+from rtl.verilog import ports, verilog, write
+
+ARRAYS = [(1, 1), (1, 4), (3, 5), (8, 8), (12, 16)]
+ENCODINGS = ["lcs", "cw-lcs", "nlcs"]
+VARIANTS = [("stream", "digital", "sync"), ("four_phase", "analog", "async")]
+RESOLUTIONS = [1, 6, 10]
+
+
+def configurations() -> list[ReadoutConfig]:
+    """Every array, encoding and variant; the resolution changes from one to the next."""
+    product = itertools.product(ENCODINGS, ARRAYS, VARIANTS)
+    return [
+        ReadoutConfig(
+            rows=rows,
+            columns=columns,
+            encoding=encoding,
+            resolution=RESOLUTIONS[i % 3],
+            link=v[0],
+            frontend=v[1],
+            reset=v[2],
+        )  # type: ignore[arg-type]
+        for i, (encoding, (rows, columns), v) in enumerate(product)
+    ]
+
+
+def name(config: ReadoutConfig) -> str:
+    return f"{config.encoding}-{config.rows}x{config.columns}-{config.resolution}b-{config.frontend}-{config.link}"
+
+
+def lint(path: Path) -> str:
+    """Return all that the two linters have to say."""
+    require_programs("icarus")
+    top = path.stem
+    said = ""
+    with build_environment():
+        for command in (
+            ["verilator", "--lint-only", "-Wall", "--top-module", top, str(path)],
+            ["iverilog", "-g2005", "-Wall", "-t", "null", "-s", top, str(path)],
+        ):
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            said += done.stderr + (f"exit code {done.returncode}" if done.returncode else "")
+    return said
+
+
+@pytest.mark.parametrize("config", configurations(), ids=name)
+def test_lint_is_clean(config: ReadoutConfig, tmp_path: Path) -> None:
+    path = tmp_path / "eskin_readout.v"
+    path.write_text(verilog(config))
+    assert lint(path) == ""
+
+
+def test_lint_would_find_a_width_that_does_not_fit(tmp_path: Path) -> None:
+    path = tmp_path / "eskin_readout.v"
+    text = verilog(ReadoutConfig(rows=2, columns=2))
+    path.write_text(text.replace("output wire event_valid", "output wire [1:0] event_valid", 1))
+    assert "WIDTH" in lint(path)
+
+
+def test_largest_array_is_one_module_per_block() -> None:
+    text = verilog(ReadoutConfig(rows=64, columns=64, encoding="nlcs", link="four_phase"))
+    modules = re.findall(r"^module (\w+)", text, re.MULTILINE)
+    assert sorted(modules) == [
+        "eskin_arbiter", "eskin_decay", "eskin_link", "eskin_readout", "eskin_row", "eskin_taxel",
+    ]  # fmt: skip
+    assert text.count("eskin_taxel taxel_") == 64
+    assert text.count("eskin_row row_") == 64
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+@pytest.mark.parametrize("reset", ["sync", "async"])
+def test_every_register_has_a_reset_and_none_an_initial_value(encoding: str, reset: str) -> None:
+    text = verilog(ReadoutConfig(rows=3, columns=5, encoding=encoding, reset=reset, link="four_phase"))  # type: ignore[arg-type]
+    blocks = re.findall(r"always @\(([^)]*)\)\s+if \((\w+)\) (\w+) <= \d+'[hs]*([0-9a-f]+);", text)
+    registers = re.findall(r"^  (?:output )?reg ", text, re.MULTILINE)
+    assert len(blocks) == len(registers) == text.count("always") > 5
+    edges = {edge for edge, *_ in blocks}
+    assert edges == ({"posedge clk"} if reset == "sync" else {"posedge clk, posedge rst"})
+    assert "initial" not in text
+    assert not re.search(r"^  (output )?reg .*=", text, re.MULTILINE)
+    assert not re.search(r"'[bh][0-9a-f]*x", text)
+
+
+def test_text_is_stable_from_one_process_to_the_next(tmp_path: Path) -> None:
+    config = ReadoutConfig(rows=3, columns=5, encoding="cw-lcs")
+    command = [sys.executable, "-m", "rtl", "verilog", "--rows", "3", "--columns", "5", "--encoding", "cw-lcs"]
+    for seed in ("1", "2"):
+        subprocess.run(
+            [*command, "-o", str(tmp_path / seed)], check=True, capture_output=True, env={"PYTHONHASHSEED": seed}
+        )
+    for suffix in ("v", "sdc", "json", "core"):
+        first, second = ((tmp_path / seed / f"eskin_readout.{suffix}").read_bytes() for seed in ("1", "2"))
+        assert first == second
+    assert (tmp_path / "1" / "eskin_readout.v").read_text() == verilog(config)
+
+
+@pytest.mark.parametrize("config", configurations(), ids=name)
+def test_port_list_is_that_of_the_module(config: ReadoutConfig, tmp_path: Path) -> None:
+    write(config, tmp_path)
+    described = json.loads((tmp_path / "eskin_readout.json").read_text())
+    assert described["configuration"] == config.to_dict()
+    text = (tmp_path / "eskin_readout.v").read_text()
+    top = text[text.index("module eskin_readout(") :]
+    found = re.findall(
+        r"^  (input|output) (?:wire|reg) (?:\[(\d+):0\] )?(\w+);", top[: top.index("endmodule")], re.MULTILINE
+    )
+    listed = {p["name"]: (p["direction"], p["width"]) for p in described["ports"]}
+    assert {n: (way, int(high or 0) + 1) for way, high, n in found} == listed
+    assert list(listed)[:2] == ["clk", "rst"]
+    if config.taxels == 1 and not config.has_polarity:
+        assert "aer_addr" not in listed
+    if config.rows == 1:
+        assert "event_row" not in listed
+    constraints = (tmp_path / "eskin_readout.sdc").read_text()
+    for port in listed:
+        if port not in ("rst",):
+            assert port in constraints
+
+
+def test_ports_are_those_of_the_contract() -> None:
+    def widths(**fields: object) -> dict[str, int]:
+        return {p["name"]: p["width"] for p in ports(ReadoutConfig(rows=3, columns=5, **fields))}  # type: ignore[arg-type]
+
+    common = {"clk": 1, "rst": 1, "taxel_enable": 15}
+    stream = {"event_valid": 1, "event_ready": 1, "event_row": 2, "event_col": 3}
+    assert widths() == common | {"sample": 180, "sample_valid": 1} | stream | {"event_polarity": 1}
+    assert widths(encoding="nlcs") == common | {"sample": 180, "sample_valid": 1} | stream
+    comparators = {"above": 15, "below": 15, "upper": 195, "lower": 195}
+    aer = {"aer_req": 1, "aer_ack": 1, "aer_addr": 6}
+    assert widths(frontend="analog", link="four_phase") == common | comparators | aer
+    assert widths(frontend="analog", link="four_phase", encoding="nlcs") == common | {
+        "sample_valid": 1, "above": 15, "upper": 195, "aer_req": 1, "aer_ack": 1, "aer_addr": 5,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--rows", "65"], "error: rows must be in 1..64, not 65"),
+        (["--resolution", "11"], "error: resolution must be in 1..sample_bits - 2 = 10, not 11"),
+        (["--link", "spi"], "error: link must be one of stream, four_phase, not 'spi'"),
+    ],
+)
+def test_bad_input_is_one_sentence_and_leaves_nothing(arguments: list[str], sentence: str, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "rtl", "verilog", *arguments, "-o", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr == sentence + "\n"
+    assert not out.exists()
+
+
+def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    command = [sys.executable, "-m", "rtl", "verilog", "--rows", "1", "-o", str(tmp_path / "file" / "out")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: cannot use ")
