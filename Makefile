@@ -16,11 +16,11 @@ config = $(call options,$(CONFIG_VARIABLES))
 flag = $(if $(filter 1 yes true,$($(1))),--$(2))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup programs sim test verilog replay rates bench lint format clean
+.PHONY: help setup programs sim test verilog replay rates power fig6 fig7 sensitivity explore bench lint format clean
 
 help: ## list the targets
 	@echo "make TARGET [VARIABLE=value ...]"
-	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  \1|/' | column -t -s '|'
+	@grep -E '^[a-z0-9 ]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9 ]+):.*## /  \1|/' | column -t -s '|'
 	@echo
 	@echo "Configuration, for sim, replay, verilog and rates:"
 	@echo "  $(CONFIG_VARIABLES)" | fold -s -w 100
@@ -57,6 +57,17 @@ replay: $(STAMP) ## drive a whole dataset through RTL and model [DATASET= PRESET
 
 rates: $(STAMP) ## mean population event rate over a dataset [DATASET= PRESET= LIMIT= START_ROW=]
 	@$(RUN) -m model rates $(config) $(call options,DATASET PRESET LIMIT START_ROW)
+
+power: $(STAMP) ## power of the three readouts [MODE= RESOLUTION= NOISE= TAU= CROSSOVER=1 SYNTHESIS= DATASET= PRESET=]
+	@$(RUN) -m model power $(call options,MODE RESOLUTION NOISE TAU CORRECT WITHOUT SYNTHESIS DATASET PRESET RATES) \
+	$(call flag,CROSSOVER,crossover)
+
+fig6 fig7 sensitivity: $(STAMP) ## the power figures in both modes, data and picture [OUT= SYNTHESIS=]
+	@$(RUN) -m model $@ $(call options,OUT DATA SYNTHESIS)
+
+explore: $(STAMP) ## cheapest readout for your sensor [ROWS= COLUMNS= BANDWIDTH= NOISE= SUPPLY= EVENT_RATE= ...]
+	@$(RUN) -m model explore $(call options,ROWS COLUMNS BANDWIDTH NOISE SUPPLY PADS_VOLTAGE PADS_TOGGLE TAU EVENT_RATE \
+	NLCS_EVENT_RATE RATE_RESOLUTION MIN_RESOLUTION DATASET PRESET RATES SYNTHESIS OUT)
 
 bench: $(STAMP) ## speed against peers and limits, in one run each; JSON in benchmarks/results
 	@for script in benchmarks/encoder.py benchmarks/cosim.py benchmarks/cycle_model.py; do \

@@ -213,9 +213,14 @@ def replay(
                 f"make replay {' '.join(_variables(config))} PRESET={preset} DATASET={dataset or data.name} WORKERS=1"
             )
             job = Job(
-                config.to_dict(), command, dataset=dataset, preset=preset, textures=[data[number].name for number in numbers], start_row=start_row,
+                config.to_dict(),
+                command,
+                dataset=dataset,
+                preset=preset,
+                textures=[data[number].name for number in numbers],
+                start_row=start_row,
                 keep=str(events.resolve()),
-            )  # fmt: skip
+            )
             running = folder / f"run-{os.getpid()}-{part}"
             tally = run_job(program, job, running, functools.partial(_advance, progress, task))
             shutil.rmtree(running)

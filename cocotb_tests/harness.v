@@ -80,7 +80,7 @@ module harness;
 `ifdef ADDRESS
   wire [EVENT_BITS-1:0] aer_addr;
 `else
-  wire aer_addr = 0;
+  wire aer_addr = 0;  // a single unipolar taxel needs no address
 `endif
 `else
   wire event_valid;
@@ -209,7 +209,7 @@ module harness;
   reg [11:0] edges = 0;
   reg req_before = 0;
   reg ack_before = 0;
-  reg [EVENT_BITS:0] addr_before = 0;
+  reg [ROW_BITS+COLUMN_BITS:0] addr_before = 0;  // one bit wider where there is no polarity
 
   always @(aer_req) begin
     responding = 1;
@@ -225,7 +225,7 @@ module harness;
     addr_before <= aer_addr;
     if (running) begin
       if (aer_req && !req_before) $fwrite(event_file, "%0d %0d\n", cycle - 1, aer_addr);
-      if ((aer_req || aer_ack) && aer_addr != addr_before[EVENT_BITS-1:0]) errors <= errors + 1;
+      if ((aer_req || aer_ack) && aer_addr != addr_before) errors <= errors + 1;
       if (aer_req && !req_before && ack_before) errors <= errors + 1;
       if (!aer_req && req_before && !ack_before) errors <= errors + 1;
     end

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 from collections.abc import Iterator
@@ -35,6 +36,8 @@ class Job:
     dataset, preset, textures, ticks, start_row
         Play scans: the dataset's place (None for the default), the preset, the names of the textures, the most
         sample ticks of each (None for all), and the image row where the array starts.
+    home : str
+        The folder from which relative places count.
     keep : str
         Folder for the RTL's events, a file per scan; empty for none.
     """
@@ -47,6 +50,7 @@ class Job:
     textures: list[str] = field(default_factory=list)
     ticks: int | None = None
     start_row: float = 0.0
+    home: str = field(default_factory=os.getcwd)
     keep: str = ""
 
     def write(self, path: Path) -> None:
@@ -74,7 +78,8 @@ def _runs(job: Job, config: ReadoutConfig) -> Iterator[Run]:
         from model.dataset import open_dataset
         from model.texture import preset
 
-        dataset, scan = open_dataset(job.dataset), preset(job.preset)
+        with contextlib.chdir(job.home):
+            dataset, scan = open_dataset(job.dataset), preset(job.preset)
         by_name = {texture.name: texture for texture in dataset}
         for texture in map(by_name.__getitem__, job.textures):
             samples, clipped = scan.samples(config, texture.load(), job.start_row)

@@ -7,7 +7,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal, get_args
@@ -38,6 +38,11 @@ VERILATOR_FLAGS = [
     "--no-assert",
     "-Wno-fatal",
 ]
+ENVIRONMENT = {
+    "COCOTB_ANSI_OUTPUT": "0",
+    # By default cocotb rewrites the assertions of every module it imports, scipy's too: ten seconds a run.
+    "COCOTB_REWRITE_ASSERTION_FILES": "test_*.py",
+}
 PROGRAMS = {"g++": "g++", "make": "make", "perl": "perl", "iverilog": "iverilog"}
 """System programs and the Debian packages that bring them."""
 
@@ -66,7 +71,7 @@ class Build:
     def __init__(self, folder: Path, top: str, simulator: Simulator, waves: bool) -> None:
         self.folder, self.top, self.simulator, self.waves = folder, top, simulator, waves
 
-    def test(self, module: str, folder: Path, testcase: str | None = None, env: Mapping[str, str] = {}) -> None:
+    def test(self, module: str, folder: Path, testcase: str | None = None, env: dict[str, str] | None = None) -> None:
         """Run the cocotb tests of a module; raise AssertionError with the end of the log if one fails or none ran."""
         folder = folder.resolve()
         folder.mkdir(parents=True, exist_ok=True)
@@ -84,7 +89,7 @@ class Build:
                 results_xml=str(results),
                 waves=self.waves and self.simulator == "icarus",
                 log_file=log,
-                extra_env={"COCOTB_ANSI_OUTPUT": "0", **env},
+                extra_env=ENVIRONMENT | (env or {}),
             )
             ran, failed = get_results(results) if results.exists() else (0, 0)
         except (SystemExit, RuntimeError):  # how the runner says, within pytest, that a test failed

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import cocotb_tests.simulator as simulator
 from cocotb_tests.player import Job
@@ -27,7 +28,7 @@ BIT_EXACT = re.compile(r"bit-exact: (\d+) runs, (\d+) clocks, (\d+) events, 0 mi
 COMMAND = [sys.executable, "-m", "cocotb_tests"]
 
 
-def call(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+def call(*arguments: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run([*COMMAND, *map(str, arguments)], capture_output=True, text=True, check=False)
 
 
@@ -104,6 +105,19 @@ def test_replay_is_bit_exact_and_does_only_what_is_missing(tmp_path: Path) -> No
         samples, _ = PhysicalScan().samples(config, texture.load())
         assert np.array_equal(recording.events, simulate(config, Stimulus.from_samples(config, samples)))
         assert recording.metadata["class"] == texture.class_name
+
+
+def test_replay_finds_a_dataset_by_a_relative_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for texture in embedded_dataset().limit(2):
+        picture = tmp_path / "textures" / f"{texture.name}.png"
+        picture.parent.mkdir(parents=True)
+        Image.fromarray(texture.load()).save(picture)
+    monkeypatch.chdir(tmp_path)
+    done = call("replay", "--dataset", "textures", "--rows", 1, "--columns", 1, "-o", "out")
+    assert done.returncode == 0, done.stderr
+    line = BIT_EXACT.fullmatch(done.stdout.strip().splitlines()[-1])
+    assert line is not None
+    assert line[1] == "2"
 
 
 def test_replay_goes_on_after_a_kill(tmp_path: Path) -> None:

@@ -128,7 +128,7 @@ class LinkBench:
 
     async def start(self) -> None:
         """Start clock, receiver and monitors, and reset."""
-        cocotb.start_soon(Clock(self.dut.clk, PERIOD_PS, "ps").start(start_high=True))
+        Clock(self.dut.clk, PERIOD_PS, "ps").start(start_high=True)
         for task in (self.receiver.run(), self.monitor.watch_request(), self.monitor.watch_address()):
             cocotb.start_soon(task)
         await RisingEdge(self.dut.clk)

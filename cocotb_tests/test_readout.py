@@ -32,24 +32,15 @@ def play(config: ReadoutConfig, simulator: Simulator, folder: Path, seed: int = 
 
 def breadth() -> list[ReadoutConfig]:
     """Every encoding, array and resolution; link, front end, reset and decision rate change from one to the next."""
-    configs = []
-    for number, (encoding, array, resolution) in enumerate(itertools.product(ENCODINGS, ARRAYS, RESOLUTIONS)):
-        link, frontend, reset, decide_every = VARIANTS[number * 7 % len(VARIANTS)]
-        configs.append(
-            ReadoutConfig(
-                rows=array[0],
-                columns=array[1],
-                encoding=encoding,  # type: ignore[arg-type]
-                resolution=resolution,
-                link=link,  # type: ignore[arg-type]
-                frontend=frontend,  # type: ignore[arg-type]
-                reset=reset,  # type: ignore[arg-type]
-                decide_every=decide_every,  # type: ignore[arg-type]
-                window_period=3,
-                leak_period=5,
-            )
+    fields = ("encoding", "rows", "columns", "resolution", "link", "frontend", "reset", "decide_every")
+    timing = {"window_period": 3, "leak_period": 5}
+    product = itertools.product(ENCODINGS, ARRAYS, RESOLUTIONS)
+    return [
+        ReadoutConfig.from_dict(
+            timing | dict(zip(fields, (encoding, *array, resolution, *VARIANTS[i * 7 % len(VARIANTS)]), strict=True))
         )
-    return configs
+        for i, (encoding, array, resolution) in enumerate(product)
+    ]
 
 
 def name(config: ReadoutConfig) -> str:
@@ -68,20 +59,13 @@ def test_rtl_equals_model_in_every_encoding_array_and_resolution(config: Readout
 @pytest.mark.parametrize("seed", range(1, 4))
 @pytest.mark.parametrize("variant", VARIANTS, ids="-".join)
 def test_rtl_equals_model_in_every_variant(variant: tuple[str, str, str, str], seed: int, tmp_path: Path) -> None:
-    link, frontend, reset, decide_every = variant
-    config = ReadoutConfig(
-        rows=3,
-        columns=5,
-        encoding=ENCODINGS[seed - 1],  # type: ignore[arg-type]
-        resolution=4,
-        link=link,  # type: ignore[arg-type]
-        frontend=frontend,  # type: ignore[arg-type]
-        reset=reset,  # type: ignore[arg-type]
-        decide_every=decide_every,  # type: ignore[arg-type]
-        window_period=1 if decide_every == "sample" else 4,
-        leak_period=1 if decide_every == "sample" else 7,
-        leak_shift=4,
-        fraction_bits=3,
+    fields = dict(zip(("link", "frontend", "reset", "decide_every"), variant, strict=True))
+    shortest = variant[3] == "sample"
+    config = ReadoutConfig.from_dict(
+        fields
+        | {"rows": 3, "columns": 5, "encoding": ENCODINGS[seed - 1], "resolution": 4}
+        | {"window_period": 1 if shortest else 4}
+        | {"leak_period": 1 if shortest else 7, "leak_shift": 4, "fraction_bits": 3}
     )
     play(config, "icarus", tmp_path, seed)
 

@@ -24,17 +24,10 @@ RESOLUTIONS = [1, 6, 10]
 def configurations() -> list[ReadoutConfig]:
     """Every array, encoding and variant; the resolution changes from one to the next."""
     product = itertools.product(ENCODINGS, ARRAYS, VARIANTS)
+    fields = ("encoding", "rows", "columns", "link", "frontend", "reset", "resolution")
     return [
-        ReadoutConfig(
-            rows=rows,
-            columns=columns,
-            encoding=encoding,
-            resolution=RESOLUTIONS[i % 3],
-            link=v[0],
-            frontend=v[1],
-            reset=v[2],
-        )  # type: ignore[arg-type]
-        for i, (encoding, (rows, columns), v) in enumerate(product)
+        ReadoutConfig.from_dict(dict(zip(fields, (encoding, *array, *variant, RESOLUTIONS[i % 3]), strict=True)))
+        for i, (encoding, array, variant) in enumerate(product)
     ]
 
 
@@ -84,7 +77,9 @@ def test_largest_array_is_one_module_per_block() -> None:
 @pytest.mark.parametrize("encoding", ENCODINGS)
 @pytest.mark.parametrize("reset", ["sync", "async"])
 def test_every_register_has_a_reset_and_none_an_initial_value(encoding: str, reset: str) -> None:
-    text = verilog(ReadoutConfig(rows=3, columns=5, encoding=encoding, reset=reset, link="four_phase"))  # type: ignore[arg-type]
+    text = verilog(
+        ReadoutConfig.from_dict({"rows": 3, "columns": 5, "encoding": encoding, "reset": reset, "link": "four_phase"})
+    )
     blocks = re.findall(r"always @\(([^)]*)\)\s+if \((\w+)\) (\w+) <= \d+'[hs]*([0-9a-f]+);", text)
     registers = re.findall(r"^  (?:output )?reg ", text, re.MULTILINE)
     assert len(blocks) == len(registers) == text.count("always") > 5
@@ -133,7 +128,7 @@ def test_port_list_is_that_of_the_module(config: ReadoutConfig, tmp_path: Path) 
 
 def test_ports_are_those_of_the_contract() -> None:
     def widths(**fields: object) -> dict[str, int]:
-        return {p["name"]: p["width"] for p in ports(ReadoutConfig(rows=3, columns=5, **fields))}  # type: ignore[arg-type]
+        return {p["name"]: p["width"] for p in ports(ReadoutConfig.from_dict({"rows": 3, "columns": 5, **fields}))}
 
     common = {"clk": 1, "rst": 1, "taxel_enable": 15}
     stream = {"event_valid": 1, "event_ready": 1, "event_row": 2, "event_col": 3}

@@ -180,7 +180,7 @@ def directory_dataset(root: Path) -> Dataset:
         if not names:
             raise InputError(f"class folder {root / class_name} has no PNG images; add some or remove it")
     textures = tuple(
-        Texture(f"{class_name}/{Path(name).stem}", class_name, label, root / class_name / name)
+        Texture(f"{class_name}/{Path(name).stem}", class_name, label, root.absolute() / class_name / name)
         for label, (class_name, names) in enumerate(found.items())
         for name in names
     )

@@ -273,9 +273,10 @@ class PowerModel:
         p = self.parameters
         copies = 1 if readout == "frame" else p.taxels
         # One amplifier behind the multiplexer serves all taxels in turn.
-        in_turn = p.taxels if readout == "frame" and "afe_settling" in self.corrections else 1
+        in_turn = float(p.taxels) if readout == "frame" and "afe_settling" in self.corrections else 1.0
         if "afe_nef" in self.corrections:
             input_noise = noise_v_rms / p.afe_gain
+            in_turn *= p.shared_afe_bandwidth if in_turn > 1 else 1
             factor = p.noise_efficiency**2 * 2 * math.pi * p.thermal_energy_j * p.thermal_voltage_v
             return copies * p.supply_v * factor * self.bandwidth_hz * in_turn / input_noise**2
         if readout == "frame":

@@ -83,6 +83,9 @@ class PowerParameters:
     pads_voltage_v: float = _parameter(1.8, "V", "usual pad supplies: 5, 3.3, 1.8 V", "V_IO with correction pads")
     pads_toggle: float = _parameter(0.5, "", "random data: half the bits", "share of charged bits with correction pads")
     noise_efficiency: float = _parameter(4.0, "", "published amplifiers: 1.2 to 6", "NEF with correction afe_nef")
+    shared_afe_bandwidth: float = _parameter(
+        1.0, "of M BW", "the NEF formula as it stands", "shared frame AFE with afe_settling and afe_nef"
+    )
     logic_j_per_event: float = _parameter(
         435e-15, "J/event", "synthesizable 65 nm AER encoder", "digital energy with correction digital, no netlist"
     )

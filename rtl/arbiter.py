@@ -106,10 +106,11 @@ class Arbiter(Block):
 def event_ports(config: ReadoutConfig, flow: Any) -> dict[str, Any]:
     """Return the ports of an event stream whose source sees ``flow`` as out; zero-width fields are absent."""
     back = In if flow is Out else Out
-    return {
-        "event_valid": flow(1),
-        "event_ready": back(1),
-        "event_row": flow(config.row_bits) if config.row_bits else None,
-        "event_col": flow(config.column_bits) if config.column_bits else None,
-        "event_polarity": flow(1) if config.has_polarity else None,
-    }
+    ports = {"event_valid": flow(1), "event_ready": back(1)}
+    if config.row_bits:
+        ports["event_row"] = flow(config.row_bits)
+    if config.column_bits:
+        ports["event_col"] = flow(config.column_bits)
+    if config.has_polarity:
+        ports["event_polarity"] = flow(1)
+    return ports

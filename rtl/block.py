@@ -6,7 +6,7 @@ import re
 from typing import Any
 
 from amaranth.back import rtlil
-from amaranth.hdl import ClockDomain, ClockSignal, Instance, Module, ResetSignal
+from amaranth.hdl import ClockDomain, ClockSignal, Instance, Module, ResetSignal, Value
 from amaranth.lib import wiring
 
 from model.config import ReadoutConfig
@@ -30,6 +30,12 @@ class Block(wiring.Component):
     def __init__(self, config: ReadoutConfig, ports: dict[str, Any]) -> None:
         self.config = config
         super().__init__({name: port for name, port in ports.items() if port is not None})
+
+    def connect(self, m: Module, name: str, outside: Value) -> None:
+        """Connect a port of this block to a signal of its parent, in the port's direction."""
+        port = getattr(self, name)
+        inward = self.signature.members[name].flow is wiring.In
+        m.d.comb += port.eq(outside) if inward else outside.eq(port)
 
     def place(self, m: Module, name: str, platform: Any) -> None:
         """Add this block to a parent as its submodule ``name``; its ports are this component's signals."""

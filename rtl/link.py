@@ -55,17 +55,14 @@ class FourPhaseLink(Block):
 
         if self.config.event_bits:
             address = Signal(self.config.event_bits)
-            fields = [getattr(self, name, None) for name in ("event_col", "event_row", "event_polarity")]
+            fields = [n for n in ("event_col", "event_row", "event_polarity") if n in self.signature.members]
             with m.If(self.event_valid & self.event_ready):
-                m.d.sync += address.eq(Cat(field for field in fields if field is not None))
+                m.d.sync += address.eq(Cat(getattr(self, name) for name in fields))
             m.d.comb += self.aer_addr.eq(address)
         return m
 
 
 def aer_ports(config: ReadoutConfig) -> dict[str, Any]:
-    """Return the ports of the four-phase link."""
-    return {
-        "aer_req": Out(1),
-        "aer_ack": In(1),
-        "aer_addr": Out(config.event_bits) if config.event_bits else None,
-    }
+    """Return the ports of the four-phase link; without address bits there is no address."""
+    address = {"aer_addr": Out(config.event_bits)} if config.event_bits else {}
+    return {"aer_req": Out(1), "aer_ack": In(1), **address}

@@ -79,29 +79,17 @@ class Readout(Block):
             if config.frontend == "digital":
                 m.d.comb += row.sample_valid.eq(self.sample_valid)
             for name in self.per_row:
-                inner = getattr(row, name)
-                outer = _slice(getattr(self, "taxel_enable" if name == "enable" else name), index, len(inner))
-                inward = row.signature.members[name].flow is In
-                m.d.comb += inner.eq(outer) if inward else outer.eq(inner)
+                outer = getattr(self, "taxel_enable" if name == "enable" else name)
+                row.connect(m, name, _slice(outer, index, len(getattr(row, name))))
 
+        sink: Any = self
         if config.link == "four_phase":
-            link = FourPhaseLink(config)
-            link.place(m, "link", platform)
-            outside = {
-                name: (getattr(link, name), getattr(self, name))
-                for name in aer_ports(config)
-                if name in self.signature.members
-            }
-            for name, (inner, outer) in outside.items():
-                m.d.comb += outer.eq(inner) if self.signature.members[name].flow is Out else inner.eq(outer)
-            sink: Any = link
-        else:
-            sink = self
+            sink = FourPhaseLink(config)
+            sink.place(m, "link", platform)
+            for name in aer_ports(config):
+                sink.connect(m, name, getattr(self, name))
         for name in event_ports(config, Out):
-            if name in arbiter.signature.members:
-                source, drain = getattr(arbiter, name), getattr(sink, name)
-                forward = arbiter.signature.members[name].flow is Out
-                m.d.comb += drain.eq(source) if forward else source.eq(drain)
+            arbiter.connect(m, name, getattr(sink, name))
         return m
 
 

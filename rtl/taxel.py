@@ -212,10 +212,8 @@ class Row(Block):
             m.d.comb += [taxel.enable.eq(self.enable[column]), taxel.granted.eq(self.granted)]
             m.d.comb += [getattr(taxel, name).eq(getattr(self, name)) for name in self.shared]
             for name in self.per_taxel:
-                mine = getattr(taxel, name)
-                part = getattr(self, name)[column * len(mine) : (column + 1) * len(mine)]
-                inward = self.signature.members[name].flow is In
-                m.d.comb += mine.eq(part) if inward else part.eq(mine)
+                width = len(getattr(taxel, name))
+                taxel.connect(m, name, getattr(self, name)[column * width : (column + 1) * width])
             requests.append(taxel.request)
             if self.config.has_polarity:
                 polarities.append(taxel.polarity)

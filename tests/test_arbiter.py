@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cocotb_tests.reference import AddressEvent, ArbiterReference, Requests
@@ -15,6 +15,7 @@ from model.config import ReadoutConfig
 WORD = st.integers(1, 2**64 - 1) | st.integers(0, 63).map(lambda bit: 1 << bit)
 
 
+@settings(deadline=None)  # the first call may compile the model
 @given(WORD)
 def test_lowest_bit_of_a_word(word: int) -> None:
     bits = [bit for bit in range(64) if word >> bit & 1]
@@ -22,6 +23,7 @@ def test_lowest_bit_of_a_word(word: int) -> None:
     assert int(without_lowest(np.uint64(word))) == sum(1 << bit for bit in bits[1:])
 
 
+@settings(deadline=None)
 @given(st.integers(1, 64), st.data())
 def test_next_row_equals_the_reference_over_a_run_of_grants(rows: int, data: st.DataObject) -> None:
     reference = ArbiterReference(ReadoutConfig(rows=rows, columns=1))
@@ -36,6 +38,11 @@ def test_next_row_equals_the_reference_over_a_run_of_grants(rows: int, data: st.
         assert [bit for bit in range(rows) if int(behind) >> bit & 1] == list(range(row + 1, rows))
 
 
+def test_rows_behind_each_row_of_the_largest_array() -> None:
+    for row in range(64):
+        assert int(rows_behind(row)) == sum(1 << later for later in range(row + 1, 64))
+
+
 def drain(reference: ArbiterReference, requests: Requests, clocks: int) -> list[AddressEvent]:
     """Return the events of requests that are raised anew whenever they are taken."""
     events = []
@@ -48,7 +55,7 @@ def drain(reference: ArbiterReference, requests: Requests, clocks: int) -> list[
 
 def test_rows_take_turns_and_columns_rise() -> None:
     reference = ArbiterReference(ReadoutConfig(rows=3, columns=3))
-    requests = [[True, None, False], [None, None, None], [None, True, True]]
+    requests: Requests = [[True, None, False], [None, None, None], [None, True, True]]
     got = [(event.row, event.column, event.polarity) for event in drain(reference, requests, 6)]
     assert got == [(0, 0, True), (0, 2, False), (2, 1, True), (2, 2, True), (0, 0, True)]
 

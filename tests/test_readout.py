@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from cocotb_tests.reference import ReadoutReference, TimedEvent, play
 from model.config import ReadoutConfig
 from model.errors import InputError
-from model.readout import LATENCY, Stimulus, simulate, state_at
-from model.taxel import encode_timed, uncontended_events
+from model.readout import Stimulus, simulate, state_at
+from model.taxel import EVENT_LATENCY, encode_timed, uncontended_events
 
 ARRAYS = [(1, 1), (1, 4), (3, 5), (2, 2), (6, 1), (1, 64), (2, 33), (17, 3)]
 ENCODINGS = ("lcs", "cw-lcs", "nlcs")
@@ -159,7 +159,7 @@ def test_functional_encoder_equals_one_taxel_alone_clock_by_clock(data: st.DataO
     silent = data.draw(st.integers(low, min(config.step, config.full_scale - 1) // config.grid))
     config = config.replace(reference_reset=silent * config.grid)  # no event before the first sample
     drawn = data.draw(stimuli(config))
-    end = len(drawn.samples) * period + LATENCY
+    end = len(drawn.samples) * period + EVENT_LATENCY
     stimulus = Stimulus.from_samples(config, drawn.samples, clocks=end)
     _, expected = play(config, stimulus)
     events = uncontended_events(config, *encode_timed(config, drawn.samples))
@@ -202,9 +202,9 @@ def test_saturated_array_sends_one_event_every_clock_and_serves_all_alike(rows: 
     config = ReadoutConfig(rows=rows, columns=columns, resolution=10)
     samples = np.full((1, config.taxels), 1500, np.int32)
     rounds = 7
-    stimulus = Stimulus.from_samples(config, samples, clocks=LATENCY + rounds * config.taxels)
+    stimulus = Stimulus.from_samples(config, samples, clocks=EVENT_LATENCY + rounds * config.taxels)
     events = simulate(config, stimulus)
-    assert events["t"].tolist() == list(range(LATENCY, stimulus.clocks))
+    assert events["t"].tolist() == list(range(EVENT_LATENCY, stimulus.clocks))
     taxel = events["y"].astype(int) * columns + events["x"]
     assert (np.bincount(taxel, minlength=config.taxels) == rounds).all()
     for number in range(rounds):  # and after every round
@@ -283,7 +283,7 @@ def test_same_stimulus_gives_the_same_events_and_stays_untouched(data: st.DataOb
 
 def test_a_run_is_the_start_of_a_longer_one() -> None:
     for link in ("stream", "four_phase"):
-        config = ReadoutConfig(rows=3, columns=5, link=link, resolution=5)  # type: ignore[arg-type]
+        config = ReadoutConfig(rows=3, columns=5, link=link, resolution=5)
         rng = np.random.default_rng(1)
         samples = rng.integers(-2048, 2048, (20, 15))
         stimulus = Stimulus.from_samples(config, samples, clocks_per_sample=11, ack_delay=np.array([3, 17]))

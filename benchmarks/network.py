@@ -1,0 +1,427 @@
+"""CPU time of a training step of the spiking network on one core, against libraries and the matrix-product limit.
+
+``python benchmarks/network.py --json benchmarks/results/network.json``
+
+All candidates train the same 128-256-6 network of integrate-and-fire neurons (reset to zero, no leak, no floor, no
+biases, fast-sigmoid surrogate: what all libraries have) on the same input, batch 32; a step is forward, backward and
+Adam. The weights are multiples of 2**-10, so that all sums are exact and all candidates must give the very same
+spikes; their gradients must agree with the plain loop (exit code 1 otherwise). Libraries that
+are not installed are left out.
+
+The limit is the time of the dense products of such a step alone: one per step and direction with the recurrent
+weights, all others as one product for the whole sequence. Work over events does less than that, so the limit can be
+beaten. In every round all candidates run once, one after the other; times are CPU time of the process. Peak memory is
+measured in a process of its own for each.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from importlib import metadata
+from pathlib import Path
+from typing import Annotated, Any
+
+import torch
+import typer
+from torch import Tensor, nn
+from torch.nn import functional
+
+from model.errors import InputError
+from model.files import atomic_write, check_writable
+from snn import kernel
+from snn.recurrent import NeuronRule, layer, layer_reference
+
+INPUTS, HIDDEN, CLASSES = 128, 256, 6
+RULE = NeuronRule(floor=-float("inf"), surrogate="fast-sigmoid", surrogate_scale=1.0, surrogate_width=1.0)
+PAPER = NeuronRule()
+
+Forward = Callable[[Tensor, Tensor, Tensor, Tensor], tuple[Tensor, Tensor]]
+"""From input (steps, batch, inputs) and the weights w_in, w_rec, w_out to hidden and output spikes."""
+
+
+class Spike(torch.autograd.Function):
+    """A step above 0 with the derivative 1 / (1 + |x|)**2, for libraries that take a function."""
+
+    @staticmethod
+    def forward(ctx: Any, x: Tensor) -> Tensor:  # type: ignore[override]
+        ctx.save_for_backward(x)
+        return (x > 0).to(x)
+
+    @staticmethod
+    def backward(ctx: Any, grad: Tensor) -> Tensor:  # type: ignore[override]
+        (x,) = ctx.saved_tensors
+        return grad / (1.0 + x.abs()).square()
+
+
+class SpikeModule(nn.Module):
+    """The same as a module."""
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Return the spikes of v - 1."""
+        return Spike.apply(x)
+
+
+# -- candidates --------------------------------------------------------------------------------------
+
+
+def ours(rule: NeuronRule, function: Callable[..., Tensor], **options: Any) -> Forward:
+    """Return two layers of this project: in the kernel, in torch, or as the plain loop."""
+    zeros, ones = torch.zeros(HIDDEN), torch.ones(HIDDEN)
+
+    def forward(x: Tensor, w_in: Tensor, w_rec: Tensor, w_out: Tensor) -> tuple[Tensor, Tensor]:
+        s = function(rule, x, w_in, zeros, ones, w_rec, **options)
+        return s, function(rule, s, w_out, zeros[:CLASSES], ones[:CLASSES], **options)
+
+    return forward
+
+
+def norse() -> Forward:
+    """Return Norse's recurrent and feed-forward integrate-and-fire steps, with its own surrogate."""
+    from norse.torch.functional.iaf import (
+        IAFFeedForwardState,
+        IAFParameters,
+        IAFState,
+        iaf_feed_forward_step,
+        iaf_step,
+    )
+
+    p = IAFParameters(method="super", alpha=torch.tensor(1.0))
+
+    def forward(x: Tensor, w_in: Tensor, w_rec: Tensor, w_out: Tensor) -> tuple[Tensor, Tensor]:
+        zeros = torch.zeros(x.shape[1], HIDDEN)
+        state, out_state = IAFState(zeros, zeros), IAFFeedForwardState(torch.zeros(x.shape[1], CLASSES))
+        spikes, outputs = [], []
+        for now in x.unbind():
+            s, state = iaf_step(now, state, w_in, w_rec, p)
+            o, out_state = iaf_feed_forward_step(functional.linear(s, w_out), out_state, p)
+            spikes.append(s)
+            outputs.append(o)
+        return torch.stack(spikes), torch.stack(outputs)
+
+    return forward
+
+
+def spikingjelly(container: bool) -> Forward:
+    """Return SpikingJelly's integrate-and-fire node in a loop, or in its recurrent container."""
+    from spikingjelly.activation_based import functional as sj
+    from spikingjelly.activation_based import layer as sj_layer
+    from spikingjelly.activation_based import neuron
+
+    def node() -> nn.Module:
+        return neuron.IFNode(1.0, 0.0, SpikeModule(), detach_reset=False)
+
+    hidden, out = node(), node()
+    around = sj_layer.LinearRecurrentContainer(hidden, HIDDEN, HIDDEN, bias=False) if container else hidden
+    eye = torch.eye(HIDDEN)
+
+    def forward(x: Tensor, w_in: Tensor, w_rec: Tensor, w_out: Tensor) -> tuple[Tensor, Tensor]:
+        sj.reset_net(around)
+        sj.reset_net(out)
+        if container:
+            del around.rc.weight  # the container's own linear map, of input and last spikes side by side
+            around.rc.weight = torch.cat([eye, w_rec], 1)
+        spikes, outputs = [], []
+        for current in functional.linear(x, w_in).unbind():
+            if not container and spikes:
+                current = current + functional.linear(spikes[-1], w_rec)
+            spikes.append(around(current))
+            outputs.append(out(functional.linear(spikes[-1], w_out)))
+        return torch.stack(spikes), torch.stack(outputs)
+
+    return forward
+
+
+def snntorch() -> Forward:
+    """Return snnTorch's recurrent and plain leaky neurons without a leak."""
+    import snntorch as snn_torch
+
+    options = {"threshold": 1.0, "spike_grad": Spike.apply, "reset_mechanism": "zero", "reset_delay": False}
+    hidden = snn_torch.RLeaky(1.0, linear_features=HIDDEN, **options)
+    out = snn_torch.Leaky(1.0, **options)
+    hidden.recurrent.bias = None
+
+    def forward(x: Tensor, w_in: Tensor, w_rec: Tensor, w_out: Tensor) -> tuple[Tensor, Tensor]:
+        del hidden.recurrent.weight
+        hidden.recurrent.weight = w_rec
+        s, mem = torch.zeros(x.shape[1], HIDDEN), torch.zeros(x.shape[1], HIDDEN)
+        out_mem = torch.zeros(x.shape[1], CLASSES)
+        spikes, outputs = [], []
+        for current in functional.linear(x, w_in).unbind():
+            s, mem = hidden(current, s, mem)
+            o, out_mem = out(functional.linear(s, w_out), out_mem)
+            spikes.append(s)
+            outputs.append(o)
+        return torch.stack(spikes), torch.stack(outputs)
+
+    return forward
+
+
+CANDIDATES: dict[str, tuple[Callable[[], Forward], NeuronRule, bool]] = {
+    "this project, kernel": (lambda: ours(RULE, layer, backend="kernel"), RULE, False),
+    "this project, torch": (lambda: ours(RULE, layer, backend="torch"), RULE, False),
+    "plain torch loop": (lambda: ours(RULE, layer_reference), RULE, False),
+    "Norse": (norse, RULE, True),
+    "SpikingJelly, loop": (lambda: spikingjelly(False), RULE, True),
+    "SpikingJelly, container": (lambda: spikingjelly(True), RULE, True),
+    "snnTorch": (snntorch, RULE, True),
+    "paper's neuron, kernel": (lambda: ours(PAPER, layer, backend="kernel"), PAPER, False),
+    "paper's neuron, plain torch loop": (lambda: ours(PAPER, layer_reference), PAPER, False),
+}
+"""How to make each, the rule it must equal, and whether it is a library."""
+
+
+# -- a training step ---------------------------------------------------------------------------------
+
+
+@dataclass
+class Step:
+    """A network in training.
+
+    Attributes
+    ----------
+    forward : Forward
+    x, labels : shapes (steps, batch, inputs), (batch,)
+    seconds : list of float
+        CPU time of every round.
+    """
+
+    forward: Forward
+    x: Tensor
+    labels: Tensor
+    seconds: list[float] = field(default_factory=list)
+    weights: list[nn.Parameter] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.weights = [nn.Parameter(weight) for weight in make_weights()]
+        self.adam = torch.optim.Adam(self.weights, lr=1e-3)
+
+    def gradients(self) -> tuple[list[int], list[Tensor]]:
+        """Return the counts of hidden and output spikes, and the gradients, before any step."""
+        s, o = self.forward(self.x, *self.weights)
+        gradients = torch.autograd.grad(functional.cross_entropy(o.sum(0), self.labels), self.weights)
+        return [int(s.detach().sum()), int(o.detach().sum())], list(gradients)
+
+    def run(self) -> None:
+        """Train once, forward and backward and Adam."""
+        _, o = self.forward(self.x, *self.weights)
+        loss = functional.cross_entropy(o.sum(0), self.labels)
+        self.adam.zero_grad()
+        loss.backward()
+        self.adam.step()
+
+    def timed(self) -> None:
+        """Train once from the first weights on, so that all rounds see the same spikes."""
+        with torch.no_grad():
+            for weight, first in zip(self.weights, make_weights(), strict=True):
+                weight.copy_(first)
+        start = time.process_time()
+        self.run()
+        self.seconds.append(time.process_time() - start)
+
+
+def make_weights() -> list[Tensor]:
+    """Return w_in, w_rec and w_out in multiples of 2**-10."""
+    generator = torch.Generator().manual_seed(0)
+    w_in = torch.randn(HIDDEN, INPUTS, generator=generator) * 0.08
+    w_rec = nn.init.orthogonal_(torch.empty(HIDDEN, HIDDEN), generator=generator)
+    w_out = torch.randn(CLASSES, HIDDEN, generator=generator) * 0.1
+    return [torch.round(weight * 1024) / 1024 for weight in (w_in, w_rec, w_out)]
+
+
+def make_input(steps: int, batch: int, rate: float) -> tuple[Tensor, Tensor]:
+    """Return event counts that are Poisson distributed around a rate, and labels."""
+    generator = torch.Generator().manual_seed(1)
+    x = torch.poisson(torch.full((steps, batch, INPUTS), rate), generator=generator)
+    return x, torch.arange(batch) % CLASSES
+
+
+def product_limit(steps: int, batch: int) -> Callable[[], None]:
+    """Return the dense products of one training step, and nothing else."""
+    generator = torch.Generator().manual_seed(2)
+
+    def random(*shape: int) -> Tensor:
+        return torch.randn(shape, generator=generator)
+
+    rows = steps * batch
+    x, s, g, g_out = random(rows, INPUTS), random(rows, HIDDEN), random(rows, HIDDEN), random(rows, CLASSES)
+    w_in, w_rec, w_out = random(INPUTS, HIDDEN), random(HIDDEN, HIDDEN), random(HIDDEN, CLASSES)
+    one, wide = torch.empty(batch, HIDDEN), torch.empty(rows, HIDDEN)
+    parts = s.view(steps, batch, HIDDEN).unbind()
+
+    def products() -> None:
+        torch.mm(x, w_in, out=wide)
+        for part in parts:  # forward, then backward
+            torch.mm(part, w_rec, out=one)
+        torch.mm(s, w_out)
+        torch.mm(g_out, w_out.t(), out=wide)
+        for part in parts:
+            torch.mm(part, w_rec.t(), out=one)
+        torch.mm(s.t(), g)
+        torch.mm(x.t(), g)
+        torch.mm(s.t(), g_out)
+
+    return products
+
+
+def peak_mib(name: str, steps: int, batch: int, rate: float) -> float | None:
+    """Return by how much a candidate's training raises the peak memory of a fresh process, in MiB."""
+    if sys.platform != "linux":
+        return None
+    command = [sys.executable, __file__, "--memory-of", name, "--steps", str(steps)]
+    command += ["--batch", str(batch), "--rate", str(rate)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return float(done.stdout.split()[-1])
+
+
+def print_memory(name: str, steps: int, batch: int, rate: float) -> None:
+    """Train three times and print the growth of the peak resident memory in MiB (Linux)."""
+    small = Step(CANDIDATES[name][0](), *make_input(2, batch, rate))
+    small.run()  # libraries are loaded
+    step = Step(CANDIDATES[name][0](), *make_input(steps, batch, rate))
+    Path("/proc/self/clear_refs").write_text("5")  # forget the peak so far
+    before = resident_kib("VmRSS")
+    for _ in range(3):
+        step.run()
+    print((resident_kib("VmHWM") - before) / 1024)
+
+
+def resident_kib(name: str) -> int:
+    """Return a number of kibibytes from the status of this process."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith(name + ":"))
+
+
+# -- the command -------------------------------------------------------------------------------------
+
+
+def measure(steps: int, batch: int, rate: float, rounds: int, memory: bool) -> dict[str, Any]:
+    """Return the numbers of all installed candidates for one length of sequence."""
+    x, labels = make_input(steps, batch, rate)
+    made: dict[str, Step] = {}
+    for name, (make, _, _) in CANDIDATES.items():
+        try:
+            made[name] = Step(make(), x, labels)
+        except ImportError:
+            print(f"{name} is not installed and left out")
+    references = {id(rule): Step(ours(rule, layer_reference), x, labels).gradients() for rule in (RULE, PAPER)}
+    results: dict[str, dict[str, Any]] = {}
+    for name, step in made.items():
+        spikes, gradients = step.gradients()
+        expected_spikes, expected = references[id(CANDIDATES[name][1])]
+        errors = [float((a - b).norm() / b.norm()) for a, b in zip(gradients, expected, strict=True)]
+        equal = spikes == expected_spikes and max(errors) < 1e-3 and spikes[0] > 0
+        results[name] = {"spikes": spikes, "gradient_errors": errors, "equal": equal, "library": CANDIDATES[name][2]}
+        for _ in range(2):
+            step.run()
+    products, limit = product_limit(steps, batch), []
+    products()
+    for _ in range(rounds):
+        for step in made.values():
+            step.timed()
+        start = time.process_time()
+        products()
+        limit.append(time.process_time() - start)
+    for name, step in made.items():
+        ratios = [a / b for a, b in zip(step.seconds, limit, strict=True)]
+        results[name] |= {
+            "cpu_s": {"median": statistics.median(step.seconds), "least": min(step.seconds), "all": step.seconds},
+            "times_the_limit": statistics.median(ratios),
+            "peak_mib": peak_mib(name, steps, batch, rate) if memory else None,
+        }
+    return {
+        "steps": steps,
+        "input_density": float((x != 0).float().mean()),
+        "spikes_per_step": results["plain torch loop"]["spikes"][0] / (steps * batch * HIDDEN),
+        "limit_cpu_s": {"median": statistics.median(limit), "least": min(limit), "all": limit},
+        "candidates": results,
+        "fastest_library": fastest_library(results),
+    }
+
+
+def fastest_library(results: dict[str, dict[str, Any]]) -> dict[str, Any] | None:
+    """Return the library with the smallest median, and how many times longer than the kernel it takes."""
+    libraries = {name: found["cpu_s"]["median"] for name, found in results.items() if found["library"]}
+    if not libraries:
+        return None
+    name = min(libraries, key=libraries.__getitem__)
+    return {"name": name, "times_the_kernel": libraries[name] / results["this project, kernel"]["cpu_s"]["median"]}
+
+
+def print_table(report: dict[str, Any]) -> None:
+    """Print the numbers of one length of sequence."""
+    print(
+        f"{report['steps']} steps, {report['input_density']:.0%} of the inputs not zero, "
+        f"{report['spikes_per_step']:.1%} of the hidden neurons fire in a step"
+    )
+    print(f"{'':36}{'CPU ms':>10}{'x limit':>10}{'peak MiB':>10}  equal")
+    for name, found in report["candidates"].items():
+        memory = "" if found["peak_mib"] is None else f"{found['peak_mib']:.0f}"
+        median = 1e3 * found["cpu_s"]["median"]
+        print(f"{name:36}{median:10.1f}{found['times_the_limit']:10.2f}{memory:>10}  {found['equal']}")
+    print(f"{'matrix products alone':36}{1e3 * report['limit_cpu_s']['median']:10.1f}{1:10.2f}")
+    if (library := report["fastest_library"]) is not None:
+        print(f"fastest library: {library['name']}, {library['times_the_kernel']:.1f} times the kernel")
+
+
+def versions() -> dict[str, Any]:
+    """Return what the numbers depend on."""
+    found: dict[str, Any] = {"python": platform.python_version(), "cpus": os.cpu_count()}
+    for name in ("torch", "norse", "spikingjelly", "snntorch"):
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = None
+    return found | {"instruction_set": platform.machine(), "cpu_capability": torch.backends.cpu.get_cpu_capability()}
+
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def main(
+    json_file: Annotated[Path | None, typer.Option("--json", help="write the numbers to this file")] = None,
+    steps: Annotated[list[int] | None, typer.Option(min=2, help="time steps, repeatable [200, 400]")] = None,
+    batch: Annotated[int, typer.Option(min=1, help="sequences")] = 32,
+    rate: Annotated[list[float] | None, typer.Option(help="events per input and step, repeatable [0.1, 0.5]")] = None,
+    rounds: Annotated[int, typer.Option(min=1, help="how often everything is timed")] = 9,
+    memory: Annotated[bool, typer.Option(help="measure peak memory")] = True,
+    memory_of: Annotated[str | None, typer.Option(hidden=True)] = None,
+) -> None:
+    """Time a training step on one core."""
+    torch.set_num_threads(1)
+    if memory_of is not None:
+        print_memory(memory_of, (steps or [200])[0], batch, (rate or [0.1])[0])
+        return
+    if json_file is not None:
+        try:
+            check_writable(json_file)
+        except InputError as error:
+            raise typer.BadParameter(str(error)) from None
+    if not kernel.available():
+        print("The kernel cannot be compiled here: install g++.", file=sys.stderr)
+        raise typer.Exit(2)
+    reports = []
+    for one_rate in rate or [0.1, 0.5]:
+        for length in steps or [200, 400]:
+            reports.append({"rate": one_rate} | measure(length, batch, one_rate, rounds, memory))
+            print_table(reports[-1])
+    if json_file is not None:
+        sizes = {"inputs": INPUTS, "hidden": HIDDEN, "classes": CLASSES, "batch": batch, "rounds": rounds}
+        report = {"benchmark": "network", **sizes, "threads": 1, "versions": versions(), "results": reports}
+        with atomic_write(json_file) as file:
+            file.write((json.dumps(report, indent=2) + "\n").encode())
+    if not all(found["equal"] for report in reports for found in report["candidates"].values()):
+        print("Not all candidates give the same spikes and gradients.", file=sys.stderr)
+        raise typer.Exit(1)
+
+
+if __name__ == "__main__":
+    app()

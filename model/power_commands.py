@@ -1,0 +1,283 @@
+"""The commands power, fig6, fig7 and sensitivity (docs/power.md)."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from model.power_options import (
+    DEFAULT_OUT,
+    DataOption,
+    DatasetOption,
+    JsonOption,
+    OutOption,
+    PresetOption,
+    RatesOption,
+    SettingsOption,
+    SynthesisOption,
+    both_modes,
+    build_model,
+    chosen_corrections,
+    rate_table,
+    write_results,
+)
+from model.power_parameters import PowerParameters
+
+if TYPE_CHECKING:
+    from model.power import PowerModel
+
+
+# -- power -------------------------------------------------------------------------------------------
+
+
+def power(
+    mode: Annotated[
+        str | None, typer.Option(metavar="paper|consistent", help="published model, or with all corrections [paper]")
+    ] = None,
+    resolution: Annotated[int, typer.Option(metavar="N", help="LSB = 2**-N of full scale, 1..10")] = 6,
+    noise: Annotated[float, typer.Option(metavar="V", help="AFE output noise, rms, for 1 V full scale")] = 1e-3,
+    tau: Annotated[float, typer.Option(metavar="SECONDS", help="time constant of N-LCS")] = 0.2,
+    correct: Annotated[str | None, typer.Option(metavar="NAME,...", help="make only these corrections")] = None,
+    without: Annotated[str | None, typer.Option(metavar="NAME,...", help="make all corrections but these")] = None,
+    crossover: Annotated[
+        bool, typer.Option("--crossover", help="AFE noise where spikes beat frames, N = 1..10")
+    ] = False,
+    parameters: Annotated[bool, typer.Option("--parameters", help="list all parameters and corrections")] = False,
+    settings: SettingsOption = None,
+    synthesis: SynthesisOption = None,
+    dataset: DatasetOption = None,
+    preset_name: PresetOption = "paper",
+    rates: RatesOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Print the power of the three readouts."""
+    if parameters:
+        _print_parameters(PowerParameters().with_settings(settings or []), as_json)
+        return
+    from model.power import PowerModel
+    from model.power_study import RESOLUTIONS, TAUS_S, breakdowns, crossovers, winning_sides
+
+    corrections = chosen_corrections(mode, correct, without)
+    # Bad numbers are refused before anything is measured.
+    PowerModel().breakdown("frame", resolution, noise, tau)
+    wanted = (list(RESOLUTIONS), list(TAUS_S)) if crossover else ([resolution], [tau])
+    model = build_model(corrections, settings, synthesis, lambda: rate_table(dataset, preset_name, rates, *wanted))
+    if not crossover:
+        data = breakdowns(model, resolution, noise, tau)
+        if as_json:
+            print(json.dumps(data))
+        else:
+            _print_breakdown(data, model, f"N = {resolution}, noise {noise * 1e3:g} mV rms, tau {tau:g} s")
+        return
+    data = crossovers(model)
+    if as_json:
+        print(json.dumps(data))
+    else:
+        _print_crossovers(data, winning_sides(model), model)
+
+
+def _mode_text(model: PowerModel) -> str:
+    from model.power import CORRECTIONS
+
+    if not model.corrections:
+        return "paper"
+    if model.corrections == frozenset(CORRECTIONS):
+        return "consistent"
+    return "corrected: " + ", ".join(name for name in CORRECTIONS if name in model.corrections)
+
+
+def _print_breakdown(data: dict[str, Any], model: PowerModel, title: str) -> None:
+    """Print breakdowns as a table, a column for each readout."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    from model.power import READOUT_NAMES, READOUTS
+    from model.power_plots import watts
+
+    table = Table(box=box.SIMPLE_HEAD, title=f"{title}, {_mode_text(model)}", title_justify="left")
+    table.add_column("power")
+    for readout in READOUTS:
+        table.add_column(READOUT_NAMES[readout], justify="right")
+    parts = list(dict.fromkeys(part for readout in READOUTS for part in data[readout]["converter_parts"]))
+    table.add_row("AFE", *(watts(data[r]["afe"]) for r in READOUTS))
+    table.add_row("converter", *(watts(data[r]["converter"]) for r in READOUTS))
+    for part in parts:
+        values = [data[r]["converter_parts"].get(part) for r in READOUTS]
+        table.add_row(f"  {part.replace('_', ' ')}", *("" if v is None else watts(v) for v in values), style="dim")
+    table.add_row("I/O", *(watts(data[r]["io"]) for r in READOUTS))
+    table.add_section()
+    table.add_row("total", *(watts(data[r]["total"]) for r in READOUTS), style="bold")
+    frame = data["frame"]["total"]
+    table.add_row("total / frame", *(f"{data[r]['total'] / frame:.3g}" for r in READOUTS))
+    Console().print(table)
+
+
+def _print_crossovers(data: dict[str, Any], sides: dict[str, Any], model: PowerModel) -> None:
+    """Print crossovers as a table, a line for each resolution."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    from model.power_study import RESOLUTIONS
+
+    lines = [(f"N-LCS {float(tau):g} s", data["nlcs"][tau], sides["nlcs"][tau]) for tau in data["nlcs"]]
+    lines.append(("LCS", data["lcs"], sides["lcs"]))
+    title = f"AFE noise (mV rms) where spikes and frames cost the same, {_mode_text(model)}"
+    table = Table(box=box.SIMPLE_HEAD, title=title, title_justify="left")
+    table.add_column("N", justify="right")
+    for name, _, _ in lines:
+        table.add_column(name, justify="right")
+    for i, n in enumerate(RESOLUTIONS):
+        table.add_row(str(n), *(_side_text(values[i], side[i]) for _, values, side in lines))
+    table.caption = "spikes cost less above (>) or below (<) it, at any noise, or at none"
+    table.caption_justify = "left"
+    Console().print(table)
+
+
+def _side_text(noise_v_rms: float | None, side: str) -> str:
+    """Return a crossover in mV with its side as a sign, or any, none."""
+    if noise_v_rms is None:
+        return {"always": "any", "never": "none"}[side]
+    return f"{'>' if side == 'above' else '<'} {noise_v_rms * 1e3:.4g}"
+
+
+def _print_parameters(parameters: PowerParameters, as_json: bool) -> None:
+    """Print every parameter with unit, meaning and source, and the corrections."""
+    from model.power import CORRECTIONS
+
+    fields = dataclasses.fields(parameters)
+    if as_json:
+        listed = {f.name: {"value": getattr(parameters, f.name), **f.metadata} for f in fields}
+        print(json.dumps({"parameters": listed, "corrections": CORRECTIONS}))
+        return
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD)
+    for heading in ("parameter", "value", "unit", "meaning", "source"):
+        table.add_column(heading, justify="right" if heading == "value" else "left", overflow="fold")
+    for f in fields:
+        value = f"{getattr(parameters, f.name):g}"
+        table.add_row(f.name, value, f.metadata["unit"], f.metadata["meaning"], f.metadata["source"])
+    Console().print(table)
+    corrections = Table(box=box.SIMPLE_HEAD)
+    corrections.add_column("correction")
+    corrections.add_column("meaning")
+    for name, meaning in CORRECTIONS.items():
+        corrections.add_row(name, meaning)
+    Console().print(corrections)
+
+
+# -- figures -----------------------------------------------------------------------------------------
+
+
+def fig6(
+    out: OutOption = DEFAULT_OUT,
+    data_out: DataOption = None,
+    settings: SettingsOption = None,
+    synthesis: SynthesisOption = None,
+    dataset: DatasetOption = None,
+    preset_name: PresetOption = "paper",
+    rates: RatesOption = None,
+) -> None:
+    """Draw figure 6 in both modes: power at three noise targets."""
+    from model.power_plots import plot_fig6
+    from model.power_study import FIG_RESOLUTION, FIG_TAU_S, fig6_data
+
+    models = both_modes(
+        settings,
+        synthesis,
+        lambda: rate_table(dataset, preset_name, rates, [FIG_RESOLUTION], [FIG_TAU_S]),
+    )
+    write_results(out, "fig6", fig6_data(models), plot_fig6, data_out)
+
+
+def fig7(
+    out: OutOption = DEFAULT_OUT,
+    data_out: DataOption = None,
+    settings: SettingsOption = None,
+    synthesis: SynthesisOption = None,
+    dataset: DatasetOption = None,
+    preset_name: PresetOption = "paper",
+    rates: RatesOption = None,
+) -> None:
+    """Draw figure 7 in both modes: crossover noise by resolution."""
+    from model.power_plots import plot_fig7
+    from model.power_study import RESOLUTIONS, TAUS_S, fig7_data
+
+    models = both_modes(
+        settings, synthesis, lambda: rate_table(dataset, preset_name, rates, list(RESOLUTIONS), list(TAUS_S))
+    )
+    write_results(out, "fig7", fig7_data(models), plot_fig7, data_out)
+
+
+def sensitivity(
+    out: OutOption = DEFAULT_OUT,
+    data_out: DataOption = None,
+    settings: SettingsOption = None,
+    synthesis: SynthesisOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Show what each correction does to spiking / frame power."""
+    from model.event_rates import load_tables, stored_table
+    from model.power import CORRECTIONS
+    from model.power_plots import plot_sensitivity
+    from model.power_study import sensitivity_data, sensitivity_models
+
+    model = build_model(frozenset(CORRECTIONS), settings, synthesis, stored_table)
+    used = (model.measured.dataset, model.measured.preset)  # type: ignore[union-attr]
+    others = {f"{t.dataset} {t.preset} scan": t for t in load_tables() if (t.dataset, t.preset) != used}
+    data = sensitivity_data(sensitivity_models(model, others))
+    write_results(out, "sensitivity", data, plot_sensitivity, data_out, quiet=as_json)
+    if as_json:
+        print(json.dumps(data))
+    else:
+        _print_sensitivity(data)
+
+
+def _print_sensitivity(data: dict[str, Any]) -> None:
+    """Print the study as a table."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    from model.power import READOUT_NAMES, SPIKING
+
+    title = (
+        f"spiking / frame power, N = {data['resolution']}, tau {data['tau_s']:g} s, at AFE noise in mV rms; "
+        f"below 1 spikes cost less"
+    )
+    table = Table(box=box.SIMPLE_HEAD, title=title, title_justify="left")
+    table.add_column("corrections", no_wrap=True)
+    for readout in SPIKING:
+        for noise in data["noise_v_rms"]:
+            name = READOUT_NAMES[readout] if noise == data["noise_v_rms"][0] else ""
+            table.add_column(f"{name} {noise * 1e3:.3g}".strip(), justify="right", no_wrap=True)
+        table.add_column("spikes win", justify="right", no_wrap=True)
+    group = data["rows"][0]["group"]
+    for row in data["rows"]:
+        if row["group"] != group:
+            table.add_section()
+            group = row["group"]
+        cells = []
+        for readout in SPIKING:
+            cells += [f"{ratio:.3g}" for ratio in row["ratio"][readout]]
+            cells.append(crossover_text(row["crossover"][readout]))
+        table.add_row(row["case"], *cells)
+    console = Console()
+    Console(width=max(console.width, _TABLE_WIDTH)).print(table)
+
+
+_TABLE_WIDTH = 132  # of the sensitivity table
+
+
+def crossover_text(crossover: dict[str, Any]) -> str:
+    """Return a crossover in words: ``above 0.54 mV``, ``never``."""
+    value = crossover["noise_v_rms"]
+    side = str(crossover["spikes_win"])
+    return side if value is None else f"{side} {value * 1e3:.3g} mV"

@@ -1,0 +1,161 @@
+"""What the commands of the power model share: their options, the model that these name, and the output files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, get_args
+
+import typer
+
+from model.errors import InputError
+from model.power_parameters import PowerParameters
+
+if TYPE_CHECKING:
+    from model.event_rates import RateTable
+    from model.power import PowerModel
+
+DEFAULT_OUT = Path("out")
+
+SettingsOption = Annotated[
+    list[str] | None, typer.Option("--set", metavar="NAME=NUMBER", help="change a parameter, repeatable")
+]
+SynthesisOption = Annotated[
+    list[Path] | None,
+    typer.Option(metavar="FILE", help="synthesis report (JSON) of a readout's digital part, repeatable"),
+]
+DatasetOption = Annotated[
+    str | None, typer.Option(metavar="DIR|embedded", help="measure event rates on these textures [stored rates]")
+]
+PresetOption = Annotated[
+    str, typer.Option("--preset", metavar="paper|physical", help="texture scan of the event rates")
+]
+RatesOption = Annotated[
+    Path | None, typer.Option("--rates", metavar="FILE", help="event rates, from python -m model event-rates")
+]
+OutOption = Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="folder for data and picture")]
+DataOption = Annotated[
+    Path | None, typer.Option("--data", metavar="DIR", help="folder for the data, if another", show_default=False)
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="print one JSON object")]
+
+
+# -- from options to a model -------------------------------------------------------------------------
+
+
+def chosen_corrections(mode: str | None, correct: str | None, without: str | None) -> frozenset[str]:
+    """Return the corrections that the options name: none in ``paper``, all in ``consistent`` unless listed."""
+    from model.power import CORRECTIONS, PowerMode, check_corrections
+
+    if mode is not None and mode not in get_args(PowerMode):
+        raise InputError(f"mode must be one of {', '.join(get_args(PowerMode))}, not {mode!r}")
+    if correct is not None and without is not None:
+        raise InputError("--correct lists the corrections to make, --without those to leave out; give one of them")
+    if correct is None and without is None:
+        return frozenset(CORRECTIONS if mode == "consistent" else ())
+    if mode == "paper":
+        raise InputError("mode paper has no corrections; leave out --mode or --correct and --without")
+    named = check_corrections(name.strip() for name in (correct or without or "").split(",") if name.strip())
+    return named if correct is not None else frozenset(CORRECTIONS) - named
+
+
+def rate_table(
+    dataset: str | None,
+    preset_name: str,
+    rates: Path | None,
+    resolutions: Sequence[int],
+    taus_s: Sequence[float],
+    array: tuple[int, int] = (8, 8),
+) -> RateTable:
+    """Return measured event rates: of a dataset, from a file, or those that come with the project."""
+    from model.event_rates import STORED, load_tables, measure_table, stored_table
+    from model.texture import preset
+
+    scan = preset(preset_name)
+    if dataset is not None and rates is not None:
+        raise InputError("--dataset measures event rates, --rates reads them from a file; give one of them")
+    if dataset is not None:
+        from model.config import ReadoutConfig
+        from model.dataset import open_dataset
+
+        base = ReadoutConfig(rows=array[0], columns=array[1])
+        return measure_table(open_dataset(dataset), scan, base, resolutions, taus_s, progress=True)
+    if rates is None:
+        return stored_table(scan.name, path=STORED)
+    tables = [table for table in load_tables(rates) if table.preset == scan.name]
+    if not tables:
+        raise InputError(f"{rates} has no event rates of preset {scan.name}; measure them or choose another --preset")
+    return tables[0]
+
+
+def _with_bandwidth(parameters: PowerParameters, table: RateTable, settings: Sequence[str]) -> PowerParameters:
+    """Return the parameters with the bandwidth of the data; 97 Hz stays that of the published scan of Kylberg."""
+    published = (table.dataset, table.preset) == ("kylberg", "paper")
+    if published or any(setting.startswith("signal_bandwidth_hz=") for setting in settings):
+        return parameters
+    return parameters.replace(signal_bandwidth_hz=table.bandwidth_hz)
+
+
+def build_model(
+    corrections: frozenset[str],
+    settings: Sequence[str] | None,
+    synthesis: Sequence[Path] | None,
+    table: Callable[[], RateTable],
+) -> PowerModel:
+    """Return the power model of some options; the table is asked for only where a correction needs it."""
+    from model.power import PowerModel
+    from model.synthesis import load_reports
+
+    settings = settings or []
+    parameters = PowerParameters().with_settings(settings)
+    if synthesis and "digital" not in corrections:
+        raise InputError("--synthesis belongs to correction digital; add --mode consistent or --correct digital")
+    gates = load_reports(list(synthesis or []))
+    measured = None
+    if corrections & {"event_rates", "bandwidth"}:
+        measured = table()
+        parameters = _with_bandwidth(parameters, measured, settings)
+    return PowerModel(parameters=parameters, corrections=corrections, measured=measured, gates=gates)
+
+
+def both_modes(
+    settings: Sequence[str] | None, synthesis: Sequence[Path] | None, table: Callable[[], RateTable]
+) -> dict[str, PowerModel]:
+    """Return the models of both modes; a synthesis report belongs to ``consistent`` only."""
+    from model.power import CORRECTIONS
+
+    return {
+        "paper": build_model(frozenset(), settings, None, table),
+        "consistent": build_model(frozenset(CORRECTIONS), settings, synthesis, table),
+    }
+
+
+def write_results(
+    out: Path,
+    name: str,
+    data: dict[str, Any],
+    plot: Callable[[dict[str, Any], Path], None],
+    data_out: Path | None = None,
+    quiet: bool = False,
+) -> None:
+    """Write the data as ``name``.json, then the picture that is made from them as ``name``.png.
+
+    Parameters
+    ----------
+    out, data_out : Path
+        Folders of the picture and of the data; made if they are not there.
+    """
+    from model.files import atomic_write
+
+    data_out = data_out or out
+    for folder in (out, data_out):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot make the folder {folder}: {error.strerror}; choose another --out") from None
+    with atomic_write(data_out / f"{name}.json") as file:
+        file.write(json.dumps(data, indent=1).encode() + b"\n")
+    plot(data, out / f"{name}.png")
+    if not quiet:
+        print(f"wrote {data_out / name}.json and {out / name}.png")

@@ -1,0 +1,229 @@
+"""Pictures of the power model, each made from its data (``model.power_study``, ``model.explore``)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from model.files import atomic_write
+from model.power import READOUT_NAMES, READOUTS, SPIKING
+from model.raster import DPI, check_picture_path
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Data = dict[str, Any]
+
+# Okabe-Ito, as in model.raster; the readouts have one colour each in all pictures.
+PART_COLOURS = {"afe": "#0072b2", "converter": "#e69f00", "io": "#009e73"}
+PART_NAMES = {"afe": "AFE", "converter": "converter", "io": "I/O"}
+READOUT_COLOURS = {"nlcs": "#d55e00", "lcs": "#0072b2", "frame": "#000000"}
+READOUT_MARKERS = {"nlcs": "^", "lcs": "o", "frame": "s"}
+TAU_COLOURS = ("#d55e00", "#e69f00", "#cc79a7")
+_GREY = "#555555"
+
+
+def _figure(width_in: float, height_in: float, title: str) -> Figure:
+    """Return an empty figure with a title."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
+    return figure
+
+
+def _dress(panel: Axes, title: str = "") -> None:
+    panel.spines[["top", "right"]].set_visible(False)
+    panel.tick_params(labelsize=8, length=3)
+    panel.grid(axis="y", color="#e5e5e5", lw=0.6)
+    panel.set_axisbelow(True)
+    panel.set_title(title, loc="left", fontsize=9.5, fontweight="bold", pad=4)
+
+
+def _save(figure: Figure, path: Path) -> None:
+    """Write a figure; the same data give the same bytes."""
+    import matplotlib
+
+    check_picture_path(path)
+    undated: dict[str, Any] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}[path.suffix.lower()]
+    with matplotlib.rc_context({"svg.hashsalt": "power"}), atomic_write(path) as file:
+        figure.savefig(file, format=path.suffix[1:].lower(), dpi=DPI, metadata=undated)
+
+
+def watts(value: float) -> str:
+    """Return a power with three digits and its unit: 26.9 mW, 80.2 uW."""
+    for factor, unit in ((1.0, "W"), (1e-3, "mW"), (1e-6, "uW"), (1e-9, "nW")):
+        if value >= 0.9995 * factor:
+            return f"{value / factor:.3g} {unit}" if value < 999.5 * factor else f"{value / factor:.0f} {unit}"
+    return f"{value * 1e12:.3g} pW"
+
+
+def plot_fig6(data: Data, path: Path) -> None:
+    """Draw stacked bars of AFE, converter and I/O at the noise targets, one panel for each mode."""
+    modes = data["modes"]
+    title = f"Power of the readouts, N = {data['resolution']}, {data['rows']} x {data['columns']} taxels"
+    figure = _figure(5.2 * len(modes), 4.0, title)
+    panels = figure.subplots(1, len(modes), sharey=True, squeeze=False)[0]
+    totals = [entry[r]["total"] for mode in modes.values() for entry in mode for r in READOUTS]
+    floor = 10 ** -(9 if min(totals) < 1e-7 else 8 if min(totals) < 1e-6 else 7)
+    for panel, (mode, entries) in zip(panels, modes.items(), strict=True):
+        _dress(panel, f"{mode} mode")
+        positions, names = [], []
+        for group, (noise, entry) in enumerate(zip(data["noise_v_rms"], entries, strict=True)):
+            for k, readout in enumerate(READOUTS):
+                x = 3.7 * group + k
+                positions.append(x)
+                names.append(READOUT_NAMES[readout])
+                bottom = 0.0
+                for part, colour in PART_COLOURS.items():
+                    height = entry[readout][part]
+                    panel.bar(x, height, bottom=bottom or floor, width=0.82, color=colour, label=PART_NAMES[part])
+                    bottom += height
+                panel.text(x, bottom * 1.15, watts(bottom), ha="center", va="bottom", fontsize=6.3, color=_GREY)
+            panel.text(3.7 * group + 1, -0.15, f"noise {noise * 1e3:.3g} mV rms", ha="center", va="top", fontsize=8.5,
+                       transform=panel.get_xaxis_transform())  # fmt: skip
+        panel.set_yscale("log")
+        panel.set_ylim(floor, max(totals) * 6)
+        panel.set_xticks(positions, names, fontsize=7, rotation=35, ha="right", rotation_mode="anchor")
+    panels[0].set_ylabel("power (W)", fontsize=8.5)
+    handles, labels = panels[0].get_legend_handles_labels()
+    panels[-1].legend(handles[: len(PART_COLOURS)], labels[: len(PART_COLOURS)], fontsize=8, frameon=False)
+    _save(figure, path)
+
+
+def plot_fig7(data: Data, path: Path) -> None:
+    """Draw the crossover noise against the resolution for each mode, and the power ratio of the last mode.
+
+    Lines end where there is no crossover; a mode in which there is none gets the ranges in words.
+    """
+    modes = data["modes"]
+    figure = _figure(4.4 * (len(modes) + 1), 3.8, "AFE noise at which spikes cost what frames cost")
+    panels = figure.subplots(1, len(modes) + 1, sharex=True, squeeze=False)[0]
+    for panel, (mode, entry) in zip(panels[:-1], modes.items(), strict=True):
+        _dress(panel, f"{mode} mode")
+        panel.sharey(panels[0])
+        notes = []
+        for (label, style), values, sides in zip(
+            _lines(entry["crossover"]), _values(entry["crossover"]), _values(entry["spikes_win"]), strict=True
+        ):
+            found = [(n, v) for n, v in zip(data["resolution"], values, strict=True) if v is not None]
+            if found:
+                panel.plot(*zip(*found, strict=True), label=label, **style)
+            else:
+                notes.append(f"{label}\n{_ranges(data['resolution'], sides)}")
+        panel.set_yscale("log")
+        if notes:
+            note = "no crossover; at any noise less power is drawn by\n\n" + "\n".join(notes)
+            panel.text(0.5, 0.5, note, ha="center", va="center", fontsize=7.5, color=_GREY,
+                       transform=panel.transAxes)  # fmt: skip
+        if panel.get_legend_handles_labels()[0]:
+            panel.legend(fontsize=8, frameon=False, loc="upper left")
+        panel.set_ylabel("AFE output noise (V rms)", fontsize=8.5)
+    mode, entry = list(modes.items())[-1]
+    _dress(panels[-1], f"{mode} mode, {data['ratio_noise_v_rms'] * 1e3:g} mV")
+    for (label, style), ratios in zip(_lines(entry["ratio"]), _values(entry["ratio"]), strict=True):
+        panels[-1].plot(data["resolution"], ratios, label=label, **style)
+    panels[-1].axhline(1.0, color="#000000", lw=0.8)
+    panels[-1].set_yscale("log")
+    panels[-1].set_ylabel("spiking / frame power", fontsize=8.5)
+    panels[-1].legend(fontsize=8, frameon=False, loc="upper left")
+    for panel in panels:
+        panel.set_xticks(data["resolution"])
+        panel.set_xlabel("resolution N (bit)", fontsize=8.5)
+    _save(figure, path)
+
+
+def _lines(entry: Data) -> list[tuple[str, dict[str, Any]]]:
+    """Return label and style of the lines of Fig. 7: N-LCS by time constant, then LCS."""
+    lines = []
+    for tau, colour, marker, size in zip(entry["nlcs"], TAU_COLOURS, "^sD", (9, 6, 4), strict=True):
+        style = {"color": colour, "marker": marker, "ms": size, "lw": 1.2}
+        lines.append((f"N-LCS, tau {float(tau) * 1e3:g} ms", style))
+    lines.append(("LCS", {"color": READOUT_COLOURS["lcs"], "marker": "o", "ms": 4, "lw": 1.2}))
+    return lines
+
+
+def _values(entry: Data) -> list[list[Any]]:
+    """Return the values of those lines, in the same order."""
+    return [*entry["nlcs"].values(), entry["lcs"]]
+
+
+def _ranges(resolutions: list[int], sides: list[str]) -> str:
+    """Return who costs less at which resolutions: ``spikes N = 1..4, frames N = 5..10``."""
+    texts = []
+    for side, name in (("always", "spikes"), ("never", "frames")):
+        found = [n for n, s in zip(resolutions, sides, strict=True) if s == side]
+        if found:
+            texts.append(f"{name} N = {found[0]}" + (f"..{found[-1]}" if len(found) > 1 else ""))
+    return ", ".join(texts)
+
+
+def plot_sensitivity(data: Data, path: Path) -> None:
+    """Draw spiking / frame power of every case, one panel for each noise target."""
+    rows = data["rows"]
+    figure = _figure(11, 0.235 * len(rows) + 1.3, f"Spiking power / frame power, N = {data['resolution']}")
+    panels = figure.subplots(1, len(data["noise_v_rms"]), sharey=True, sharex=True, squeeze=False)[0]
+    heights = list(range(len(rows)))
+    for k, (panel, noise) in enumerate(zip(panels, data["noise_v_rms"], strict=True)):
+        _dress(panel, f"{noise * 1e3:.3g} mV rms")
+        panel.axvline(1.0, color="#000000", lw=0.8)
+        for readout in SPIKING:
+            panel.plot(
+                [row["ratio"][readout][k] for row in rows],
+                heights,
+                ls="",
+                marker=READOUT_MARKERS[readout],
+                ms=6,
+                color=READOUT_COLOURS[readout],
+                label=READOUT_NAMES[readout],
+            )
+        for y in heights[1:]:
+            if rows[y]["group"] != rows[y - 1]["group"]:
+                panel.axhline(y - 0.5, color="#999999", lw=0.6, ls=":")
+        panel.set_xscale("log")
+        panel.set_xlabel("spikes cost less  |  frames cost less", fontsize=8)
+    panels[0].set_yticks(heights, [row["case"] for row in rows], fontsize=8)
+    panels[0].invert_yaxis()
+    panels[0].legend(fontsize=8, frameon=False, loc="best")
+    _save(figure, path)
+
+
+def plot_explore(data: Data, path: Path) -> None:
+    """Draw the total power of the readouts against the resolution."""
+    table = data["table"]
+    resolutions = [row["resolution"] for row in table]
+    sensor = data["sensor"]
+    figure = _figure(
+        6.4,
+        4.0,
+        f"{sensor['rows']} x {sensor['columns']} taxels, {sensor['bandwidth_hz']:g} Hz, "
+        f"{sensor['noise_v_rms'] * 1e3:g} mV",
+    )
+    panel = figure.subplots()
+    _dress(panel)
+    for readout in READOUTS:
+        panel.plot(
+            resolutions,
+            [row[readout]["total"] for row in table],
+            color=READOUT_COLOURS[readout],
+            marker=READOUT_MARKERS[readout],
+            lw=1.3,
+            ms=5,
+            label=READOUT_NAMES[readout],
+        )
+    best = data["cheapest"]
+    panel.plot(best["resolution"], best["total"], "o", ms=14, mfc="none", mec=_GREY, mew=1.2)
+    finest = data["noise_resolution"]
+    if finest < resolutions[-1]:
+        panel.axvspan(finest + 0.5, resolutions[-1] + 0.5, color="#eeeeee", zorder=0)
+        panel.text(finest + 0.6, 0.02, "below the noise", fontsize=8, color=_GREY, va="bottom",
+                   transform=panel.get_xaxis_transform())  # fmt: skip
+    panel.set_yscale("log")
+    panel.set_xticks(resolutions)
+    panel.set_xlabel("resolution N (bit)", fontsize=8.5)
+    panel.set_ylabel("power (W)", fontsize=8.5)
+    panel.legend(fontsize=8, frameon=False)
+    _save(figure, path)

@@ -1,0 +1,194 @@
+"""Event files become the right counts, the same from the RTL and from the model, and bad ones are refused."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from model.config import ReadoutConfig
+from model.dataset import embedded_dataset
+from model.errors import InputError
+from model.events import Recording, make_events, no_events
+from model.texture import PaperScan, PhysicalScan
+from snn.dataset import AugmentConfig, BinConfig, augment, bin_recording, collect, load_recordings
+from snn.scans import FrameConfig, frame_dataset, record, record_dataset
+
+ROOT = Path(__file__).parents[1]
+CONFIG = ReadoutConfig(rows=2, columns=3, resolution=4, sample_rate_hz=1000.0, clocks_per_sample=10)
+"""A clock of 10 kHz: a bin of 1 ms is ten clocks."""
+
+
+def recording(t: list[int], taxel: list[int], p: list[bool], clocks: int = 100, **metadata: object) -> Recording:
+    rows, columns = np.divmod(np.array(taxel, int), CONFIG.columns)
+    events = make_events(t, rows, columns, p) if t else no_events()
+    return Recording(events, CONFIG, clocks, metadata={"class": "sand", "name": "a", **metadata})
+
+
+def test_an_event_belongs_to_the_bin_in_which_it_leaves() -> None:
+    sparse = bin_recording(recording([0, 9, 10, 19, 99], [0, 0, 0, 5, 4], [True] * 4 + [False]), BinConfig(bin_s=1e-3))
+    dense = sparse.dense()
+    assert dense.shape == (10, 12)
+    assert dense[0, 0] == 2
+    assert dense[1, 0] == 1
+    assert dense[1, 5] == 1
+    assert dense[9, 6 + 4] == 1  # OFF is the second half of the channels
+    assert dense.sum() == 5
+
+
+def test_without_polarity_on_and_off_share_a_channel() -> None:
+    counts = bin_recording(recording([1, 2], [3, 3], [True, False]), BinConfig(bin_s=1e-3, polarity=False)).dense()
+    assert counts.shape == (10, 6)
+    assert counts[0, 3] == 2
+
+
+def test_nlcs_has_one_channel_a_taxel() -> None:
+    assert BinConfig().channels(ReadoutConfig(encoding="nlcs")) == 64
+    assert BinConfig().channels(ReadoutConfig()) == 128
+
+
+def test_the_time_window_cuts_and_a_partial_last_bin_is_left_out() -> None:
+    made = recording([5, 25, 44, 95], [0, 0, 0, 0], [True] * 4)
+    counts = bin_recording(made, BinConfig(bin_s=1e-3, start_s=2e-3, stop_s=4.5e-3)).dense()
+    assert counts[:, 0].tolist() == [1, 0]
+    counts = bin_recording(made, BinConfig(bin_s=3e-3)).dense()
+    assert counts[:, 0].tolist() == [2, 1, 0]
+
+
+def test_the_paper_preset_starts_where_its_events_count() -> None:
+    scan = PaperScan()
+    config = scan.configure(ReadoutConfig(resolution=6))
+    skipped = scan.skipped_ticks(config) * config.clocks_per_sample
+    events = make_events([skipped - 1, skipped], [0, 0], [0, 0], True)
+    made = Recording(events, config, 10 * skipped, metadata={"preset": "paper"})
+    assert bin_recording(made, BinConfig(bin_s=0.001)).dense().sum() == 1
+
+
+def test_tensors_of_rtl_event_files_and_of_the_model_are_equal(tmp_path: Path) -> None:
+    """The files of a replay, written here by the model that the RTL is held to, give what the model gives."""
+    data = embedded_dataset().limit(4)
+    config = ReadoutConfig(rows=2, columns=2, resolution=4)
+    for texture in data:
+        path = tmp_path / f"{texture.name}.npz"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        record(texture, data.name, PhysicalScan(), config).save(path)
+    loaded = load_recordings(tmp_path, BinConfig(), data.class_names)
+    made = record_dataset(data, PhysicalScan(), config, BinConfig())
+    assert loaded.names == made.names
+    assert np.array_equal(loaded.values, made.values)
+    assert np.array_equal(loaded.labels, made.labels)
+    assert np.array_equal(loaded.batch([0, 3]).numpy(), made.sparse_batch([0, 3]).to_dense().numpy())
+    assert made.values.sum() > 1000
+    assert loaded.rate_hz == made.rate_hz > 0
+
+
+@pytest.mark.skipif(shutil.which("g++") is None or shutil.which("perl") is None, reason="no simulator: g++ and perl")
+def test_a_replay_of_the_rtl_gives_the_tensors_of_the_model(tmp_path: Path) -> None:
+    data = embedded_dataset()
+    config = ReadoutConfig(rows=1, columns=4)
+    size = ["--rows", "1", "--columns", "4"]
+    what = ["--dataset", "embedded", "--limit", "2", "--workers", "1", "--out", str(tmp_path)]
+    command = [sys.executable, "-m", "cocotb_tests", "replay", *size, *what]
+    run = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+    assert run.returncode == 0, run.stdout + run.stderr
+    (events,) = tmp_path.glob("*/events")
+    loaded = load_recordings(events, BinConfig(), data.class_names)
+    recordings = [
+        record(texture, data.name, PhysicalScan(), config) for texture in data if texture.name in loaded.names
+    ]
+    made = collect(recordings, BinConfig(), data.class_names)
+    assert np.array_equal(loaded.values, made.values)
+    assert np.array_equal(loaded.labels, made.labels)
+    assert made.values.sum() > 100
+
+
+def test_start_rows_are_scans_of_one_image_and_only_the_first_is_tested() -> None:
+    data = embedded_dataset().limit(3)
+    config = ReadoutConfig(rows=2, columns=2, resolution=4)
+    scans = record_dataset(data, PhysicalScan(), config, BinConfig(), [0.0, 20.0])
+    assert scans.images.tolist() == [0, 0, 1, 1, 2, 2]
+    assert scans.scans_of([2, 0]).tolist() == [0, 1, 4, 5]
+    assert scans.scans_of([2, 0], first_row_only=True).tolist() == [0, 4]
+    assert not np.array_equal(scans.values[0], scans.values[1])
+    assert scans.image_labels.tolist() == data.labels.tolist()
+
+
+def test_frames_come_from_the_same_scans() -> None:
+    data = embedded_dataset().limit(2)
+    config = ReadoutConfig(rows=2, columns=2)
+    frames = frame_dataset(data, PhysicalScan(), config, FrameConfig(frames_per_step=5))
+    assert frames.channels == 4 * 5
+    assert frames.step_s == pytest.approx(1e-3)
+    sampled = config.replace(sample_rate_hz=5000.0, sample_bits=10)
+    codes, _ = PhysicalScan().samples(sampled, data[1].load())
+    expected = codes[: frames.steps * 5].reshape(frames.steps, 20) / 512
+    assert np.array_equal(frames.values[1], expected.astype(np.float32))
+
+
+# -- augmentation ------------------------------------------------------------------------------------
+
+
+def test_augmentation_shifts_and_silences_whole_scans() -> None:
+    import torch
+
+    batch = torch.arange(1.0, 6.0)[:, None, None].expand(5, 40, 8).contiguous()
+    shifted = augment(batch, 4, AugmentConfig(shift_steps=2), np.random.default_rng(0))
+    seen = {tuple(shifted[:, scan, 0].tolist()) for scan in range(40)}
+    assert seen == {(1, 2, 3, 4, 5), (0, 1, 2, 3, 4), (0, 0, 1, 2, 3), (2, 3, 4, 5, 0), (3, 4, 5, 0, 0)}
+    dropped = augment(batch, 4, AugmentConfig(drop_taxels=0.5), np.random.default_rng(0))
+    silent = (dropped == 0).all(0)
+    assert torch.equal(silent[:, :4], silent[:, 4:])  # ON and OFF of a taxel together
+    assert 0.3 < silent.float().mean() < 0.7
+    again = augment(batch, 4, AugmentConfig(drop_taxels=0.5), np.random.default_rng(0))
+    assert torch.equal(again, dropped)
+    assert torch.equal(augment(batch, 4, AugmentConfig(), np.random.default_rng(0)), batch)
+
+
+# -- bad input ---------------------------------------------------------------------------------------
+
+
+def refused(recordings: list[Recording], bins: BinConfig, classes: list[str] | None = None) -> str:
+    with pytest.raises(InputError) as error:
+        collect(recordings, bins, classes)
+    return str(error.value)
+
+
+def test_bad_recordings_are_refused_in_one_sentence(tmp_path: Path) -> None:
+    good, bins = recording([1], [0], [True]), BinConfig(bin_s=1e-3)
+    assert refused([recording([], [], [])], bins) == (
+        "a has no event in the time window; record it again or choose another window"
+    )
+    assert refused([good], bins, ["rice"]) == "a is of unknown class 'sand'; known are rice"
+    other = Recording(no_events(), CONFIG.replace(rows=1), 100, metadata={"class": "sand", "name": "b"})
+    assert refused([good, other], bins) == "b has 3 taxels, a has 6; train on recordings of one array"
+    other = Recording(no_events(), CONFIG.replace(resolution=5), 100, metadata={"class": "sand", "name": "b"})
+    assert "another readout configuration" in refused([good, other], bins)
+    assert refused([good], BinConfig(bin_s=1.0)) == (
+        "a lasts 0.01 s and leaves no whole bin of 1 s in the time window; choose a shorter bin or another window"
+    )
+    with pytest.raises(InputError, match="holds no event files"):
+        load_recordings(tmp_path, bins)
+    with pytest.raises(InputError, match="does not exist"):
+        load_recordings(tmp_path / "none", bins)
+    Recording(good.events, CONFIG, 100).save(tmp_path / "a.npz")
+    with pytest.raises(InputError, match="does not say its class"):
+        load_recordings(tmp_path, bins)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"bin_s": 0.0}, "bin_s must be a positive number of seconds, not 0.0"),
+        ({"start_s": -1.0}, "start_s must be a number of seconds from 0, not -1.0"),
+        ({"start_s": 0.2, "stop_s": 0.1}, "stop_s must be later than start_s, not 0.1 after 0.2"),
+    ],
+)
+def test_bad_bins_are_refused(fields: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError) as error:
+        BinConfig(**fields)
+    assert str(error.value) == message

@@ -1,0 +1,84 @@
+"""Weights come back bit-exact from a file, 8-bit weights within half a step, and other files are refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from model.errors import InputError
+from snn.exchange import Weights, load_weights, quantise, save_weights
+from snn.network import NetworkConfig, build
+
+CLASSES = ("a", "b", "c")
+
+
+def made(**fields: Any) -> Weights:
+    return Weights(build(NetworkConfig(inputs=6, classes=3, hidden=20, **fields), seed=4), CLASSES, 0.002)
+
+
+@pytest.mark.parametrize(
+    "fields", [{}, {"decay": 0.9, "output_decay": 0.8, "learn_decay": True}, {"kind": "gru"}, {"kind": "cnn"}], ids=str
+)
+def test_a_network_comes_back_bit_exact(tmp_path: Path, fields: dict[str, Any]) -> None:
+    weights, path = made(**fields), tmp_path / "w.npz"
+    save_weights(path, weights)
+    loaded = load_weights(path)
+    x = torch.poisson(torch.full((15, 4, 6), 0.7))
+    assert torch.equal(loaded.network.eval()(x).logits, weights.network.eval()(x).logits)
+    assert (loaded.class_names, loaded.step_s) == (CLASSES, 0.002)
+    first = path.read_bytes()
+    save_weights(path, loaded)
+    assert path.read_bytes() == first
+
+
+def test_the_documented_arrays_are_readable_by_numpy_alone(tmp_path: Path) -> None:
+    weights = made(decay=0.9, output_decay=0.8)
+    save_weights(tmp_path / "w.npz", weights)
+    with np.load(tmp_path / "w.npz") as file:
+        shapes = {name: file[name].shape for name in file.files}
+        assert np.unique(file["decay"]).tolist() == [np.float32(0.9)]
+    assert shapes == {
+        "w_in": (20, 6),
+        "w_rec": (20, 20),
+        "w_out": (3, 20),
+        "b_hidden": (20,),
+        "b_out": (3,),
+        "decay": (20,),
+        "output_decay": (3,),
+        "metadata": (),
+    }
+
+
+def test_eight_bit_weights_are_within_half_a_step(tmp_path: Path) -> None:
+    weights = made()
+    save_weights(tmp_path / "w.npz", weights, eight_bits=True)
+    loaded = load_weights(tmp_path / "w.npz")
+    for name, tensor in weights.network.state_dict().items():
+        found = loaded.network.state_dict()[name]
+        if tensor.ndim == 1:
+            assert torch.equal(found, tensor)
+        else:
+            step = tensor.abs().amax(1, keepdim=True) / 127
+            assert ((found - tensor).abs() <= 0.501 * step).all()
+            assert not torch.equal(found, tensor)
+    whole, scale = quantise(np.array([[0.0, 0.0], [1.27, -0.635]]))
+    assert whole.tolist() == [[0, 0], [127, -64]]
+    assert scale.tolist() == [0.0, np.float32(0.01)]
+
+
+def test_other_files_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"weight files end in \.npz, w\.bin does not; rename the output"):
+        save_weights(tmp_path / "w.bin", made())
+    with pytest.raises(InputError, match="cannot read"):
+        load_weights(tmp_path / "none.npz")
+    path = tmp_path / "w.npz"
+    path.write_bytes(b"not an archive")
+    with pytest.raises(InputError, match="is damaged or not a weight file; train again"):
+        load_weights(path)
+    np.savez(path, events=np.zeros(3))
+    with pytest.raises(InputError, match="is an archive, but not a weight file; train again"):
+        load_weights(path)

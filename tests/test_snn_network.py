@@ -1,0 +1,232 @@
+"""The layer equals a plain loop in spikes and gradients, in the kernel and in torch; the networks are what they say."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import pytest
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from model.errors import InputError
+from snn import kernel
+from snn.network import NetworkConfig, SpikingNetwork, build
+from snn.recurrent import Backend, NeuronRule, Reset, layer, layer_reference
+
+needs_kernel = pytest.mark.skipif(not kernel.available(), reason="no C++ compiler for the kernel")
+RESETS: tuple[Reset, ...] = ("zero", "subtract")
+RULES = [
+    NeuronRule(reset=reset, reset_gradient=through, surrogate=surrogate, surrogate_width=0.7)
+    for reset, through, surrogate in itertools.product(RESETS, (False, True), kernel.SURROGATES)
+]
+
+
+def grid(shape: tuple[int, ...], seed: int, spread: float = 0.4) -> Tensor:
+    """Return random multiples of 1/256: with decays of 1 every sum in a layer is then exact in float32."""
+    generator = torch.Generator().manual_seed(seed)
+    return torch.round(torch.randn(shape, generator=generator) * spread * 256) / 256
+
+
+def tensors(steps: int, batch: int, inputs: int, neurons: int, density: float, seed: int = 0) -> dict[str, Tensor]:
+    generator = torch.Generator().manual_seed(seed)
+    x = torch.poisson(torch.full((steps, batch, inputs), density), generator=generator)
+    return {
+        "x": x,
+        "w_in": grid((neurons, inputs), seed + 1),
+        "bias": grid((neurons,), seed + 2, 0.05),
+        "decay": torch.ones(neurons),
+        "w_rec": grid((neurons, neurons), seed + 3, 0.2),
+    }
+
+
+def run(function: Any, rule: NeuronRule, values: dict[str, Tensor], **options: Any) -> tuple[Tensor, list[Tensor]]:
+    """Return spikes, and the gradients of a weighted sum of them with respect to all tensors."""
+    leaves = {name: value.detach().clone().requires_grad_() for name, value in values.items()}
+    spikes = function(rule, **leaves, **options)
+    weights = torch.randn(spikes.shape, generator=torch.Generator().manual_seed(9), dtype=spikes.dtype)
+    gradients = torch.autograd.grad(
+        (spikes * weights).sum(), list(leaves.values()), allow_unused=True, materialize_grads=True
+    )  # in one step there is no decay and no recurrence
+    return spikes.detach(), list(gradients)
+
+
+@pytest.mark.parametrize("rule", RULES, ids=str)
+def test_torch_path_equals_plain_autograd_in_double_precision(rule: NeuronRule) -> None:
+    values = {name: value.double() for name, value in tensors(20, 3, 6, 11, 0.5).items()}
+    values["decay"] = torch.linspace(0.5, 1.0, 11).double()
+    spikes, gradients = run(layer, rule, values)
+    expected, expected_gradients = run(layer_reference, rule, values)
+    assert torch.equal(spikes, expected)
+    assert 0.02 < spikes.mean() < 0.6
+    for got, wanted in zip(gradients, expected_gradients, strict=True):
+        torch.testing.assert_close(got, wanted, rtol=1e-10, atol=1e-10)
+
+
+@needs_kernel
+@pytest.mark.parametrize("rule", RULES, ids=str)
+def test_kernel_equals_plain_autograd(rule: NeuronRule) -> None:
+    values = tensors(20, 5, 12, 40, 0.2)
+    spikes, gradients = run(layer, rule, values, backend="kernel")
+    expected, expected_gradients = run(layer_reference, rule, values)
+    assert torch.equal(spikes, expected)
+    assert 0.02 < spikes.mean() < 0.6
+    for got, wanted in zip(gradients, expected_gradients, strict=True):
+        torch.testing.assert_close(got, wanted, rtol=1e-3, atol=1e-4 * float(wanted.abs().max()))
+
+
+@needs_kernel
+@pytest.mark.parametrize(
+    ("steps", "batch", "inputs", "neurons", "density"),
+    [(1, 1, 1, 1, 1.0), (3, 2, 5, 6, 0.0), (9, 9, 3, 33, 5.0), (30, 32, 16, 256, 0.1), (4, 1, 200, 300, 0.01)],
+)
+def test_kernel_takes_any_size_and_density(steps: int, batch: int, inputs: int, neurons: int, density: float) -> None:
+    values = tensors(steps, batch, inputs, neurons, density)
+    spikes, gradients = run(layer, NeuronRule(), values, backend="kernel")
+    expected, expected_gradients = run(layer_reference, NeuronRule(), values)
+    assert torch.equal(spikes, expected)
+    for got, wanted in zip(gradients, expected_gradients, strict=True):
+        torch.testing.assert_close(got, wanted, rtol=1e-3, atol=1e-4 * float(wanted.abs().max()) + 1e-7)
+
+
+@needs_kernel
+@pytest.mark.parametrize("backend", ["kernel", "torch"])
+def test_decays_and_layers_without_recurrence(backend: Backend) -> None:
+    values = tensors(25, 4, 8, 20, 0.4)
+    values["decay"] = torch.linspace(0.2, 0.99, 20)
+    del values["w_rec"]
+    spikes, gradients = run(layer, NeuronRule(floor=-0.5), values, backend=backend)
+    expected, expected_gradients = run(layer_reference, NeuronRule(floor=-0.5), values)
+    assert torch.equal(spikes, expected)
+    for got, wanted in zip(gradients, expected_gradients, strict=True):
+        torch.testing.assert_close(got, wanted, rtol=1e-3, atol=1e-4 * float(wanted.abs().max()))
+
+
+def test_where_no_neuron_fires_the_gradient_is_the_numerical_one_of_the_membrane() -> None:
+    """A surrogate has no finite difference; a linear layer behind unit slopes has: its spikes' gradient is known."""
+    wide = {"surrogate": "triangle", "surrogate_scale": 1e6, "surrogate_width": 1e6}  # slope 1 within 1e-6
+    rule = NeuronRule(floor=-1e9, reset_gradient=False, **wide)  # type: ignore[arg-type]
+    values = {name: 1e-3 * value.double() for name, value in tensors(4, 2, 3, 5, 1.0).items()}
+    del values["w_rec"]  # its product is with spikes, of which there are none
+    values["decay"] = torch.full((5,), 0.5).double()
+
+    def membranes(x: Tensor, w_in: Tensor, bias: Tensor, decay: Tensor) -> Tensor:
+        v, total = torch.zeros(2, 5, dtype=torch.float64), []
+        for current in functional.linear(x, w_in, bias):
+            v = decay * v + current
+            total.append(v)
+        return torch.stack(total)
+
+    leaves = {name: value.requires_grad_() for name, value in values.items()}
+    inputs = list(leaves.values())
+    assert torch.autograd.gradcheck(membranes, inputs)
+    weights = torch.randn(4, 2, 5, dtype=torch.float64)
+    expected = torch.autograd.grad((membranes(*inputs) * weights).sum(), inputs)
+    spikes = layer(rule, **leaves, backend="torch")
+    assert not spikes.any()
+    for got, wanted in zip(torch.autograd.grad((spikes * weights).sum(), inputs), expected, strict=True):
+        torch.testing.assert_close(got, wanted, rtol=1e-5, atol=1e-9)
+
+
+def test_a_neuron_by_hand() -> None:
+    """Charges add up, more than 1 fires, reset to zero or by 1, the floor holds."""
+    x = torch.tensor([0.5, 0.5, 0.25, 1.5, -3.0, 1.75, 0.5]).view(-1, 1, 1)
+    one, zero = torch.ones(1, 1), torch.zeros(1)
+    to_zero = layer(NeuronRule(), x, one, zero, one[0]).flatten().tolist()
+    assert to_zero == [0, 0, 1, 1, 0, 0, 1]  # exactly 1 does not fire; -3 is held at -1
+    subtract = layer(NeuronRule(reset="subtract"), x, one, zero, one[0]).flatten().tolist()
+    assert subtract == [0, 0, 1, 1, 0, 0, 1]
+    free = layer(NeuronRule(floor=-10.0), x, one, zero, one[0]).flatten().tolist()
+    assert free == [0, 0, 1, 1, 0, 0, 0]
+
+
+def test_the_surrogate_of_the_paper_is_half_the_normal_density() -> None:
+    v = torch.tensor([1.0, 1.5, 0.0])
+    normal = torch.distributions.Normal(1.0, 0.5)
+    torch.testing.assert_close(NeuronRule().slope(v), 0.5 * normal.log_prob(v).exp())
+
+
+# -- networks ----------------------------------------------------------------------------------------
+
+
+def test_the_default_network_is_that_of_the_paper() -> None:
+    network = build(NetworkConfig(inputs=128, classes=6), seed=1)
+    assert isinstance(network, SpikingNetwork)
+    eye = network.w_rec @ network.w_rec.t()
+    torch.testing.assert_close(eye, torch.eye(256), atol=1e-5, rtol=0)
+    limit = (6 / (128 + 256)) ** 0.5
+    assert 0.95 * limit < network.w_in.abs().max() <= limit
+    assert [tuple(d.unique().tolist()) for d in network.decays()] == [(1.0,), (1.0,)]
+    x = torch.poisson(torch.full((30, 4, 128), 0.2))
+    s = layer_reference(network.config.rule, x, network.w_in, network.b_hidden, torch.ones(256), network.w_rec)
+    o = layer_reference(network.config.rule, s, network.w_out, network.b_out, torch.ones(6))
+    torch.testing.assert_close(network(x).logits, o.sum(0))
+    assert network(x).rate == pytest.approx(float(s.detach().mean()))
+
+
+@pytest.mark.parametrize(
+    "variant",
+    [
+        {"decay": 0.9, "output_decay": 0.9, "learn_decay": True},
+        {"reset": "subtract", "input_scale": 0.25},
+        {"rate_weight": 1.0, "rate_limit": 0.01},
+        {"readout": "membrane", "output_decay": 0.95},
+        {"dropout": 0.5},
+        {"kind": "rnn"},
+        {"kind": "gru"},
+        {"kind": "cnn"},
+    ],
+    ids=str,
+)
+def test_every_variant_learns_on_every_parameter(variant: dict[str, Any]) -> None:
+    network = build(NetworkConfig(inputs=10, classes=3, hidden=24, **variant), seed=0)
+    output = network(torch.poisson(torch.full((25, 6, 10), 0.5), generator=torch.Generator().manual_seed(0)))
+    assert output.logits.shape == (6, 3)
+    (functional.cross_entropy(output.logits, torch.arange(6) % 3) + output.penalty).backward()
+    for name, parameter in network.named_parameters():
+        assert parameter.grad is not None, name
+        assert parameter.grad.abs().sum() > 0 or "bias_hh" in name, name
+
+
+def test_the_mean_membrane_is_that_of_a_loop() -> None:
+    network = build(NetworkConfig(inputs=5, classes=3, hidden=16, readout="membrane", output_decay=0.8), seed=0)
+    assert isinstance(network, SpikingNetwork)
+    x = torch.poisson(torch.full((12, 2, 5), 1.0))
+    v, total = torch.zeros(2, 3), torch.zeros(2, 3)
+    for spikes in network.spikes(x):
+        v = 0.8 * v + functional.linear(spikes, network.w_out, network.b_out)
+        total = total + v
+    torch.testing.assert_close(network(x).logits, total / 12)
+
+
+def test_building_and_running_leave_the_global_generator_alone() -> None:
+    torch.manual_seed(3)
+    expected = torch.rand(1)
+    torch.manual_seed(3)
+    first, second = (build(NetworkConfig(inputs=4, classes=2), seed=5) for _ in range(2))
+    assert torch.rand(1) == expected
+    for a, b in zip(first.parameters(), second.parameters(), strict=True):
+        assert torch.equal(a, b)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"kind": "lstm"}, "kind must be one of spiking, rnn, gru, cnn, not 'lstm'"),
+        ({"decay": 0.0}, "decay must be above 0 and at most 1, not 0.0"),
+        ({"learn_decay": True}, "decay must be below 1 to be learned; give a start value such as 0.95"),
+        ({"surrogate": "box"}, "surrogate must be one of gaussian, fast-sigmoid, triangle, arctan, not 'box'"),
+        ({"dropout": 1.0}, "dropout must be a probability below 1, not 1.0"),
+        ({"hidden": 0}, "hidden must be at least 1, not 0"),
+    ],
+)
+def test_bad_networks_are_refused(fields: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError) as error:
+        NetworkConfig(**({"inputs": 4, "classes": 2} | fields))
+    assert str(error.value) == message
+
+
+def test_scans_of_another_array_are_refused() -> None:
+    with pytest.raises(InputError, match="the network takes 4 channels, the scans have 5"):
+        build(NetworkConfig(inputs=4, classes=2), 0)(torch.zeros(3, 1, 5))

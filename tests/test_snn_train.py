@@ -1,0 +1,306 @@
+"""Training resumes in the same bits after a kill, cross-validation per cell, and bad input gets one sentence."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from typer.testing import CliRunner
+
+from model.errors import InputError
+from snn.__main__ import app
+from snn.commands import RECIPES, _parse_settings
+from snn.crossval import bootstrap, cross_validate, summarise, wilson
+from snn.dataset import ScanData
+from snn.experiment import Experiment, stratified_folds
+from snn.network import NetworkConfig
+from snn.train import DivergedError, Epoch, TrainConfig, predict, train
+
+ROOT = Path(__file__).parents[1]
+CLASSES = ("brick", "grass", "gravel")
+
+
+def easy_data(images: int = 30, steps: int = 15, channels: int = 8) -> ScanData:
+    """Return scans in which every class has channels of its own that are busy."""
+    generator = np.random.default_rng(0)
+    labels = np.arange(images) % 3
+    rates = np.full((images, channels), 0.2)
+    for label in range(3):
+        rates[labels == label, label::3] = 1.5
+    values = generator.poisson(rates[:, None, :], (images, steps, channels)).astype(np.int16)
+    names = tuple(f"scan-{number}" for number in range(images))
+    return ScanData(values, labels, np.arange(images), names, CLASSES, channels // 2, 0.004, 1000.0)
+
+
+def small_network(**fields: Any) -> NetworkConfig:
+    defaults: dict[str, Any] = {"inputs": 8, "classes": 3, "hidden": 16, "readout": "membrane", "decay": 0.8}
+    return NetworkConfig(**(defaults | fields))
+
+
+# -- training ----------------------------------------------------------------------------------------
+
+
+def test_a_network_learns_an_easy_task() -> None:
+    data = easy_data()
+    made = train(data, range(21), small_network(), TrainConfig(epochs=25, batch=8), seed=0)
+    assert made.history[-1].loss < 0.5 * made.history[0].loss
+    assert (predict(made.network, data, range(21, 30)) == data.labels[21:]).mean() >= 8 / 9
+    assert predict(made.network, data, [25, 3]).tolist() == predict(made.network, data, [3, 25]).tolist()[::-1]
+
+
+def test_a_resumed_training_ends_in_the_same_bits(tmp_path: Path) -> None:
+    data, network = easy_data(), small_network(dropout=0.3)
+    config = TrainConfig(epochs=6, batch=8, shift_steps=2, drop_taxels=0.2, cosine=True, weight_decay=0.01)
+    whole = train(data, range(21), network, config, 1, held_out=range(21, 30), test=range(21, 30))
+
+    class Stopped(Exception):
+        pass
+
+    def stop(epoch: Epoch) -> None:
+        if epoch.number == 5:
+            raise Stopped
+
+    arguments: dict[str, Any] = {"held_out": range(21, 30), "test": range(21, 30), "checkpoint_every": 2}
+    with pytest.raises(Stopped):
+        train(data, range(21), network, config, 1, checkpoint=tmp_path / "c.pt", progress=stop, **arguments)
+    torch.manual_seed(77)
+    seen: list[int] = []
+    again = train(
+        data, range(21), network, config, 1, checkpoint=tmp_path / "c.pt",
+        progress=lambda epoch: seen.append(epoch.number), **arguments,
+    )  # fmt: skip
+    assert seen == [5, 6]
+    assert again.history == whole.history
+    assert again.best == whole.best
+    for a, b in zip(again.network.parameters(), whole.network.parameters(), strict=True):
+        assert torch.equal(a, b)
+
+
+def test_the_selected_epoch_is_that_of_the_held_out_images_not_of_the_test() -> None:
+    data = easy_data()
+    made = train(
+        data, range(15), small_network(), TrainConfig(epochs=8, batch=8), 0, held_out=range(15, 21), test=range(21, 30)
+    )
+    accuracies = [epoch.held_out for epoch in made.history]
+    best = max(a for a in accuracies if a is not None)
+    assert made.best["epoch"] == max(e.number for e in made.history if e.held_out == best)
+    assert len(made.best["predictions"]) == 9
+
+
+def test_a_killed_command_goes_on_and_ends_in_the_same_bits(tmp_path: Path) -> None:
+    (tmp_path / "small.json").write_text(json.dumps({"rows": 2, "columns": 2, "resolution": 4}))
+    epochs = 300
+    command = [sys.executable, "-m", "snn", "train", "--dataset", "embedded", "--bin", "0.02", "--set", "hidden=32"]
+    command += ["--config", str(tmp_path / "small.json"), "--epochs", str(epochs), "--checkpoint-every", "1", "--out"]
+
+    def start(name: str) -> subprocess.Popen[bytes]:
+        out = [str(tmp_path / name)]
+        return subprocess.Popen(command + out, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+
+    killed = start("killed")
+    whole = start("whole")
+    checkpoint = tmp_path / "killed" / "checkpoint.pt"
+    deadline = time.monotonic() + 120
+    while not checkpoint.exists() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    killed.kill()
+    killed.wait()
+    found = len(torch.load(checkpoint, weights_only=True)["history"])
+    assert 1 <= found < epochs
+    resumed = start("killed")
+    for process in (whole, resumed):
+        _, error = process.communicate(timeout=200)
+        assert process.returncode == 0, error
+    results = [json.loads((tmp_path / name / "result.json").read_text()) for name in ("whole", "killed")]
+    assert results[0] == results[1]
+    states = [torch.load(tmp_path / name / "checkpoint.pt", weights_only=True) for name in ("whole", "killed")]
+    for name, tensor in states[0]["network"].items():
+        assert torch.equal(tensor, states[1]["network"][name])
+
+
+def test_signs_of_divergence_are_named() -> None:
+    assert Epoch(2, 1.0, 0.5, None, 0.05, 1.0).warnings(True, 6) == []
+    assert "three times that of guessing" in Epoch(2, 9.0, 0.5, None, 0.05, 1.0).warnings(True, 6)[0]
+    assert "norm of 1e+06" in Epoch(2, 1.0, 0.5, None, 0.05, 1e6).warnings(True, 6)[0]
+    assert "hardly fire" in Epoch(2, 1.0, 0.5, None, 0.0, 1.0).warnings(True, 6)[0]
+    assert "in most steps" in Epoch(2, 1.0, 0.5, None, 0.9, 1.0).warnings(True, 6)[0]
+    assert Epoch(2, 1.0, 0.5, None, 0.0, 1.0).warnings(False, 6) == []
+
+
+def test_a_loss_that_is_no_number_stops_the_training() -> None:
+    with pytest.raises(DivergedError, match="diverged in epoch 1"):
+        train(easy_data(), range(21), small_network(output_scale=1e38), TrainConfig(epochs=3), 0)
+
+
+def test_a_checkpoint_of_another_configuration_or_a_damaged_one_is_refused(tmp_path: Path) -> None:
+    data, path = easy_data(), tmp_path / "c.pt"
+    config = TrainConfig(epochs=1)
+    train(data, range(21), small_network(), config, 0, checkpoint=path)
+    with pytest.raises(InputError) as error:
+        train(data, range(21), small_network(), config, 1, checkpoint=path)
+    assert str(error.value) == (
+        f"checkpoint {path} is of another configuration (different: seed); remove it or name another file"
+    )
+    with pytest.raises(InputError, match=r"different: network\)"):
+        train(data, range(21), small_network(hidden=17), config, 0, checkpoint=path)
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(InputError, match="is damaged; remove it to start anew"):
+        train(data, range(21), small_network(), config, 0, checkpoint=path)
+
+
+def test_scans_of_another_array_are_refused() -> None:
+    with pytest.raises(InputError, match=r"takes 128 channels, the scans have 8 \(4 taxels\)"):
+        train(easy_data(), range(21), small_network(inputs=128), TrainConfig(), 0)
+    with pytest.raises(InputError, match="the network knows 6 classes, the data have 3"):
+        train(easy_data(), range(21), small_network(classes=6), TrainConfig(), 0)
+
+
+# -- cross-validation --------------------------------------------------------------------------------
+
+
+def test_folds_are_stratified_and_cover_every_image_once() -> None:
+    labels = np.repeat(np.arange(6), 40)
+    folds = stratified_folds(labels, 6)
+    assert sorted(np.concatenate(folds).tolist()) == list(range(240))
+    for fold in folds:
+        assert len(fold) == 40
+        assert set(np.bincount(labels[fold]).tolist()) <= {6, 7}
+    assert all(np.array_equal(a, b) for a, b in zip(folds, stratified_folds(labels, 6), strict=True))
+    assert not np.array_equal(folds[0], stratified_folds(labels, 6, seed=1)[0])
+    with pytest.raises(InputError, match=r"must be in 2\.\.40, the images of the smallest class, not 41"):
+        stratified_folds(labels, 41)
+
+
+def test_the_published_interval_comes_out() -> None:
+    low, high = wilson(211, 240)
+    assert (round(100 * low), round(100 * high)) == (83, 91)
+    low, high = bootstrap(np.repeat([1.0, 0.0], [211, 29]))
+    assert 0.82 < low < 0.85 < 0.90 < high < 0.93
+
+
+def test_the_summary_of_two_cells_by_hand() -> None:
+    cells = [
+        {"fold": 0, "seed": 0, "test_images": [0, 1], "labels": [0, 1], "last": [0, 1], "selected": [0, 0]},
+        {"fold": 1, "seed": 0, "test_images": [2, 3], "labels": [0, 1], "last": [1, 1], "selected": [0, 0]},
+    ]
+    found = summarise(cells, 4, 2)
+    assert found["last"]["accuracy"] == 0.75
+    assert found["last"]["confusion"] == [[1, 1], [0, 2]]
+    assert found["last"]["sd_over_folds"] == pytest.approx(0.5 / 2**0.5)
+    assert found["selected"]["accuracy"] == 0.5
+
+
+def test_cells_are_kept_and_only_missing_ones_are_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    data = easy_data()
+    experiment = Experiment(network={"hidden": 16, "readout": "membrane"}, train=TrainConfig(epochs=2, batch=8))
+    whole = cross_validate(experiment, tmp_path / "a", folds=3, seeds=1, data=data)
+    assert [cell["fold"] for cell in whole["cells"]] == [0, 1, 2]
+    assert json.loads((tmp_path / "a" / "result.json").read_text())["last"]["images"] == 30
+    (tmp_path / "a" / "fold-1-seed-0.json").unlink()
+    ran: list[int] = []
+    from snn import crossval
+
+    original = crossval.run_cell
+
+    def noted(e: Experiment, d: ScanData, fold: int, *rest: int) -> dict[str, Any]:
+        ran.append(fold)
+        return original(e, d, fold, *rest)
+
+    monkeypatch.setattr(crossval, "run_cell", noted)
+    again = cross_validate(experiment, tmp_path / "a", folds=3, seeds=1, data=data)
+    assert ran == [1]
+    assert again == whole
+    other = Experiment(network={"hidden": 17}, train=TrainConfig(epochs=2, batch=8))
+    with pytest.raises(InputError, match=r"is of another experiment \(different: network\)"):
+        cross_validate(other, tmp_path / "a", folds=3, seeds=1, data=data)
+    (tmp_path / "a" / "fold-0-seed-0.json").write_text("{")
+    with pytest.raises(InputError, match="is not the result of a cell; remove it"):
+        cross_validate(experiment, tmp_path / "a", folds=3, seeds=1, data=data)
+
+
+def test_processes_give_the_result_of_one(tmp_path: Path) -> None:
+    data = easy_data()
+    experiment = Experiment(network={"hidden": 16, "readout": "membrane"}, train=TrainConfig(epochs=2, batch=8))
+    torch.set_num_threads(1)
+    alone = cross_validate(experiment, tmp_path / "a", folds=2, seeds=1, data=data)
+    pool = cross_validate(experiment, tmp_path / "b", folds=2, seeds=1, data=data, workers=2)
+    assert pool == alone
+
+
+# -- commands ----------------------------------------------------------------------------------------
+
+
+def test_settings_become_fields() -> None:
+    assert _parse_settings(["decay=0.5", "cosine=true", "reset=subtract", "shift_steps=3"]) == {
+        "decay": 0.5,
+        "cosine": True,
+        "reset": "subtract",
+        "shift_steps": 3,
+    }
+    for text, message in (
+        ("decay=fast", "--set decay takes a number, not 'fast'"),
+        ("cosine=1", "--set cosine takes true or false, not '1'"),
+        ("nothing=1", "--set takes NAME=VALUE with a name of"),
+        ("decay", "--set takes NAME=VALUE with a name of"),
+    ):
+        with pytest.raises(InputError) as error:
+            _parse_settings([text])
+        assert str(error.value).startswith(message)
+
+
+@pytest.mark.parametrize("name", RECIPES)
+def test_every_recipe_is_a_valid_experiment(name: str) -> None:
+    of_training = set(TrainConfig.__dataclass_fields__)
+    fields = RECIPES[name]
+    Experiment(
+        network={key: value for key, value in fields.items() if key not in of_training},
+        train=TrainConfig(**{key: value for key, value in fields.items() if key in of_training}),
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--recipe", "best"], "recipe must be one of plain, paper, tuned, not 'best'"),
+        (["--tau", "0.2"], "--tau is the leak of encoding nlcs, not of lcs; add --encoding nlcs"),
+        (["--device", "cuda:77"], "device cuda:77 is not available here; use cpu"),
+        (["--events", "nowhere"], "event folder nowhere does not exist; make one with python -m cocotb_tests replay"),
+        (["--preset", "paper", "--start-rows", "2"], "the paper preset has one start row; use the physical preset"),
+    ],
+)
+def test_bad_options_get_one_sentence(options: list[str], message: str) -> None:
+    result = CliRunner().invoke(app, ["train", "--dataset", "embedded", *options])
+    assert isinstance(result.exception, InputError)
+    assert str(result.exception).startswith(message)
+
+
+def test_crossval_prints_both_readings(tmp_path: Path) -> None:
+    config = tmp_path / "small.json"
+    config.write_text(json.dumps({"rows": 1, "columns": 2}))
+    options = [
+        "--dataset",
+        "embedded",
+        "--config",
+        str(config),
+        "--bin",
+        "0.01",
+        "--set",
+        "hidden=16",
+        "--workers",
+        "1",
+    ]
+    options += ["--folds", "2", "--seeds", "1", "--epochs", "2", "--out", str(tmp_path / "cv")]
+    result = CliRunner().invoke(app, ["crossval", *options])
+    assert result.exit_code == 0, result.output
+    assert "last epoch: " in result.output
+    assert "epoch selected by inner validation: " in result.output
+    report = json.loads((tmp_path / "cv" / "result.json").read_text())
+    assert report["last"]["images"] == 48
+    assert report["experiment"]["readout"]["resolution"] == 4
