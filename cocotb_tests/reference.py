@@ -227,7 +227,7 @@ class LinkReference:
         """Take the reset state."""
         self.state: Literal["idle", "set up", "request"] = "idle"
         self.address: AddressEvent | None = None
-        self.flops = [False, False]  # of the synchroniser; the last one is what the link sees
+        self.flops = [True, True]  # of the synchroniser; the last one is what the link sees
 
     @property
     def ready(self) -> bool:

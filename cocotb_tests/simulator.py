@@ -18,6 +18,7 @@ from cocotb_tools.runner import Verilator as VerilatorRunner
 
 from model.config import ReadoutConfig
 from model.errors import InputError
+from model.frame_config import FrameConfig
 from rtl.verilog import verilog
 
 Simulator = Literal["verilator", "icarus"]
@@ -100,7 +101,7 @@ class Build:
 
 
 def build(
-    config: ReadoutConfig,
+    config: ReadoutConfig | FrameConfig,
     simulator: Simulator,
     *,
     top: str = "harness",
@@ -111,10 +112,10 @@ def build(
 
     Parameters
     ----------
-    config : ReadoutConfig
+    config : ReadoutConfig or FrameConfig
     simulator : "verilator" or "icarus"
     top : str
-        ``harness``, or a block of the readout, whose ports cocotb then drives itself.
+        ``harness`` (of the spiking readout), or a block of the readout, whose ports cocotb then drives itself.
     waves : bool
         Whether it can leave a waveform.
     bare : bool
@@ -123,7 +124,7 @@ def build(
     require_programs(simulator)
     text = verilog(config)
     harness = HARNESS.read_text() if top == "harness" else ""
-    defines, parameters = _shape(config) if harness else ({}, {})
+    defines, parameters = _shape(config) if harness and isinstance(config, ReadoutConfig) else ({}, {})
     if waves:
         defines["WAVES"] = "1"
     recipe = [
@@ -138,8 +139,7 @@ def build(
         sorted(parameters.items()),
     ]
     digest = hashlib.sha256(json.dumps(recipe).encode()).hexdigest()[:12]
-    name = f"{config.rows}x{config.columns}-{config.encoding}-{config.resolution}b-{config.link}-{config.frontend}"
-    folder = BUILD / "sim" / f"{simulator}-{top}-{name}-{digest}"
+    folder = BUILD / "sim" / f"{simulator}-{top}-{_name(config)}-{digest}"
     program = Build(folder, top, simulator, waves)
     if (folder / "built").exists():
         return program
@@ -179,6 +179,13 @@ def build(
     finally:
         shutil.rmtree(draft, ignore_errors=True)
     return program
+
+
+def _name(config: ReadoutConfig | FrameConfig) -> str:
+    """Return what a person needs of a configuration to find its folder."""
+    if isinstance(config, FrameConfig):
+        return f"{config.rows}x{config.columns}-{config.resolution}b-{config.word_bits}b"
+    return f"{config.rows}x{config.columns}-{config.encoding}-{config.resolution}b-{config.link}-{config.frontend}"
 
 
 class MissingProgram(InputError):  # the sentence a user reads

@@ -171,16 +171,10 @@ class LinkBench:
         self.check.equal("aer_addr", address, self.block.read("aer_addr"), state)
 
     async def reset(self, clocks: int) -> None:
-        """Reset for some clocks, and offer nothing in the two after it.
-
-        AssumeSourceLatency: no event is offered in the two clocks in which the synchroniser has not seen ACK yet.
-        The readout cannot: a taxel and the arbiter come before the link.
-        """
+        """Reset for some clocks."""
         self.event = None
         for _ in range(clocks):
             await self.clock(offer=0, rst=True)
-        for _ in range(2):
-            await self.clock(offer=0)
         self.check.counts["resets"] += 1
 
     async def finish(self) -> None:

@@ -18,19 +18,14 @@ def new_state() -> NDArray[np.int64]:
     """Return the state of the link after reset, shape (7,)."""
     state = np.zeros(7, np.int64)
     state[ACK_AT] = -1
+    state[ACK_META] = state[ACK_SYNC] = 1  # ACK counts as high until it has been seen low
     return state
 
 
 @njit(cache=True)
 def ready(state: NDArray[np.int64]) -> bool:
-    """Return whether the link takes an event in this clock."""
+    """Return whether the link takes an event in this clock; until it does, nothing in it changes."""
     return state[SETUP] == 0 and state[REQ] == 0 and state[ACK_SYNC] == 0
-
-
-@njit(cache=True)
-def idle(state: NDArray[np.int64]) -> bool:
-    """Return whether nothing will change in the link until it takes an event."""
-    return ready(state) and state[ACK_META] == 0 and state[ACK_AT] < 0 and state[ACK] == 0
 
 
 @njit(cache=True)

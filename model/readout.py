@@ -368,7 +368,7 @@ def _loop(
             events += 1
 
         t += 1
-        if waiting == ZERO and requests == ZERO and not tick and not any_again and (not four_phase or link.idle(aer)):
+        if waiting == ZERO and requests == ZERO and not tick and not any_again and (not four_phase or link.ready(aer)):
             until = clocks
             if ticks < n_ticks:
                 until = min(until, sample_clock[ticks])

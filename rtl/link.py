@@ -36,8 +36,9 @@ class FourPhaseLink(Block):
 
     def elaborate(self, platform: Any) -> Module:
         m = Module()
-        ack_meta = Signal()
-        ack_sync = Signal()
+        # After reset ACK counts as high until it has been seen low, or a receiver that still holds it would be missed.
+        ack_meta = Signal(init=1)
+        ack_sync = Signal(init=1)
         m.d.sync += [ack_meta.eq(self.aer_ack), ack_sync.eq(ack_meta)]
 
         request = Signal()

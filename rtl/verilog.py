@@ -17,8 +17,13 @@ from amaranth.lib import wiring
 from model import __version__
 from model.config import ReadoutConfig
 from model.files import atomic_write
-from rtl.block import Netlist
+from model.frame_config import FrameConfig
+from rtl.block import Block, Netlist
+from rtl.frame import FrameReadout
 from rtl.readout import Readout
+
+Config = ReadoutConfig | FrameConfig
+"""The configuration says which readout is meant: ``eskin_readout`` or ``eskin_frame_readout``."""
 
 # Amaranth's RTLIL to readable Verilog: one always block per register with its reset and enable, no initial values.
 # The order matters: Amaranth's own wires must be gone before opt_dff looks for the reset and enable of a register.
@@ -47,7 +52,24 @@ PORTS = {
     "aer_ack": "acknowledge, asynchronous",
     "aer_addr": "{{polarity, row, column}}, stable from one clock before aer_req rises until aer_ack has fallen",
 }
-"""What every port means; fields in braces are those of the configuration."""
+"""What every port of the spiking readout means; fields in braces are those of the configuration."""
+
+FRAME_PORTS = {
+    "clk": PORTS["clk"],
+    "rst": PORTS["rst"],
+    "frame_start": "scan the array once; not heard during a scan",
+    "row_select": "row at the converter, one-hot, 0 between frames",
+    "column_select": "column at the converter, one-hot, 0 between frames",
+    "adc_start": "start of a conversion, one clock; the ADC samples at the edge that ends it",
+    "adc_done": "the code is there; looked at from the clock after adc_start on, a pulse or a level",
+    "adc_code": "code, {resolution} bits, taken in the first clock with adc_done",
+    "word_valid": "a word is offered",
+    "word_ready": "the sink takes the word at this edge",
+    "word_data": "codes of {resolution} bits without gaps, the first in the least significant bits",
+    "word_sync": "first word of a frame",
+    "frame_overrun": "the frame_start of the clock before was not heard",
+}
+"""What every port of the frame readout means."""
 
 WAIVERS = {
     "DECLFILENAME": "all modules of the readout are in this one file",
@@ -58,13 +80,18 @@ WAIVERS = {
 UNUSED_SAMPLE_BITS = "bits below the encoder's step can never change a decision: the taxel keeps the others"
 
 
-def verilog(config: ReadoutConfig) -> str:
+def top_block(config: Config) -> Block:
+    """Return the top module of a configuration."""
+    return FrameReadout(config) if isinstance(config, FrameConfig) else Readout(config)
+
+
+def verilog(config: Config) -> str:
     """Return the readout as Verilog text: plain Verilog-2005, no initial values, one module per distinct block.
 
     The text depends on the configuration and on the pinned versions of Amaranth and Yosys only.
     """
     netlist = Netlist(config.reset == "async")
-    top = Readout(config)
+    top = top_block(config)
     netlist.add(top)
     text = run_yosys(YOSYS_SCRIPT.format(top=top.module_name), "\n".join(netlist.modules.values()))
     return header(config, "//") + _waive(_tidy(text), config)
@@ -89,10 +116,11 @@ def run_yosys(script: str, rtlil: str) -> str:
         return (Path(folder) / "readout.v").read_text()
 
 
-def header(config: ReadoutConfig, comment: str) -> str:
+def header(config: Config, comment: str) -> str:
     """Return the head of a generated file as comment lines: what it is, its licence and configuration."""
+    kind = "frame-based" if isinstance(config, FrameConfig) else "spiking"
     lines = [
-        f"{Readout.module_name}: spiking e-skin readout, version {__version__}",
+        f"{top_block(config).module_name}: {kind} e-skin readout, version {__version__}",
         "SPDX-License-Identifier: Apache-2.0",
         "Generated; do not edit. Configuration:",
         *(f"  {name} = {value}" for name, value in config.to_dict().items()),
@@ -127,11 +155,11 @@ def _plain_names(module: str) -> str:
     return re.sub(r"\\(\S+) ", lambda m: plain[m[1]], module)
 
 
-def _waive(text: str, config: ReadoutConfig) -> str:
+def _waive(text: str, config: Config) -> str:
     """Return the text with lint waivers, each with its reason."""
     for warning, reason in reversed(WAIVERS.items()):
         text = f"// {reason}\n/* verilator lint_off {warning} */\n{text}"
-    if config.frontend == "digital" and config.grid > 1:
+    if isinstance(config, ReadoutConfig) and config.frontend == "digital" and config.grid > 1:
         head, mark, taxel = text.partition("module eskin_taxel(")
         declaration = re.compile(r"^  input wire signed [^;]* sample;$", re.MULTILINE)
         waived = f"  // {UNUSED_SAMPLE_BITS}\n  /* verilator lint_off UNUSEDSIGNAL */\n"
@@ -140,11 +168,13 @@ def _waive(text: str, config: ReadoutConfig) -> str:
     return text
 
 
-def ports(config: ReadoutConfig) -> Iterator[dict[str, Any]]:
+def ports(config: Config) -> Iterator[dict[str, Any]]:
     """Yield the ports of the top module as dictionaries: name, direction, width in bits, meaning."""
-    members = Readout(config).signature.members
-    fields = config.to_dict() | {"threshold_bits": config.threshold_bits}
-    for name, meaning in PORTS.items():
+    members = top_block(config).signature.members
+    fields, meanings = config.to_dict(), FRAME_PORTS
+    if isinstance(config, ReadoutConfig):
+        fields, meanings = fields | {"threshold_bits": config.threshold_bits}, PORTS
+    for name, meaning in meanings.items():
         if name in ("clk", "rst"):
             direction, width = "input", 1
         elif name in members:
@@ -155,11 +185,11 @@ def ports(config: ReadoutConfig) -> Iterator[dict[str, Any]]:
         yield {"name": name, "direction": direction, "width": width, "meaning": meaning.format(**fields)}
 
 
-def description(config: ReadoutConfig) -> str:
+def description(config: Config) -> str:
     """Return the JSON text that goes with the Verilog: version, configuration and ports."""
     return json.dumps(
         {
-            "top": Readout.module_name,
+            "top": top_block(config).module_name,
             "version": __version__,
             "licence": "Apache-2.0",
             "configuration": config.to_dict(),
@@ -170,7 +200,7 @@ def description(config: ReadoutConfig) -> str:
     )
 
 
-def constraints(config: ReadoutConfig) -> str:
+def constraints(config: Config) -> str:
     """Return the timing constraints (SDC): the clock, the ports' share of it, and what is asynchronous."""
     period_ns = 1e9 / config.clock_hz
     asynchronous = {"clk", "aer_ack", "taxel_enable"} | ({"rst"} if config.reset == "async" else set())
@@ -183,19 +213,24 @@ def constraints(config: ReadoutConfig) -> str:
         )
         for way in ("input", "output")
     }
+    frame = isinstance(config, FrameConfig)
+    base = "frame rate times clocks per frame" if frame else "sample rate times clocks per sample"
     lines = [
-        "# Clock: sample rate times clocks per sample. Tighten it to what the technology should reach.",
+        f"# Clock: {base}. Tighten it to what the technology should reach.",
         f"set period_ns {period_ns:.6g}",
         "create_clock -name clk -period $period_ns [get_ports clk]",
         "",
         "# A fifth of the period belongs to whatever drives an input or takes an output.",
         f"set_input_delay [expr 0.2 * $period_ns] -clock clk [get_ports {{{timed['input']}}}]",
         f"set_output_delay [expr 0.2 * $period_ns] -clock clk [get_ports {{{timed['output']}}}]",
-        "",
-        "# The mask is set up before use and then stands still.",
-        f"set_false_path -from [get_ports {{{pins['taxel_enable']}}}]",
     ]
-    if config.link == "four_phase":
+    if "taxel_enable" in pins:
+        lines += [
+            "",
+            "# The mask is set up before use and then stands still.",
+            f"set_false_path -from [get_ports {{{pins['taxel_enable']}}}]",
+        ]
+    if "aer_ack" in pins:
         lines += [
             "",
             "# Asynchronous; two flops in the link take it.",
@@ -210,15 +245,17 @@ def constraints(config: ReadoutConfig) -> str:
     return header(config, "#") + "\n" + "\n".join(lines) + "\n"
 
 
-def core(config: ReadoutConfig) -> str:
+def core(config: Config) -> str:
     """Return the FuseSoC core file (CAPI2)."""
-    top = Readout.module_name
+    top = top_block(config).module_name
+    kind = "Frame-based" if isinstance(config, FrameConfig) else "Spiking"
+    encoding = "" if isinstance(config, FrameConfig) else f"{config.encoding}, "
     return (
         "CAPI=2:\n"
         + header(config, "#")
         + f"""
 name: ::{top}:{__version__.split("+")[0]}
-description: Spiking e-skin readout, {config.rows} x {config.columns} taxels, {config.encoding}, {config.resolution} b
+description: {kind} e-skin readout, {config.rows} x {config.columns} taxels, {encoding}{config.resolution} b
 filesets:
   rtl:
     files: [{top}.v]
@@ -242,12 +279,12 @@ targets:
     )
 
 
-def write(config: ReadoutConfig, folder: Path) -> list[Path]:
+def write(config: Config, folder: Path) -> list[Path]:
     """Write Verilog, constraints, description and core file into a folder, made if need be; return their paths.
 
     Each file is written whole or not at all.
     """
-    top = Readout.module_name
+    top = top_block(config).module_name
     files = {
         ".v": verilog(config),
         ".sdc": constraints(config),

@@ -1,0 +1,285 @@
+"""The frame-based readout, clock by clock: every taxel in turn to one ADC, whole frames sent (docs/frame.md).
+
+This is the golden model that ``rtl/frame.py`` is held to; it knows no bit slices, only numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import InputError
+from model.frame_config import FrameConfig, adc_code, pack, unpack
+
+__all__ = [
+    "WORD_DTYPE",
+    "FrameConfig",
+    "FrameModel",
+    "FrameRun",
+    "FrameStimulus",
+    "Inputs",
+    "Outputs",
+    "adc_code",
+    "pack",
+    "simulate",
+    "unpack",
+]
+
+WORD_DTYPE = np.dtype([("t", np.int64), ("sync", np.bool_), ("data", np.uint64)])
+"""An output word: clock of the transfer since the end of reset, frame sync, and the word."""
+
+
+class Inputs(NamedTuple):
+    """The input ports in one clock; ``adc_code`` are N bits, unsigned."""
+
+    frame_start: int = 0
+    adc_done: int = 0
+    adc_code: int = 0
+    word_ready: int = 1
+
+
+class Outputs(NamedTuple):
+    """The output ports in one clock, as unsigned numbers; none depends on an input of the same clock."""
+
+    row_select: int
+    column_select: int
+    adc_start: int
+    word_valid: int
+    word_data: int
+    word_sync: int
+    frame_overrun: int
+
+
+class FrameModel:
+    """The registers of the readout, and what a rising edge does to them.
+
+    Attributes
+    ----------
+    taxel : int
+        Index r * columns + c of the taxel at the ADC; -1 between frames.
+    countdown : int
+        Clocks that the multiplexer still needs to settle.
+    converting : bool
+        A conversion is under way.
+    held : tuple of int, or None
+        The sample on its way to the packer: (taxel, code).
+    bits, fill : int
+        Bits of the frame that do not make a word yet, and how many.
+    opening : bool
+        The next word is the first of its frame.
+    flush : bool
+        The frame has ended; its last bits make a word by themselves.
+    word, valid, sync : int, bool, bool
+        The output word.
+    overrun : bool
+        A frame_start was missed in the clock before.
+    """
+
+    def __init__(self, config: FrameConfig) -> None:
+        self.config = config
+        self.reset()
+
+    def reset(self) -> None:
+        """Set all registers to their state after reset."""
+        self.taxel, self.countdown, self.converting, self.overrun = -1, 0, False, False
+        self.held: tuple[int, int] | None = None
+        self.bits, self.fill, self.opening, self.flush = 0, 0, False, False
+        self.word, self.valid, self.sync = 0, False, False
+
+    @property
+    def idle(self) -> bool:
+        """True where nothing is under way: no taxel selected, no sample and no word waiting."""
+        return self.taxel < 0 and self.held is None and not self.flush and not self.valid
+
+    @property
+    def outputs(self) -> Outputs:
+        """The output ports just before the next rising edge."""
+        row, column = divmod(self.taxel, self.config.columns)
+        starts = self.taxel >= 0 and not self.converting and self.countdown == 0 and self.held is None
+        return Outputs(
+            row_select=1 << row if self.taxel >= 0 else 0,
+            column_select=1 << column if self.taxel >= 0 else 0,
+            adc_start=int(starts),
+            word_valid=int(self.valid),
+            word_data=self.word,
+            word_sync=int(self.sync),
+            frame_overrun=int(self.overrun),
+        )
+
+    def clock(self, inputs: Inputs) -> None:
+        """Pass a rising edge with reset low."""
+        starts = bool(self.outputs.adc_start)
+        passes = self._packer(inputs)
+        self.overrun = bool(inputs.frame_start) and self.taxel >= 0
+        if passes:
+            self.held = None
+        if starts:
+            self.converting = True
+        elif self.taxel < 0:
+            if inputs.frame_start:
+                self.taxel, self.countdown = 0, self.config.settle_clocks
+        elif self.converting:
+            if inputs.adc_done:
+                self.held = (self.taxel, inputs.adc_code)
+                self.converting, self.countdown = False, self.config.settle_clocks
+                self.taxel = self.taxel + 1 if self.taxel + 1 < self.config.taxels else -1
+        elif self.countdown:
+            self.countdown -= 1
+
+    def _packer(self, inputs: Inputs) -> bool:
+        """Pass the edge for the packer; return whether it took the sample that is held."""
+        free = not self.valid or bool(inputs.word_ready)
+        if not free:
+            return False
+        self.valid = False
+        if self.flush:
+            self._emit(self.bits)
+            self.bits, self.fill, self.flush = 0, 0, False
+            return False
+        if self.held is None:
+            return False
+        taxel, code = self.held
+        self.opening = self.opening or taxel == 0
+        self.bits |= code << self.fill
+        self.fill += self.config.resolution
+        if self.fill >= self.config.word_bits:
+            self._emit(self.bits & (1 << self.config.word_bits) - 1)
+            self.bits >>= self.config.word_bits
+            self.fill -= self.config.word_bits
+        self.flush = taxel == self.config.taxels - 1 and self.fill > 0
+        return True
+
+    def _emit(self, word: int) -> None:
+        self.word, self.valid, self.sync = word, True, self.opening
+        self.opening = False
+
+
+# -- whole runs --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class FrameStimulus:
+    """What happens around a frame readout from the end of reset on.
+
+    Attributes
+    ----------
+    samples : ndarray of int, shape (ticks, taxels)
+        W-bit codes of all taxels; the ADC sees the newest of the selected taxel when it starts.
+    sample_clock : ndarray of int64, shape (ticks,)
+        Clock from which on each holds, rising from 0.
+    frame_clock : ndarray of int64, shape (frames,)
+        Clocks with ``frame_start``, rising.
+    clocks : int
+        Length of the run.
+    conversion : ndarray of int64, shape (pattern,)
+        Clocks from adc_start to adc_done of one conversion after the other, repeated; at least 1.
+    ready : ndarray of uint8, shape (pattern,)
+        ``word_ready`` per clock, repeated.
+    """
+
+    samples: NDArray[np.integer]
+    sample_clock: NDArray[np.int64]
+    frame_clock: NDArray[np.int64]
+    clocks: int
+    conversion: NDArray[np.int64]
+    ready: NDArray[np.uint8] = field(default_factory=lambda: np.ones(1, np.uint8))
+
+    @classmethod
+    def from_samples(
+        cls,
+        config: FrameConfig,
+        samples: NDArray[np.integer],
+        *,
+        conversion: NDArray[np.int64] | None = None,
+        ready: NDArray[np.uint8] | None = None,
+        drain: int = 0,
+    ) -> FrameStimulus:
+        """Return one frame for every row of samples, at the frame rate, and some clocks more at the end."""
+        start = np.arange(len(samples), dtype=np.int64) * config.clocks_per_frame
+        return cls(
+            samples=np.asarray(samples),
+            sample_clock=start,
+            frame_clock=start,
+            clocks=len(samples) * config.clocks_per_frame + drain,
+            conversion=np.array([config.adc_clocks]) if conversion is None else np.asarray(conversion, np.int64),
+            ready=np.ones(1, np.uint8) if ready is None else np.asarray(ready, np.uint8),
+        )
+
+    def check(self, config: FrameConfig) -> None:
+        """Refuse a stimulus that does not fit a configuration, in one sentence."""
+        if self.samples.ndim != 2 or self.samples.shape[1] != config.taxels:
+            raise InputError(
+                f"samples must have shape (ticks, {config.taxels}) for {config.rows} x {config.columns} taxels, "
+                f"not {self.samples.shape}"
+            )
+        rising = (np.diff(self.sample_clock) > 0).all() and (np.diff(self.frame_clock) > 0).all()
+        if self.sample_clock.shape != self.samples.shape[:1] or not rising or self.sample_clock[:1].any():
+            raise InputError("sample_clock must rise from 0, one clock for every row of samples; frame_clock too")
+        if not self.conversion.size or (self.conversion < 1).any() or not self.ready.size:
+            raise InputError("conversion must be 1 clock or more, and neither conversion nor ready empty")
+
+
+@dataclass(frozen=True)
+class FrameRun:
+    """What a frame readout did.
+
+    Attributes
+    ----------
+    words : ndarray of WORD_DTYPE, shape (words,)
+    starts : ndarray of int64, shape (conversions, 2)
+        Clock of every adc_start, and the index of the taxel.
+    overruns : ndarray of int64, shape (missed,)
+        Clocks of every frame_start that was missed (one before ``frame_overrun``).
+    idle : bool
+        Whether nothing was under way at the end.
+    """
+
+    words: NDArray[np.void]
+    starts: NDArray[np.int64]
+    overruns: NDArray[np.int64]
+    idle: bool
+
+
+def simulate(config: FrameConfig, stimulus: FrameStimulus) -> FrameRun:
+    """Return what the readout does with a stimulus and an ADC that rounds down (``adc_code``)."""
+    stimulus.check(config)
+    codes = adc_code(config, stimulus.samples) & ((1 << config.resolution) - 1)
+    model = FrameModel(config)
+    words: list[tuple[int, int, int]] = []
+    starts: list[tuple[int, int]] = []
+    overruns: list[int] = []
+    conversions = _cycled(stimulus.conversion)
+    frames = iter([*stimulus.frame_clock.tolist(), -1])
+    next_frame, tick, done_at, code = next(frames), -1, -1, 0
+    for t, ready in zip(range(stimulus.clocks), _cycled(stimulus.ready), strict=False):
+        while tick + 1 < len(codes) and stimulus.sample_clock[tick + 1] <= t:
+            tick += 1
+        outputs = model.outputs
+        if outputs.frame_overrun:
+            overruns.append(t - 1)
+        if outputs.word_valid and ready:
+            words.append((t, outputs.word_sync, outputs.word_data))
+        inputs = Inputs(int(t == next_frame), int(t == done_at), code, ready)
+        if t == next_frame:
+            next_frame = next(frames)
+        if outputs.adc_start:
+            starts.append((t, model.taxel))
+            done_at, code = t + next(conversions), int(codes[tick, model.taxel]) if len(codes) else 0
+        model.clock(inputs)
+    return FrameRun(
+        np.array(words, WORD_DTYPE),
+        np.array(starts, np.int64).reshape(-1, 2),
+        np.array(overruns, np.int64),
+        model.idle,
+    )
+
+
+def _cycled(pattern: NDArray[np.integer]) -> Iterator[int]:
+    """Yield the values of a pattern again and again."""
+    values = pattern.tolist()
+    while True:
+        yield from values

@@ -1,0 +1,281 @@
+"""The parameter object of the frame readout, its ADC codes, and how samples become words (docs/frame.md)."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.config import ReadoutConfig
+from model.errors import InputError
+
+MAX_WORD_BITS = 64
+MAX_CLOCKS = 1024
+"""Largest number of settling and of conversion clocks."""
+
+SHARED_FIELDS = (
+    "rows",
+    "columns",
+    "sample_bits",
+    "resolution",
+    "reset",
+    "sample_rate_hz",
+    "clocks_per_sample",
+)
+"""Fields of ReadoutConfig that mean the same in both readouts; the others belong to the spiking one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameConfig:
+    """All parameters of one frame readout. Immutable, validated on construction.
+
+    What it has in common with the spiking readout is set in ``readout`` and nowhere else: array, W, N, reset,
+    and the sample rate, which is the frame rate: every taxel is sampled once a frame.
+
+    Parameters
+    ----------
+    readout : ReadoutConfig
+        Array and sampling; the fields of ``SHARED_FIELDS`` count, N are the bits of the ADC.
+    word_bits : int
+        Bits of an output word, N..64.
+    settle_clocks : int
+        Clocks from a new multiplexer setting to the start of the conversion, 1..1024.
+    conversion_clocks : int or None
+        Clocks from ``adc_start`` to ``adc_done``, 1..1024, for which the clock frequency is laid out; the hardware
+        takes any. None stands for N + 1: one decision a clock, then the code.
+
+    Raises
+    ------
+    InputError
+        If a value is of the wrong type, out of range, or does not fit another.
+    """
+
+    readout: ReadoutConfig = field(default_factory=ReadoutConfig)
+    word_bits: int = 16
+    settle_clocks: int = 1
+    conversion_clocks: int | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.readout, ReadoutConfig):
+            raise InputError(f"readout must be of type ReadoutConfig, not {self.readout!r}")
+        self._check("word_bits", self.resolution, MAX_WORD_BITS, f"resolution = {self.resolution}")
+        self._check("settle_clocks", 1, MAX_CLOCKS)
+        if self.conversion_clocks is not None:
+            self._check("conversion_clocks", 1, MAX_CLOCKS)
+
+    def _check(self, name: str, low: int, high: int, low_name: str = "") -> None:
+        value = getattr(self, name)
+        if type(value) is not int:
+            raise InputError(f"{name} must be of type int, not {value!r}")
+        if not low <= value <= high:
+            raise InputError(f"{name} must be in {low_name or low}..{high}, not {value}")
+
+    # -- shared with the spiking readout ---------------------------------------------------------
+
+    @property
+    def rows(self) -> int:
+        """Rows of taxels."""
+        return self.readout.rows
+
+    @property
+    def columns(self) -> int:
+        """Columns of taxels."""
+        return self.readout.columns
+
+    @property
+    def taxels(self) -> int:
+        """M, number of taxels."""
+        return self.readout.taxels
+
+    @property
+    def sample_bits(self) -> int:
+        """W, bits of the signed sample that the ADC sees."""
+        return self.readout.sample_bits
+
+    @property
+    def resolution(self) -> int:
+        """N, bits of an ADC code."""
+        return self.readout.resolution
+
+    @property
+    def reset(self) -> str:
+        """Style of the flops' reset, "sync" or "async"."""
+        return self.readout.reset
+
+    # -- derived numbers -------------------------------------------------------------------------
+
+    @property
+    def adc_clocks(self) -> int:
+        """Clocks of one conversion that the clock is laid out for, from adc_start to adc_done."""
+        return self.resolution + 1 if self.conversion_clocks is None else self.conversion_clocks
+
+    @property
+    def frame_clocks(self) -> int:
+        """Clocks from one frame_start to the first one after it that is heard, with a sink that never waits."""
+        return self.taxels * (self.settle_clocks + 1 + self.adc_clocks) + 1
+
+    @property
+    def words_per_frame(self) -> int:
+        """Output words of a frame, the last one filled up with zeros."""
+        return -(-self.taxels * self.resolution // self.word_bits)
+
+    @property
+    def frame_rate_hz(self) -> float:
+        """Frames per second: the sample rate of a taxel."""
+        return self.readout.sample_rate_hz
+
+    @property
+    def clocks_per_frame(self) -> int:
+        """Clocks from frame to frame: those of a sample, or more where a scan needs more."""
+        return max(self.readout.clocks_per_sample, self.frame_clocks)
+
+    @property
+    def clock_hz(self) -> float:
+        """Clock frequency in hertz: the frame rate times ``clocks_per_frame``."""
+        return self.frame_rate_hz * self.clocks_per_frame
+
+    @property
+    def bit_rate_hz(self) -> float:
+        """Bits per second of the samples: N M per frame (Fig. 5a of the paper)."""
+        return self.resolution * self.taxels * self.frame_rate_hz
+
+    @property
+    def word_rate_hz(self) -> float:
+        """Output words per second."""
+        return self.words_per_frame * self.frame_rate_hz
+
+    # -- construction and exchange ---------------------------------------------------------------
+
+    def replace(self, **changes: Any) -> FrameConfig:
+        """Return a copy with some fields changed, those of the shared ones in ``readout``; validated again."""
+        shared = {name: changes.pop(name) for name in SHARED_FIELDS if name in changes}
+        try:
+            copy = dataclasses.replace(self, **changes)
+            return dataclasses.replace(copy, readout=copy.readout.replace(**shared))
+        except TypeError as error:
+            raise InputError(f"unknown parameter in {', '.join(sorted(changes))}: {error}") from None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields that count as one flat dictionary."""
+        fields = {name: getattr(self.readout, name) for name in SHARED_FIELDS}
+        return fields | {name: getattr(self, name) for name in OWN_FIELDS}
+
+    @classmethod
+    def from_dict(cls, fields: Any) -> FrameConfig:
+        """Return the configuration of a flat dictionary; fields of the spiking readout alone are checked, not used."""
+        if not isinstance(fields, dict):
+            raise InputError(f"a configuration must be a JSON object, not {type(fields).__name__}")
+        own = {name: fields[name] for name in OWN_FIELDS if name in fields}
+        readout = ReadoutConfig.from_dict({name: value for name, value in fields.items() if name not in own})
+        return cls(readout=readout, **own)
+
+
+OWN_FIELDS = tuple(f.name for f in dataclasses.fields(FrameConfig) if f.name != "readout")
+"""Fields of FrameConfig beside those of ReadoutConfig."""
+
+
+# -- codes and words ---------------------------------------------------------------------------------
+
+
+def adc_code(config: FrameConfig, samples: NDArray[np.integer]) -> NDArray[np.int64]:
+    """Return the N-bit two's complement codes of W-bit samples: the N upper bits, rounded down.
+
+    Parameters
+    ----------
+    config : FrameConfig
+    samples : integer ndarray, any shape
+        -2**(W-1) .. 2**(W-1) - 1.
+
+    Returns
+    -------
+    ndarray of int64, same shape
+        -2**(N-1) .. 2**(N-1) - 1.
+    """
+    values = np.asarray(samples, np.int64)
+    high = config.readout.full_scale
+    if values.size and not -high <= values.min() <= values.max() < high:
+        raise InputError(
+            f"samples must be in {-high}..{high - 1} ({config.sample_bits} bits), not {values.min()}..{values.max()}"
+        )
+    return values >> (config.sample_bits - config.resolution)
+
+
+def pack(config: FrameConfig, codes: NDArray[np.integer]) -> NDArray[np.uint64]:
+    """Return the output words of frames: taxel 0 in the lowest bits, no gaps, each frame on words of its own.
+
+    Parameters
+    ----------
+    config : FrameConfig
+    codes : integer ndarray, shape (frames, taxels)
+        ADC codes, signed or their N bits.
+
+    Returns
+    -------
+    ndarray of uint64, shape (frames, words_per_frame)
+    """
+    values = np.asarray(codes, np.int64)
+    if values.ndim != 2 or values.shape[1] != config.taxels:
+        raise InputError(f"codes must have shape (frames, {config.taxels}), not {values.shape}")
+    low, high = -(1 << (config.resolution - 1)), 1 << config.resolution
+    if values.size and not low <= values.min() <= values.max() < high:
+        raise InputError(
+            f"codes must be in {low}..{high - 1} ({config.resolution} bits), not {values.min()}..{values.max()}"
+        )
+    bits = (values[:, :, None] >> np.arange(config.resolution)) & 1
+    length = config.words_per_frame * config.word_bits
+    bits = np.pad(bits.reshape(len(values), -1), ((0, 0), (0, length - config.taxels * config.resolution)))
+    return _from_bits(bits.reshape(len(values), config.words_per_frame, config.word_bits))
+
+
+def unpack(config: FrameConfig, words: NDArray[np.integer], sync: NDArray[Any] | None = None) -> NDArray[np.int64]:
+    """Return the signed ADC codes of output words.
+
+    Parameters
+    ----------
+    config : FrameConfig
+    words : integer ndarray, shape (frames, words_per_frame), or (words,) with ``sync``
+        A stream may stop within a frame: that frame is left out.
+    sync : ndarray of bool, shape (words,), optional
+        ``word_sync`` of every word of a stream.
+
+    Returns
+    -------
+    ndarray of int64, shape (frames, taxels)
+
+    Raises
+    ------
+    InputError
+        If the words have another shape, or frames do not begin where ``sync`` says, or do not end in zeros.
+    """
+    values, length = np.asarray(words, np.uint64), config.words_per_frame
+    if sync is not None:
+        if values.ndim != 1 or np.shape(sync) != values.shape:
+            raise InputError(f"words and sync must have one shape (words,), not {values.shape} and {np.shape(sync)}")
+        wrong = np.flatnonzero(np.asarray(sync, bool) != (np.arange(len(values)) % length == 0))
+        if len(wrong):
+            raise InputError(f"word {wrong[0]}: a frame of {length} words does not begin here, or sync is missing")
+        values = values[: len(values) // length * length].reshape(-1, length)
+    if values.ndim != 2 or values.shape[1] != length:
+        raise InputError(f"words must have shape (frames, {length}), not {values.shape}")
+    bits = (values[:, :, None] >> np.arange(config.word_bits, dtype=np.uint64)) & np.uint64(1)
+    bits = bits.reshape(len(values), -1)
+    used = config.taxels * config.resolution
+    if bits[:, used:].any():
+        raise InputError("a frame does not end in zeros; is it of another configuration?")
+    codes = _from_bits(bits[:, :used].reshape(len(values), config.taxels, config.resolution)).astype(np.int64)
+    return codes - (codes >> (config.resolution - 1) << config.resolution)
+
+
+def _from_bits(bits: NDArray[Any]) -> NDArray[np.uint64]:
+    """Return the numbers of bits, lowest first along the last axis."""
+    weights = np.uint64(1) << np.arange(bits.shape[-1], dtype=np.uint64)
+    return np.asarray((bits.astype(np.uint64) * weights).sum(axis=-1), np.uint64)
+
+
+def bit_positions(config: FrameConfig) -> int:
+    """Return the greatest common divisor of N and the word: codes begin at multiples of it only."""
+    return math.gcd(config.resolution, config.word_bits)

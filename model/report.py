@@ -1,0 +1,248 @@
+"""One HTML file with the figures of the whole project, and the command ``report`` (docs/report.md).
+
+The page is ``report.html`` with ``report.css`` and ``report.js`` put into it, and the data as JSON. It computes no
+power: all numbers come from here, on a grid.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+import string
+from collections.abc import Iterable, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from model.errors import InputError
+from model.power_options import SynthesisOption
+
+Data = dict[str, Any]
+
+_ROOT = Path(__file__).resolve().parents[1]
+BENCHMARKS = _ROOT / "benchmarks" / "results"
+ACCURACY = _ROOT / "docs" / "data" / "fig9.json"
+SIM = Path("out/sim")
+REPLAY = Path("out/replay")
+
+SECTIONS = ("raster", "replay", "fig9", "benchmarks", "synthesis")
+"""Sections of which something may be missing."""
+
+
+# -- the page ----------------------------------------------------------------------------------------
+
+
+def page(data: Data) -> str:
+    """Return the page of some data (``model.report_data``); the same data give the same page."""
+    folder = resources.files("model")
+    template, style, script = ((folder / f"report.{kind}").read_text("utf-8") for kind in ("html", "css", "js"))
+    parts = {f"{section}_missing": _sentences(data["missing"].get(section, [])) for section in SECTIONS}
+    tables = {
+        "raster_table": _raster_table(data["raster"]),
+        "replay_table": _replay_table(data["replay"]),
+        "fig6_table": _fig6_table(data["fig6"]),
+        "fig7_table": _fig7_table(data["fig7"]),
+        "sensitivity_table": _sensitivity_table(data["sensitivity"]),
+        "fig9_table": _fig9_table(data["fig9"]),
+        "benchmarks_table": _benchmarks_table(data["benchmarks"]),
+        "synthesis_table": _synthesis_table(data["synthesis"]),
+    }
+    fig6 = data["fig6"]
+    return string.Template(template).substitute(
+        **parts,
+        **tables,
+        style=style,
+        script=script,
+        version=html.escape(data["version"]),
+        array=f"{fig6['rows']} x {fig6['columns']}",
+        rates=html.escape(fig6.get("event_rates", "")),
+        data=embedded(data),
+    )
+
+
+def embedded(data: Any) -> str:
+    """Return data as JSON that can stand in a script element: without ``<``."""
+    return json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def _sentences(sentences: Iterable[str]) -> str:
+    return "\n".join(f'<p class="missing">{html.escape(sentence)}</p>' for sentence in sentences)
+
+
+def _table(caption: str, headings: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """Return a table whose first column names the rows; nothing without rows."""
+
+    def cell(value: Any) -> str:
+        text = "-" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
+        return f"<td>{html.escape(text)}</td>"
+
+    lines = [
+        f'<tr><th scope="row">{html.escape(str(row[0]))}</th>' + "".join(cell(value) for value in row[1:]) + "</tr>"
+        for row in rows
+    ]
+    if not lines:
+        return ""
+    head = "".join(f'<th scope="col">{html.escape(heading)}</th>' for heading in headings)
+    return (
+        f'<div class="scroll"><table><caption>{html.escape(caption)}</caption><thead><tr>{head}</tr></thead>\n'
+        f"<tbody>{chr(10).join(lines)}</tbody></table></div>"
+    )
+
+
+def _raster_table(runs: list[Data]) -> str:
+    rows = [
+        (
+            run["name"],
+            f"{run['encoding']} {run['resolution']} b",
+            f"{run['rows']} x {run['columns']}",
+            run["texture"],
+            f"{run['duration_clocks'] * 1e3 / run['clock_hz']:.4g}",
+            *(f"{recording['events']:,}" if recording else None for recording in _both(run)),
+            run["verdict"],
+        )
+        for run in runs
+    ]
+    headings = ("run", "encoding", "array", "texture", "length (ms)", "events, RTL", "events, model", "outcome")
+    return _table("Recordings, and what their comparison says", headings, rows)
+
+
+def _both(run: Data) -> list[Data | None]:
+    """Return the recordings of RTL and model of a run; None where there is none."""
+    by_label = {recording["label"]: recording for recording in run["recordings"]}
+    rtl = by_label.get("RTL")
+    model = by_label["model"]
+    return [rtl, rtl if "same_as" in model else model]
+
+
+def _replay_table(replays: list[Data]) -> str:
+    rows = [
+        (
+            f"{r['dataset']}, {r['preset']} scan",
+            f"{r['encoding']} {r['resolution']} b, {r['rows']} x {r['columns']}",
+            *(f"{r[key]:,}" for key in ("images", "clocks", "events", "mismatches")),
+        )
+        for r in replays
+    ]
+    headings = ("dataset", "readout", "images", "clocks", "events", "mismatches")
+    return _table("Whole datasets through the RTL (make replay)", headings, rows)
+
+
+def _fig6_table(fig6: Data) -> str:
+    from model.power import READOUT_NAMES, READOUTS
+
+    rows = [
+        (f"{mode}, {noise * 1e3:.3g} mV, {READOUT_NAMES[r]}", *(entry[r][p] for p in ("afe", "converter", "io", "total")))
+        for mode, entries in fig6["modes"].items()
+        for noise, entry in zip(fig6["noise_v_rms"], entries, strict=True)
+        for r in READOUTS
+    ]
+    return _table("Fig. 6 in W", ("mode, noise, readout", "AFE", "converter", "I/O", "total"), rows)
+
+
+def _fig7_table(fig7: Data) -> str:
+    rows: list[Sequence[Any]] = []
+    for mode, entry in fig7["modes"].items():
+        for what, values in (("crossover (V)", entry["crossover"]), ("spiking / frame at 1 mV", entry["ratio"])):
+            lines = {f"N-LCS {float(tau):g} s": line for tau, line in values["nlcs"].items()} | {"LCS": values["lcs"]}
+            rows += [(f"{mode}, {what}, {name}", *line) for name, line in lines.items()]
+    headings = ("mode, quantity, readout", *(f"N = {n}" for n in fig7["resolution"]))
+    return _table("Fig. 7; a dash where there is no crossover", headings, rows)
+
+
+def _sensitivity_table(study: Data) -> str:
+    from model.power import READOUT_NAMES, SPIKING
+    from model.power_commands import crossover_text
+
+    rows = [
+        (row["case"], *(x for s in SPIKING for x in (*row["ratio"][s], crossover_text(row["crossover"][s]))))
+        for row in study["rows"]
+    ]
+    headings = ["corrections"]
+    for s in SPIKING:
+        headings += [f"{READOUT_NAMES[s]} {noise * 1e3:.3g} mV" for noise in study["noise_v_rms"]] + ["spikes win"]
+    return _table("Spiking / frame power; below 1 spikes cost less", headings, rows)
+
+
+def _fig9_table(fig9: Data | None) -> str:
+    rows = [
+        (p["label"], float(p["data_rate_bps"]), p["accuracy"] * 100, " to ".join(f"{e:.1%}" for e in p.get("interval", ())))
+        for p in (fig9["points"] if fig9 else [])
+    ]
+    return _table("Fig. 9", ("readout", "data rate (bit/s)", "accuracy (%)", "interval"), rows)
+
+
+def _benchmarks_table(charts: list[Data]) -> str:
+    rows = [
+        (f"{chart['name']}: {bar['name']}", *(bar.get(end) for end in ("median", "least", "most")))
+        for chart in charts
+        for bar in chart["bars"]
+    ]
+    return _table("Ratios within one run", ("benchmark", "median", "least", "most"), rows)
+
+
+def _synthesis_table(reports: list[Data]) -> str:
+    from model.power import READOUT_NAMES
+
+    rows = [
+        (
+            READOUT_NAMES[r["readout"]],
+            f"{r['rows']} x {r['columns']}",
+            r["process"] or None,
+            *(float(r[key]) for key in ("supply_v", "clock_hz", "area_um2", "leakage_w")),
+            *(float(r[key]) for key in ("clock_power_w_per_hz", "energy_per_event_j")),
+        )
+        for r in reports
+    ]
+    headings = ("readout", "array", "process", "supply (V)", "clock (Hz)", "area (um^2)", "leakage (W)")
+    return _table(
+        "Digital part by synthesis", (*headings, "clock power (W/Hz)", "energy per event or sample (J)"), rows
+    )
+
+
+# -- the command -------------------------------------------------------------------------------------
+
+
+def report(
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="page to write, .html")] = Path(
+        "out/report.html"
+    ),
+    sim: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="runs of make sim: event files of RTL and model [out/sim]")
+    ] = None,
+    replay: Annotated[Path | None, typer.Option(metavar="DIR", help="what make replay left [out/replay]")] = None,
+    benchmarks: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="benchmark results [benchmarks/results]")
+    ] = None,
+    accuracy: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="accuracy and data rates of Fig. 9 [docs/data/fig9.json]")
+    ] = None,
+    synthesis: SynthesisOption = None,
+) -> None:
+    """Write all figures of the project into one HTML file that needs no server and no network."""
+    from model.files import atomic_write, check_writable
+    from model.report_data import report_data
+
+    if out.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"the report is a page; its name ends in .html, {out.name} does not; rename the output")
+    for folder in (sim, replay, benchmarks):
+        if folder is not None and not folder.is_dir():
+            raise InputError(f"{folder} is not a folder; give one, or leave the option out")
+    if accuracy is not None and not accuracy.is_file():
+        raise InputError(f"cannot read the accuracy results {accuracy}: there is no such file")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot make the folder {out.parent}: {error.strerror}; choose another --out") from None
+    check_writable(out)
+    data = report_data(
+        sim or SIM, replay or REPLAY, benchmarks or BENCHMARKS, accuracy or ACCURACY, list(synthesis or [])
+    )
+    text = page(data).encode()
+    with atomic_write(out) as file:
+        file.write(text)
+    print(f"wrote {out} ({len(text) / 1e6:.1f} MB); open it in a browser")
+    for sentences in data["missing"].values():
+        for sentence in sentences:
+            print(f"note: {sentence}")

@@ -1,0 +1,239 @@
+"""The frame-based baseline: a column-scan sequencer around one ADC, and the packer of its codes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from amaranth.hdl import Cat, Const, Module, Mux, Signal
+from amaranth.lib.wiring import In, Out
+
+from model.frame_config import FrameConfig, bit_positions
+from rtl.block import Block
+from rtl.logic import or_tree
+
+
+class FrameSequencer(Block):
+    """Puts one taxel after the other to the ADC and hands on its codes.
+
+    One-hot rings, shifted once a conversion, drive the switches: flops, so they cannot glitch. A conversion starts only
+    while no sample waits, so there is always room for its code and the ADC need not hold it.
+
+    Latency: ``frame_start`` at clock t, first ``adc_start`` at t + 1 + settle_clocks. Throughput: one taxel in
+    settle_clocks + 1 + conversion clocks.
+
+    Attributes
+    ----------
+    frame_start : In(1)
+        Scan the array once; missed, and reported, while a scan is under way.
+    row_select, column_select : Out(rows), Out(columns)
+        The taxel at the ADC, one-hot; 0 between frames.
+    adc_start : Out(1)
+        High for one clock; the ADC samples at the edge that ends it.
+    adc_done, adc_code : In(1), In(N)
+        The code is taken in the first clock after that with ``adc_done``, a pulse or a level.
+    sample_valid, sample_ready, sample_code, sample_first, sample_last
+        The stream of codes, with the first and the last of a frame marked.
+    frame_overrun : Out(1)
+        The ``frame_start`` of the clock before was missed.
+    """
+
+    module_name = "eskin_frame_sequencer"
+
+    def __init__(self, config: FrameConfig) -> None:
+        self.settle_clocks = config.settle_clocks
+        super().__init__(
+            config.readout,
+            {
+                "frame_start": In(1),
+                "row_select": Out(config.rows),
+                "column_select": Out(config.columns),
+                "adc_start": Out(1),
+                "adc_done": In(1),
+                "adc_code": In(config.resolution),
+                **sample_ports(config, Out),
+                "frame_overrun": Out(1),
+            },
+        )
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        row = Signal(self.config.rows)
+        column = Signal(self.config.columns)
+        scanning = Signal()
+        converting = Signal()
+        settling = Signal(range(self.settle_clocks + 1))
+        held = Signal()
+        overrun = Signal()
+        first, last = Signal(), Signal()
+        code = Signal(self.config.resolution)
+
+        taken = Signal()
+        row_ends = column[-1]
+        frame_ends = row[-1] & row_ends
+        m.d.comb += [
+            self.row_select.eq(row),
+            self.column_select.eq(column),
+            self.adc_start.eq(scanning & ~converting & (settling == 0) & ~held),
+            taken.eq(converting & self.adc_done),
+            self.sample_valid.eq(held),
+            self.sample_code.eq(code),
+            self.sample_first.eq(first),
+            self.frame_overrun.eq(overrun),
+        ]
+        if "sample_last" in self.signature.members:
+            m.d.comb += self.sample_last.eq(last)
+        m.d.sync += overrun.eq(self.frame_start & scanning)
+
+        with m.If(taken):
+            m.d.sync += [held.eq(1), code.eq(self.adc_code), first.eq(row[0] & column[0]), last.eq(frame_ends)]
+        with m.Elif(self.sample_ready):
+            m.d.sync += held.eq(0)
+
+        with m.If(~scanning), m.If(self.frame_start):
+            m.d.sync += [scanning.eq(1), row.eq(1), column.eq(1), settling.eq(self.settle_clocks)]
+        with m.Elif(taken):
+            m.d.sync += [
+                converting.eq(0),
+                settling.eq(self.settle_clocks),
+                scanning.eq(~frame_ends),
+                column.eq(Cat(row_ends & ~frame_ends, column[:-1])),
+            ]
+            with m.If(row_ends):
+                m.d.sync += row.eq(Cat(Const(0, 1), row[:-1]))
+        with m.Elif(self.adc_start):
+            m.d.sync += converting.eq(1)
+        with m.Elif(settling != 0):
+            m.d.sync += settling.eq((settling - 1)[: len(settling)])
+        return m
+
+
+class FramePacker(Block):
+    """Puts N-bit codes one behind the other into words; every frame begins with a word of its own.
+
+    N and the word have a greatest common divisor g, and codes begin at multiples of it only, so the number of places
+    where one is put, and not the number of bits, makes the size of the shifter.
+
+    Latency: a code at clock t that fills a word, ``word_valid`` at t + 1; a last word that is not full one clock
+    later. Throughput: one code a clock.
+
+    Attributes
+    ----------
+    sample_valid, sample_ready, sample_code, sample_first, sample_last
+        The stream of codes.
+    word_valid, word_ready, word_data, word_sync : Out(1), In(1), Out(word_bits), Out(1)
+        The stream of words; valid and payload are flops. ``word_sync`` marks the first word of a frame.
+    """
+
+    module_name = "eskin_frame_packer"
+
+    def __init__(self, config: FrameConfig) -> None:
+        self.word_bits = config.word_bits
+        self.grain = bit_positions(config)
+        super().__init__(config.readout, {**sample_ports(config, In), **word_ports(config)})
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        units, step = self.word_bits // self.grain, self.config.resolution // self.grain
+        valid = Signal()
+        word = Signal(self.word_bits)
+        sync = Signal()
+        opening = Signal()
+        flush = Signal()
+        free = Signal()
+        begins = Signal()
+        m.d.comb += [
+            self.word_valid.eq(valid),
+            self.word_data.eq(word),
+            self.word_sync.eq(sync),
+            free.eq(~valid | self.word_ready),
+            self.sample_ready.eq(free & ~flush),
+            begins.eq(opening | (self.sample_first & ~flush)),
+        ]
+        with m.If(free):
+            m.d.sync += valid.eq(0)
+        if units == 1:  # a code is a word
+            with m.If(free & self.sample_valid):
+                m.d.sync += [valid.eq(1), word.eq(self.sample_code), sync.eq(begins)]
+            return m
+
+        # In units of the grain: a code is put at ``fill``, what goes beyond the word stays for the next one.
+        rest = Signal(self.word_bits - self.grain)
+        fill = Signal(range(units))
+        placed = Signal(self.word_bits + self.config.resolution - self.grain)
+        after = Signal(range(units + step))
+        complete = Signal()
+        remains = Signal(range(units))
+        m.d.comb += [
+            placed.eq(or_tree([rest, *(self._place(fill, position) for position in range(units))])),
+            after.eq(fill + step),
+            complete.eq(after >= units),
+            remains.eq(Mux(complete, after - units, after)[: len(remains)]),
+        ]
+        with m.If(free & flush):
+            m.d.sync += [valid.eq(1), word.eq(rest), sync.eq(begins), opening.eq(0)]
+            m.d.sync += [rest.eq(0), fill.eq(0), flush.eq(0)]
+        with m.Elif(free & self.sample_valid):
+            m.d.sync += [fill.eq(remains), flush.eq(self.sample_last & (remains != 0))]
+            with m.If(complete):
+                m.d.sync += [valid.eq(1), word.eq(placed[: self.word_bits]), sync.eq(begins), opening.eq(0)]
+                m.d.sync += rest.eq(placed[self.word_bits :])
+            with m.Else():
+                m.d.sync += [rest.eq(placed[: len(rest)]), opening.eq(begins)]
+        return m
+
+    def _place(self, fill: Signal, position: int) -> Any:
+        """Return the code shifted to a position if ``fill`` is that, else 0."""
+        chosen = (fill == position).replicate(self.config.resolution)
+        return Cat(Const(0, position * self.grain), self.sample_code & chosen)
+
+
+class FrameReadout(Block):
+    """The delivered top module of the frame-based baseline: sequencer and packer; the ADC is a macro outside.
+
+    Attributes
+    ----------
+    frame_start, row_select, column_select, adc_start, adc_done, adc_code, frame_overrun
+        See ``FrameSequencer``.
+    word_valid, word_ready, word_data, word_sync
+        See ``FramePacker``.
+    """
+
+    module_name = "eskin_frame_readout"
+
+    def __init__(self, config: FrameConfig) -> None:
+        self.frame_config = config
+        sequencer = FrameSequencer(config)
+        inner = sample_ports(config, Out)
+        ports = {name: port for name, port in sequencer.signature.members.items() if name not in inner}
+        super().__init__(config.readout, {**ports, **word_ports(config)})
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        sequencer, packer = FrameSequencer(self.frame_config), FramePacker(self.frame_config)
+        sequencer.place(m, "sequencer", platform)
+        packer.place(m, "packer", platform)
+        for name in sample_ports(self.frame_config, Out):
+            sequencer.connect(m, name, getattr(packer, name))
+        for name in self.signature.members:
+            block = packer if name.startswith("word_") else sequencer
+            block.connect(m, name, getattr(self, name))
+        return m
+
+
+def sample_ports(config: FrameConfig, flow: Any) -> dict[str, Any]:
+    """Return the ports of a stream of codes whose source sees ``flow`` as out."""
+    back = In if flow is Out else Out
+    ports = {
+        "sample_valid": flow(1),
+        "sample_ready": back(1),
+        "sample_code": flow(config.resolution),
+        "sample_first": flow(1),
+    }
+    if config.word_bits > config.resolution:  # else a frame always ends with a full word
+        ports["sample_last"] = flow(1)
+    return ports
+
+
+def word_ports(config: FrameConfig) -> dict[str, Any]:
+    """Return the ports of the stream of words."""
+    return {"word_valid": Out(1), "word_ready": In(1), "word_data": Out(config.word_bits), "word_sync": Out(1)}
