@@ -16,7 +16,7 @@ config = $(call options,$(CONFIG_VARIABLES))
 flag = $(if $(filter 1 yes true,$($(1))),--$(2))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup programs sim test verilog replay rates power fig6 fig7 sensitivity explore bench lint format clean
+.PHONY: help setup programs sim test verilog replay rates train crossval power fig6 fig7 sensitivity explore bench lint format clean
 
 help: ## list the targets
 	@echo "make TARGET [VARIABLE=value ...]"
@@ -58,6 +58,12 @@ replay: $(STAMP) ## drive a whole dataset through RTL and model [DATASET= PRESET
 rates: $(STAMP) ## mean population event rate over a dataset [DATASET= PRESET= LIMIT= START_ROW=]
 	@$(RUN) -m model rates $(config) $(call options,DATASET PRESET LIMIT START_ROW)
 
+train: $(STAMP) ## train one network on the events [DATASET= PRESET= ENCODING= RESOLUTION= EPOCHS= SEED= FOLD= RECIPE= OUT=]
+	@$(RUN) -m snn train $(call options,DATASET PRESET ENCODING RESOLUTION EPOCHS SEED FOLD RECIPE OUT)
+
+crossval: $(STAMP) ## folds x seeds of one configuration, resumable [as train, and FOLDS= SEEDS= WORKERS=]
+	@$(RUN) -m snn crossval $(call options,DATASET PRESET ENCODING RESOLUTION EPOCHS FOLDS SEEDS WORKERS RECIPE OUT)
+
 power: $(STAMP) ## power of the three readouts [MODE= RESOLUTION= NOISE= TAU= CROSSOVER=1 SYNTHESIS= DATASET= PRESET=]
 	@$(RUN) -m model power $(call options,MODE RESOLUTION NOISE TAU CORRECT WITHOUT SYNTHESIS DATASET PRESET RATES) \
 	$(call flag,CROSSOVER,crossover)
@@ -70,8 +76,9 @@ explore: $(STAMP) ## cheapest readout for your sensor [ROWS= COLUMNS= BANDWIDTH=
 	NLCS_EVENT_RATE RATE_RESOLUTION MIN_RESOLUTION DATASET PRESET RATES SYNTHESIS OUT)
 
 bench: $(STAMP) ## speed against peers and limits, in one run each; JSON in benchmarks/results
-	@for script in benchmarks/encoder.py benchmarks/cosim.py benchmarks/cycle_model.py; do \
-	[ ! -f $$script ] || $(RUN) $$script || exit 1; done
+	@$(RUN) benchmarks/encoder.py --json benchmarks/results/encoder.json
+	@$(RUN) benchmarks/cosim.py --json benchmarks/results/cosim.json
+	@$(RUN) benchmarks/network.py --json benchmarks/results/network.json
 
 lint: $(STAMP) ## format check, lint and types
 	@$(RUN) -m ruff format --check . && $(RUN) -m ruff check . && $(RUN) -m mypy

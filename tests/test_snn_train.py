@@ -96,7 +96,7 @@ def test_the_selected_epoch_is_that_of_the_held_out_images_not_of_the_test() -> 
 
 def test_a_killed_command_goes_on_and_ends_in_the_same_bits(tmp_path: Path) -> None:
     (tmp_path / "small.json").write_text(json.dumps({"rows": 2, "columns": 2, "resolution": 4}))
-    epochs = 300
+    epochs = 200
     command = [sys.executable, "-m", "snn", "train", "--dataset", "embedded", "--bin", "0.02", "--set", "hidden=32"]
     command += ["--config", str(tmp_path / "small.json"), "--epochs", str(epochs), "--checkpoint-every", "1", "--out"]
 
@@ -132,6 +132,13 @@ def test_signs_of_divergence_are_named() -> None:
     assert "hardly fire" in Epoch(2, 1.0, 0.5, None, 0.0, 1.0).warnings(True, 6)[0]
     assert "in most steps" in Epoch(2, 1.0, 0.5, None, 0.9, 1.0).warnings(True, 6)[0]
     assert Epoch(2, 1.0, 0.5, None, 0.0, 1.0).warnings(False, 6) == []
+    assert "never fire (2 of 6)" in Epoch(2, 1.0, 0.5, None, 0.05, 1.0, 2).warnings(True, 6)[0]
+
+
+def test_output_neurons_that_never_fire_are_counted() -> None:
+    made = train(easy_data(), range(21), small_network(readout="spikes", hidden=2), TrainConfig(epochs=1), seed=0)
+    logits = made.network(easy_data().batch(range(21))).logits
+    assert made.history[0].silent_outputs == int((logits == 0).all(0).sum()) > 0
 
 
 def test_a_loss_that_is_no_number_stops_the_training() -> None:

@@ -1,0 +1,1 @@
+"""The classifier: from address events to the class of a texture."""

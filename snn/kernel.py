@@ -1,0 +1,214 @@
+"""The compiled kernel (kernel.cpp): built once with g++ into the user's cache, called through ctypes.
+
+Where there is no compiler, ``available()`` is false and the pure torch path of ``snn.recurrent`` does the work.
+The functions here take contiguous float32 CPU tensors and check nothing else.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import hashlib
+import os
+import platform
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import torch
+from torch import Tensor
+
+if TYPE_CHECKING:
+    from snn.recurrent import NeuronRule
+
+SOURCE = Path(__file__).with_name("kernel.cpp")
+COMPILER_VARIABLE = "CXX"
+"""Environment variable that names another compiler than g++."""
+
+_FLAGS = ("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-std=c++17", "-shared", "-fPIC")
+SURROGATES = ("gaussian", "fast-sigmoid", "triangle", "arctan")
+"""In the order of the switch in kernel.cpp."""
+
+
+class _Rule(ctypes.Structure):
+    _fields_ = [
+        ("floor", ctypes.c_float),
+        ("scale", ctypes.c_float),
+        ("width", ctypes.c_float),
+        ("subtract", ctypes.c_int32),
+        ("reset_gradient", ctypes.c_int32),
+        ("surrogate", ctypes.c_int32),
+    ]
+
+
+class Events(NamedTuple):
+    """The non-zero entries of a matrix, row by row.
+
+    Attributes
+    ----------
+    first : int32 tensor, shape (rows + 1,)
+        Entries of row r are ``first[r] .. first[r + 1]``.
+    column : int32 tensor
+        Column of each entry; longer than there are entries.
+    value : float32 tensor or None
+        None where all are 1.
+    """
+
+    first: Tensor
+    column: Tensor
+    value: Tensor | None
+
+    @property
+    def entries(self) -> int:
+        """Number of entries."""
+        return int(self.first[-1])
+
+
+def available() -> bool:
+    """Return whether the kernel can be used; the first call compiles it, in about a second."""
+    return _library() is not None
+
+
+def pad(columns: int) -> int:
+    """Return the width of a matrix for the kernel: columns rounded up to whole vectors."""
+    unit: int = _require().kernel_pad()
+    return -(-columns // unit) * unit
+
+
+def events_of(x: Tensor) -> Events:
+    """Return the non-zero entries of a matrix, shape (rows, columns)."""
+    rows, columns = x.shape
+    first = torch.empty(rows + 1, dtype=torch.int32)
+    index = torch.empty(x.numel() + 1, dtype=torch.int32)
+    value = torch.empty(x.numel() + 1)
+    _call("kernel_events", x, rows, columns, first, index, value)
+    return Events(first, index, value)
+
+
+def product(events: Events, matrix: Tensor, start: Tensor) -> Tensor:
+    """Return start (width,) plus events (rows, columns) times a matrix (columns, width), shape (rows, width)."""
+    out = torch.empty(len(events.first) - 1, matrix.shape[1])
+    _call("kernel_product", *events, len(out), matrix, matrix.shape[1], start, out)
+    return out
+
+
+def outer(events: Events, columns: int, grad: Tensor) -> Tensor:
+    """Return the transpose of events (rows, columns) times grad (rows, width), shape (columns, width)."""
+    out = torch.zeros(columns, grad.shape[1])
+    _call("kernel_outer", *events, len(grad), columns, grad, grad.shape[1], out)
+    return out
+
+
+def forward(rule: NeuronRule, decay: Tensor, recurrent: Tensor | None, v: Tensor) -> tuple[Tensor, Events]:
+    """Turn currents into potentials, in place, and return the spikes, dense and as events.
+
+    Parameters
+    ----------
+    decay : shape (width,)
+    recurrent : shape (width, width) or None
+        Row j goes to the currents of the next step for every spike of neuron j.
+    v : shape (steps, batch, width)
+    """
+    steps, batch, width = v.shape
+    s = torch.empty_like(v)
+    first = torch.empty(steps * batch + 1, dtype=torch.int32)
+    index = torch.empty(v.numel() + 1, dtype=torch.int32)
+    _call("kernel_forward", steps, batch, width, _rule(rule), decay, recurrent, v, s, first, index)
+    return s, Events(first, index, None)
+
+
+def backward(
+    rule: NeuronRule, decay: Tensor, matrix: Tensor | None, v: Tensor, grad_s: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Return the gradients of the currents (steps, batch, width) and of the decay (width,).
+
+    ``matrix``, shape (neurons, width) or None: the recurrent weights, one row per receiving neuron.
+    """
+    steps, batch, width = v.shape
+    grad, grad_decay = torch.empty_like(v), torch.zeros(width)
+    neurons = 0 if matrix is None else len(matrix)
+    sizes = (steps, batch, width, neurons)
+    _call("kernel_backward", *sizes, _rule(rule), decay, matrix, v, grad_s, grad, grad_decay)
+    return grad, grad_decay
+
+
+# -- library -----------------------------------------------------------------------------------------
+
+
+def _rule(rule: NeuronRule) -> Any:
+    fields = _Rule(
+        rule.floor,
+        rule.surrogate_scale,
+        rule.surrogate_width,
+        rule.reset == "subtract",
+        rule.reset_gradient,
+        SURROGATES.index(rule.surrogate),
+    )
+    return ctypes.byref(fields)
+
+
+def _call(name: str, *arguments: Any) -> None:
+    """Call a function of the library; tensors go as pointers, whole numbers as 64 bits."""
+    converted: list[Any] = []
+    for argument in arguments:
+        if isinstance(argument, Tensor):
+            assert argument.is_contiguous()
+            converted.append(ctypes.c_void_p(argument.data_ptr()))
+        else:
+            converted.append(ctypes.c_int64(argument) if isinstance(argument, int) else argument)
+    getattr(_require(), name)(*converted)
+
+
+def _require() -> ctypes.CDLL:
+    library = _library()
+    if library is None:
+        raise RuntimeError("the compiled kernel is not available; ask available() first")
+    return library
+
+
+@functools.cache
+def _library() -> ctypes.CDLL | None:
+    """Return the library, compiled if need be, or None without a working compiler."""
+    compiler = shutil.which(os.environ.get(COMPILER_VARIABLE, "g++"))
+    if compiler is None:
+        return None
+    key = "\0".join((SOURCE.read_text(), compiler, *_FLAGS, platform.machine(), _instructions()))
+    name = f"kernel-{hashlib.sha256(key.encode()).hexdigest()[:16]}.so"
+    for folder in _cache_folders():
+        path = folder / name
+        try:
+            if not path.is_file():
+                _compile(compiler, path)
+            library = ctypes.CDLL(str(path))
+            library.kernel_keep_memory()
+            return library
+        except (OSError, subprocess.CalledProcessError):
+            continue
+    return None
+
+
+def _compile(compiler: str, path: Path) -> None:
+    """Compile beside the final name, so that no other process ever sees half a library."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=path.parent) as folder:
+        made = Path(folder) / path.name
+        subprocess.run([compiler, *_FLAGS, str(SOURCE), "-o", str(made)], check=True, capture_output=True)
+        os.replace(made, path)
+
+
+def _cache_folders() -> list[Path]:
+    """Return where the library may lie: the user's cache, else the temporary folder."""
+    name = "spiking-eskin-readout"
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return [home / name, Path(tempfile.gettempdir()) / f"{name}-{os.getuid()}"]
+
+
+def _instructions() -> str:
+    """Return what tells apart processors that share a home folder: the kernel uses all they can do."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor()
+    return next((line for line in lines if line.startswith(("flags", "Features"))), platform.processor())
