@@ -16,7 +16,7 @@ config = $(call options,$(CONFIG_VARIABLES))
 flag = $(if $(filter 1 yes true,$($(1))),--$(2))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup programs sim test verilog replay rates train crossval power fig6 fig7 sensitivity explore bench lint format clean
+.PHONY: help setup programs sim test verilog replay rates train crossval power fig6 fig7 sensitivity explore frames report bench lint format clean
 
 help: ## list the targets
 	@echo "make TARGET [VARIABLE=value ...]"
@@ -44,16 +44,16 @@ $(STAMP): pyproject.toml constraints.txt | programs
 	@touch $@
 
 sim: $(STAMP) ## hold the RTL to the model on scenarios and textures [SIM= WAVES=1 SEED= TEXTURES= TICKS= DATASET= OUT=]
-	@$(RUN) -m cocotb_tests sim $(config) $(call options,SIM SEED TEXTURES TICKS DATASET OUT) $(call flag,WAVES,waves)
+	@$(RUN) -m cocotb_tests sim $(config) $(call options,SIM SEED TEXTURES ONLY TICKS DATASET OUT) $(call flag,WAVES,waves)
 
 test: $(STAMP) ## run all tests [PYTEST="-k name"]
 	@$(RUN) -m pytest -n auto --dist worksteal $(PYTEST)
 
-verilog: $(STAMP) ## write Verilog, constraints, port list and FuseSoC core [OUT=]
-	@$(RUN) -m rtl verilog $(config) --out '$(or $(OUT),out/verilog)'
+verilog: $(STAMP) ## write Verilog, constraints, port list and FuseSoC core [READOUT=spiking|frame OUT=]
+	@$(RUN) -m rtl verilog $(config) $(call options,READOUT WORD_BITS SETTLE_CLOCKS CONVERSION_CLOCKS) --out '$(or $(OUT),out/verilog)'
 
 replay: $(STAMP) ## drive a whole dataset through RTL and model [DATASET= PRESET= START_ROW= LIMIT= WORKERS= OUT=]
-	@$(RUN) -m cocotb_tests replay $(config) $(call options,DATASET PRESET START_ROW LIMIT WORKERS OUT)
+	@$(RUN) -m cocotb_tests replay $(config) $(call options,DATASET PRESET START_ROW LIMIT ONLY WORKERS OUT)
 
 rates: $(STAMP) ## mean population event rate over a dataset [DATASET= PRESET= LIMIT= START_ROW=]
 	@$(RUN) -m model rates $(config) $(call options,DATASET PRESET LIMIT START_ROW)
@@ -74,6 +74,12 @@ fig6 fig7 sensitivity: $(STAMP) ## the power figures in both modes, data and pic
 explore: $(STAMP) ## cheapest readout for your sensor [ROWS= COLUMNS= BANDWIDTH= NOISE= SUPPLY= EVENT_RATE= ...]
 	@$(RUN) -m model explore $(call options,ROWS COLUMNS BANDWIDTH NOISE SUPPLY PADS_VOLTAGE PADS_TOGGLE TAU EVENT_RATE \
 	NLCS_EVENT_RATE RATE_RESOLUTION MIN_RESOLUTION DATASET PRESET RATES SYNTHESIS OUT)
+
+frames: $(STAMP) ## events against frames on the same scans [RESOLUTION= FRAME_RATE= DATASET= PRESET= LIMIT=]
+	@$(RUN) -m model frames $(call options,RESOLUTION FRAME_RATE WORD_BITS TAU ROWS COLUMNS CONFIG DATASET PRESET LIMIT WORKERS)
+
+report: $(STAMP) ## one HTML page with all figures, for a browser [OUT= SYNTHESIS= ACCURACY= BENCHMARKS=]
+	@$(RUN) -m model report $(call options,OUT SYNTHESIS ACCURACY BENCHMARKS)
 
 bench: $(STAMP) ## speed against peers and limits, in one run each; JSON in benchmarks/results
 	@$(RUN) benchmarks/encoder.py --json benchmarks/results/encoder.json

@@ -113,8 +113,8 @@ class Scoreboard:
     clocks: int = 0
     events: int = 0
 
-    def check(self, name: str, stimulus: Stimulus, rtl: Events, errors: int = 0) -> Events:
-        """Compare the events of a run with the model's, and return them; raise Mismatch at the first difference."""
+    def check(self, name: str, stimulus: Stimulus, rtl: Events, errors: int = 0) -> None:
+        """Compare the events of a run with the model's, and count them; raise Mismatch at the first difference."""
         expected = simulate(self.config, stimulus)
         difference = first_difference(expected, rtl)
         if difference is not None:
@@ -124,7 +124,6 @@ class Scoreboard:
         self.runs += 1
         self.clocks += stimulus.clocks
         self.events += len(rtl)
-        return expected
 
     def _describe(self, name: str, stimulus: Stimulus, difference: Difference) -> str:
         """Return where RTL and model part, the model's state there, and the command that shows it again."""
@@ -145,11 +144,11 @@ class Scoreboard:
 class Bench:
     """A readout in its harness, one run after the other."""
 
-    def __init__(self, dut: Any, config: ReadoutConfig, folder: Path, reproduce: str = "") -> None:
+    def __init__(self, dut: Any, config: ReadoutConfig, folder: Path) -> None:
         self.dut = dut
         self.driver = StimulusDriver(config, folder)
         self.monitor = EventMonitor(config, folder)
-        self.scoreboard = Scoreboard(config, reproduce)
+        self.scoreboard = Scoreboard(config)
 
     async def play(self, stimulus: Stimulus) -> tuple[Events, int]:
         """Play a stimulus from reset on; return the RTL's events and the breaches of its protocol."""

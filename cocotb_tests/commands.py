@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import hashlib
 import json
 import os
 import shutil
+import sys
+import tempfile
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -15,13 +18,18 @@ from typing import Annotated, Any
 
 import typer
 
+import model
 from cocotb_tests.player import Job
 from cocotb_tests.session import MismatchFound, Tally, run_job
-from cocotb_tests.simulator import build, require_programs
+from cocotb_tests.simulator import Build, build, require_programs
+from cocotb_tests.stimuli import STIMULI, settled
+from cocotb_tests.textures import large_enough
 from model.cli import option_name, with_config
 from model.config import ReadoutConfig
 from model.errors import InputError
+from model.files import atomic_write
 
+MODEL = Path(model.__file__).parent
 WAVE_TICKS = 200
 """Sample ticks of a scan when a waveform is left, and in the slow simulator, unless told otherwise."""
 
@@ -39,6 +47,7 @@ def sim(
     waves: Annotated[bool, typer.Option(help="leave a waveform")] = False,
     seed: Annotated[int, typer.Option(help="seed of the scenarios")] = 0,
     textures: Annotated[int, typer.Option(help="texture scans of each encoding, one class after the other")] = 3,
+    only: Annotated[str | None, typer.Option(help="one texture, by its name, and no scenarios")] = None,
     ticks: Annotated[int | None, typer.Option(help="sample ticks of a scan at most [all]")] = None,
     dataset: Annotated[str | None, typer.Option(help="texture folder, or 'embedded'")] = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for pictures and event files")] = Path("out/sim"),
@@ -57,14 +66,20 @@ def sim(
     from model.dataset import open_dataset
 
     require_programs(simulator)  # type: ignore[arg-type]
-    if textures < 0 or (ticks is not None and ticks < 1):
-        raise InputError(f"textures must be at least 0 and ticks at least 1, not {textures} and {ticks}")
+    if textures < 0 or seed < 0 or (ticks is not None and ticks < 1):
+        raise InputError(f"textures and seed must be at least 0 and ticks at least 1, not {textures}, {seed}, {ticks}")
     data = open_dataset(dataset or "embedded")
-    picked = _one_of_each_class(data.labels, textures)
+    picked = [data[number] for number in _one_of_each_class(data.labels, textures)]
+    if only is not None:
+        picked, seed_to_play = [_named(data, only)], None
+    else:
+        seed_to_play = seed
     if ticks is None and (waves or simulator == "icarus"):
         ticks = WAVE_TICKS
+    scenarios_to_play = 0 if only else len(STIMULI) + 1
     encodings = [config.encoding] if "encoding" in given else ["lcs", "cw-lcs", "nlcs"]
     total = Tally()
+    out.mkdir(parents=True, exist_ok=True)
     console = Console(stderr=True)
     with Progress(
         SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
@@ -72,15 +87,19 @@ def sim(
     ) as progress:  # fmt: skip
         for encoding in encodings:
             chosen = config.replace(encoding=encoding)
-            task = progress.add_task(f"{encoding}: building for {simulator}", total=8 + len(picked))
+            task = progress.add_task(f"{encoding}: building for {simulator}", total=scenarios_to_play + len(picked))
             program = build(chosen, simulator, waves=waves)  # type: ignore[arg-type]
             folder = out / f"{chosen.rows}x{chosen.columns}-{encoding}-{chosen.resolution}b"
+            again = reproduce(chosen, simulator, seed)
+            if picked:
+                ends = f"TICKS={ticks or WAVE_TICKS}" if ticks or waves else "TICKS=100000"
+                again = f"{again.replace(' TEXTURES=0', '')} DATASET={dataset or 'embedded'} {ends}"
             job = Job(
                 chosen.to_dict(),
-                reproduce(chosen, simulator, seed).replace(" TEXTURES=0", f" TEXTURES={textures}"),
-                seed=seed,
+                again,
+                seed=seed_to_play,
                 dataset=dataset or "embedded",
-                textures=[data[number].name for number in picked],
+                textures={texture.name: proof(program, texture) for texture in picked},
                 ticks=ticks,
                 keep=str((folder / "events").resolve()),
             )
@@ -93,13 +112,13 @@ def sim(
                 raise typer.Exit(1) from None
             if picked:
                 progress.update(task, description=f"{encoding}: picture")
-                _picture(chosen, data[picked[0]], folder, ticks)
+                _picture(chosen, picked[0], folder, ticks)
             progress.update(task, description=f"{encoding}: done")
             if waves:
                 wave = folder / "run" / ("waves.vcd" if simulator == "verilator" else "waves.fst")
                 print(f"waveform: {wave}; open it with: gtkwave {wave}")
-    if not total.events:
-        print("FAILED: no event was compared")
+    if not total.events or not total.drained:
+        print(f"FAILED: {total.events} events were compared, {total.drained} runs left nothing outstanding")
         raise typer.Exit(1)
     print(f"pictures and event files: {out}")
     print(f"bit-exact: {total.runs} runs, {total.clocks} clocks, {total.events} events, 0 mismatches")
@@ -107,6 +126,23 @@ def sim(
 
 def _advance(progress: Any, task: Any, _: dict[str, Any]) -> None:
     progress.advance(task)
+
+
+def proof(program: Build, texture: Any, start_row: float = 0.0) -> str:
+    """Return what a recording stands for: a digest of the RTL and its harness, of the model, and of the image."""
+    digest = hashlib.sha256(f"{program.folder.name} {start_row}".encode())
+    for name in ("config", "scan", "texture", "window", "arbiter", "link", "readout"):
+        digest.update((MODEL / f"{name}.py").read_bytes())
+    digest.update(texture.load().tobytes())
+    return digest.hexdigest()
+
+
+def _named(data: Any, name: str) -> Any:
+    """Return the texture of a name."""
+    for texture in data:
+        if texture.name == name:
+            return texture
+    raise InputError(f"dataset {data.name} has no texture {name!r}; one of them is {data[0].name}")
 
 
 def _one_of_each_class(labels: Any, count: int) -> list[int]:
@@ -119,13 +155,15 @@ def _picture(config: ReadoutConfig, texture: Any, folder: Path, ticks: int | Non
     """Draw the RTL's events of a scan over the model's, and write the model's beside them."""
     from model.events import Recording
     from model.raster import plot_comparison
-    from model.readout import Stimulus, simulate
+    from model.readout import simulate
     from model.texture import PhysicalScan
 
     rtl = Recording.load(folder / "events" / f"{texture.name}.npz")
-    samples, _ = PhysicalScan().samples(config, texture.load())
-    samples = samples[:ticks]
-    model = simulate(config, Stimulus.from_samples(config, samples))
+    image = texture.load()
+    if rtl.metadata["dataset"] == "embedded":
+        image = large_enough(image, config)
+    samples = PhysicalScan().samples(config, image)[0][:ticks]
+    model = simulate(config, settled(config, samples))
     Recording(model, config, rtl.duration_clocks, metadata=rtl.metadata | {"source": "model"}).save(
         folder / "model.npz"
     )
@@ -138,7 +176,7 @@ def _picture(config: ReadoutConfig, texture: Any, folder: Path, ticks: int | Non
         labels=("RTL", "model"),
         title=f"{texture.name}, {config.encoding} {config.resolution} b, {config.rows} x {config.columns} taxels",
         signal=samples / config.full_scale,
-        texture=texture.load(),
+        texture=image,
         duration_clocks=rtl.duration_clocks,
     )
 
@@ -151,7 +189,8 @@ def replay(
     ] = None,
     preset: Annotated[str, typer.Option(help="physical or paper")] = "physical",
     start_row: Annotated[float, typer.Option(help="image row where the array starts (physical)")] = 0.0,
-    limit: Annotated[int | None, typer.Option(help="only the first so many textures")] = None,
+    limit: Annotated[int | None, typer.Option(help="only so many textures, spread over the classes")] = None,
+    only: Annotated[str | None, typer.Option(help="only one texture, by its name")] = None,
     workers: Annotated[int | None, typer.Option(help="simulations side by side [cores]")] = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for the event files")] = Path("out/replay"),
 ) -> None:
@@ -169,7 +208,7 @@ def replay(
         TimeRemainingColumn,
     )
 
-    from model.dataset import open_dataset
+    from model.dataset import Texture, open_dataset
     from model.events import Recording
     from model.texture import preset as scan_of
 
@@ -178,21 +217,26 @@ def replay(
     if workers < 1:
         raise InputError(f"workers must be at least 1, not {workers}")
     data = open_dataset(dataset)
-    if limit is not None:
-        data = data.limit(limit)
+    textures = [_named(data, only)] if only is not None else list(data.limit(limit) if limit is not None else data)
     config = scan_of(preset).configure(config, config.tau_s if config.encoding == "nlcs" else None)
-    folder = out / f"{data.name}-{preset}-{config.rows}x{config.columns}-{config.encoding}-{config.resolution}b"
+    origin = hashlib.sha256(f"{config.to_json()} {start_row}".encode()).hexdigest()[:6]
+    array = f"{config.rows}x{config.columns}-{config.encoding}-{config.resolution}b"
+    folder = out / f"{data.name}-{preset}-{array}-{origin}"
     events = folder / "events"
+    folder.mkdir(parents=True, exist_ok=True)
+    print(f"building {array} for Verilator", file=sys.stderr)
+    program = build(config, "verilator")
+    proofs = {texture.name: proof(program, texture, start_row) for texture in textures}
 
-    def finished(number: int) -> Recording | None:
+    def finished(texture: Texture) -> Recording | None:
+        """Return the recording of a texture, if this very RTL, model and image made it."""
         try:
-            found = Recording.load(events / f"{data[number].name}.npz")
+            found = Recording.load(events / f"{texture.name}.npz")
         except InputError:
             return None
-        same = found.config == config and found.metadata.get("start_row") == start_row
-        return found if same and found.metadata.get("preset") == preset else None
+        return found if found.metadata.get("proof") == proofs[texture.name] else None
 
-    missing = [number for number in range(len(data)) if finished(number) is None]
+    missing = [texture for texture in textures if finished(texture) is None]
     started = time.monotonic()
     total = Tally()
     stop = threading.Event()
@@ -201,30 +245,30 @@ def replay(
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
         TimeRemainingColumn(elapsed_when_finished=True), console=console,
     ) as progress:  # fmt: skip
-        task = progress.add_task("building", total=len(data), completed=len(data) - len(missing))
-        program = build(config, "verilator")
-        progress.update(task, description=f"{data.name}, {config.encoding} {config.resolution} b")
+        name = f"{data.name}, {config.encoding} {config.resolution} b"
+        task = progress.add_task(name, total=len(textures), completed=len(textures) - len(missing))
 
         def work(part: int) -> Tally:
-            numbers = missing[part::workers]
-            if not numbers or stop.is_set():
+            mine = missing[part::workers]
+            if not mine or stop.is_set():
                 return Tally()
-            command = (
-                f"make replay {' '.join(_variables(config))} PRESET={preset} DATASET={dataset or data.name} WORKERS=1"
-            )
+            again = [
+                *_variables(config),
+                f"PRESET={preset}",
+                f"START_ROW={start_row}",
+                f"DATASET={dataset or data.name}",
+            ]
             job = Job(
                 config.to_dict(),
-                command,
+                " ".join(["make replay", *again]),
                 dataset=dataset,
                 preset=preset,
-                textures=[data[number].name for number in numbers],
+                textures={texture.name: proofs[texture.name] for texture in mine},
                 start_row=start_row,
                 keep=str(events.resolve()),
             )
-            running = folder / f"run-{os.getpid()}-{part}"
-            tally = run_job(program, job, running, functools.partial(_advance, progress, task))
-            shutil.rmtree(running)
-            return tally
+            with tempfile.TemporaryDirectory() as running:
+                return run_job(program, job, Path(running), functools.partial(_advance, progress, task))
 
         with ThreadPoolExecutor(workers) as pool:
             try:
@@ -236,17 +280,17 @@ def replay(
                 print(f"{mismatch}\nMISMATCH")
                 raise typer.Exit(1) from None
     seconds = time.monotonic() - started
-    recordings = [finished(number) for number in range(len(data))]
+    recordings = [finished(texture) for texture in textures]
     clocks = sum(r.duration_clocks for r in recordings if r)
     count = sum(len(r.events) for r in recordings if r)
     if None in recordings or not count:
-        print(f"FAILED: {recordings.count(None)} of {len(data)} recordings are missing, {count} events")
+        print(f"FAILED: {recordings.count(None)} of {len(textures)} recordings are missing, {count} events")
         raise typer.Exit(1)
     summary = {
         "dataset": data.name,
         "preset": preset,
         "start_row": start_row,
-        "images": len(data),
+        "images": len(textures),
         "clocks": clocks,
         "events": count,
         "mismatches": 0,
@@ -259,9 +303,10 @@ def replay(
         },
         "configuration": config.to_dict(),
     }
-    (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+    with atomic_write(folder / "summary.json") as file:
+        file.write((json.dumps(summary, indent=2) + "\n").encode())
     print(f"events per image: {events}; played now: {len(missing)} images in {seconds:.0f} s")
-    print(f"bit-exact: {len(data)} runs, {clocks} clocks, {count} events, 0 mismatches")
+    print(f"bit-exact: {len(textures)} runs, {clocks} clocks, {count} events, 0 mismatches")
 
 
 def _variables(config: ReadoutConfig) -> list[str]:

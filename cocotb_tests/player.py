@@ -13,8 +13,10 @@ from typing import Any
 import cocotb
 
 from cocotb_tests.bench import Bench, Mismatch
-from cocotb_tests.stimuli import scenarios
+from cocotb_tests.stimuli import outstanding, scenarios, settled
+from cocotb_tests.textures import large_enough
 from model.config import ReadoutConfig
+from model.errors import InputError
 from model.readout import Stimulus
 
 JOB = "ESKIN_JOB"
@@ -34,8 +36,9 @@ class Job:
     seed : int or None
         Play the scenarios of this seed, if any.
     dataset, preset, textures, ticks, start_row
-        Play scans: the dataset's place (None for the default), the preset, the names of the textures, the most
-        sample ticks of each (None for all), and the image row where the array starts.
+        Play scans: the dataset's place (None for the default), the preset, the names of the textures, each with the
+        proof that its recording shall carry, the most sample ticks of each (None for all), and the image row where
+        the array starts.
     home : str
         The folder from which relative places count.
     keep : str
@@ -47,7 +50,7 @@ class Job:
     seed: int | None = None
     dataset: str | None = None
     preset: str = "physical"
-    textures: list[str] = field(default_factory=list)
+    textures: dict[str, str] = field(default_factory=dict)
     ticks: int | None = None
     start_row: float = 0.0
     home: str = field(default_factory=os.getcwd)
@@ -60,11 +63,12 @@ class Job:
 
 @dataclass(frozen=True)
 class Run:
-    """One run: its name, what to play, whether it ends with nothing outstanding, and where to keep the events."""
+    """One run: what to play, how to play it again, what waits at its end, and where to keep the events."""
 
     name: str
     stimulus: Stimulus
-    drained: bool
+    reproduce: str
+    outstanding: int
     keep: Path | None = None
     metadata: dict[str, Any] = field(default_factory=dict)
 
@@ -72,8 +76,8 @@ class Run:
 def _runs(job: Job, config: ReadoutConfig) -> Iterator[Run]:
     """Yield the runs of a job."""
     if job.seed is not None:
-        for name, stimulus, drained in scenarios(config, job.seed):
-            yield Run(name, stimulus, drained)
+        for scenario in scenarios(config, job.seed):
+            yield Run(scenario.name, scenario.stimulus, job.reproduce, scenario.outstanding)
     if job.textures:
         from model.dataset import open_dataset
         from model.texture import preset
@@ -81,49 +85,67 @@ def _runs(job: Job, config: ReadoutConfig) -> Iterator[Run]:
         with contextlib.chdir(job.home):
             dataset, scan = open_dataset(job.dataset), preset(job.preset)
         by_name = {texture.name: texture for texture in dataset}
-        for texture in map(by_name.__getitem__, job.textures):
-            samples, clipped = scan.samples(config, texture.load(), job.start_row)
-            stimulus = Stimulus.from_samples(config, samples[: job.ticks])
-            keep = Path(job.keep) / f"{texture.name}.npz" if job.keep else None
+        for name, proof in job.textures.items():
+            texture = by_name[name]
+            image = texture.load()
+            if dataset.name == "embedded":
+                image = large_enough(image, config)
+            samples, clipped = scan.samples(config, image, job.start_row)
+            stimulus = settled(config, samples[: job.ticks])
             metadata = {
-                "name": texture.name,
+                "name": name,
                 "class": texture.class_name,
                 "label": texture.label,
                 "dataset": dataset.name,
                 "preset": job.preset,
                 "start_row": job.start_row,
                 "clipped_samples": clipped,
+                "ticks": len(stimulus.samples),
+                "proof": proof,
                 "source": "rtl",
             }
-            yield Run(f"scan of {texture.name}", stimulus, False, keep, metadata)
+            yield Run(
+                f"scan of {name}",
+                stimulus,
+                f"{job.reproduce} ONLY={name}",
+                outstanding(config, stimulus),
+                Path(job.keep) / f"{name}.npz",
+                metadata,
+            )
+
+
+@contextlib.contextmanager
+def _told_to_the_caller() -> Iterator[None]:
+    """Leave the text of a mismatch in mismatch.txt, and that of bad input in refused.txt."""
+    try:
+        yield
+    except Mismatch as mismatch:
+        Path("mismatch.txt").write_text(str(mismatch))
+        raise
+    except InputError as refused:
+        Path("refused.txt").write_text(str(refused))
+        raise
 
 
 @cocotb.test()
 async def play(dut: Any) -> None:
-    """Play all runs of a job against the model; a line of progress.jsonl tells of each, mismatch.txt of a failure."""
+    """Play all runs of a job against the model, a line of progress.jsonl for each."""
     from model.events import Recording
 
-    fields = json.loads(Path(os.environ[JOB]).read_text())
-    job = Job(**fields)
+    job = Job(**json.loads(Path(os.environ[JOB]).read_text()))
     config = ReadoutConfig.from_dict(job.config)
-    bench = Bench(dut, config, Path.cwd(), job.reproduce)
+    bench = Bench(dut, config, Path.cwd())
     parent = os.getppid()
-    with Path("progress.jsonl").open("w", buffering=1) as progress:
+    with Path("progress.jsonl").open("w", buffering=1) as progress, _told_to_the_caller():
         for run in _runs(job, config):
-            try:
-                events = await bench.check(run.name, run.stimulus)
-            except Mismatch as mismatch:
-                Path("mismatch.txt").write_text(str(mismatch))
-                raise
+            bench.scoreboard.reproduce = run.reproduce
+            events = await bench.check(run.name, run.stimulus)
             if run.keep is not None:
                 run.keep.parent.mkdir(parents=True, exist_ok=True)
                 Recording(events, config, run.stimulus.clocks, metadata=run.metadata).save(run.keep)
-            done = {
-                "name": run.name,
-                "clocks": run.stimulus.clocks,
-                "events": len(events),
-                "drained": run.drained,
-            }
-            progress.write(json.dumps(done) + "\n")
+            elif not len(events):
+                raise Mismatch(f"{run.name}: no event at all, so nothing was compared; reproduce: {run.reproduce}")
+            done = {"name": run.name, "clocks": run.stimulus.clocks, "events": len(events)}
+            progress.write(json.dumps(done | {"outstanding": run.outstanding}) + "\n")
             if os.getppid() != parent:  # who asked for this was killed
                 raise SystemExit(1)

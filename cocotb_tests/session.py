@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import threading
 import time
@@ -12,6 +13,7 @@ from typing import Any
 
 from cocotb_tests.player import JOB, Job
 from cocotb_tests.simulator import Build
+from model.errors import InputError
 
 POLL_S = 0.2
 
@@ -26,27 +28,21 @@ class Tally:
 
     Attributes
     ----------
-    runs, clocks, events, drained : int
-        Runs, their clocks and events, and how many ended with nothing outstanding.
+    runs, clocks, events : int
+        Runs, their clocks and events.
+    drained, cut : int
+        Runs that ended with nothing outstanding, and runs cut off while requests waited.
     """
 
     runs: int = 0
     clocks: int = 0
     events: int = 0
     drained: int = 0
-
-    def add(self, line: dict[str, Any]) -> None:
-        """Count a run."""
-        self.runs += 1
-        self.clocks += line["clocks"]
-        self.events += line["events"]
-        self.drained += line["drained"]
+    cut: int = 0
 
     def __iadd__(self, other: Tally) -> Tally:
-        self.runs += other.runs
-        self.clocks += other.clocks
-        self.events += other.events
-        self.drained += other.drained
+        for field in dataclasses.fields(self):
+            setattr(self, field.name, getattr(self, field.name) + getattr(other, field.name))
         return self
 
 
@@ -60,18 +56,20 @@ def run_job(program: Build, job: Job, folder: Path, on_run: Callable[[dict[str, 
     folder : Path
         Where the simulation runs and leaves its log.
     on_run : callable, optional
-        Called with each finished run: its name, clocks, events, drained.
+        Called with each finished run: its name, clocks, events, outstanding.
 
     Raises
     ------
     MismatchFound
         If RTL and model differ.
+    InputError
+        If the job's textures or numbers are refused.
     AssertionError
         If the simulation failed for another reason; the text is the end of its log.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    progress, mismatch = folder / "progress.jsonl", folder / "mismatch.txt"
-    for old in (progress, mismatch):
+    progress, mismatch, refused = folder / "progress.jsonl", folder / "mismatch.txt", folder / "refused.txt"
+    for old in (progress, mismatch, refused):
         old.unlink(missing_ok=True)
     job.write(folder / "job.json")
 
@@ -94,14 +92,18 @@ def run_job(program: Build, job: Job, folder: Path, on_run: Callable[[dict[str, 
                 file.seek(position)
                 while (line := file.readline()).endswith("\n"):
                     position = file.tell()
-                    tally.add(json.loads(line))
+                    run = json.loads(line)
+                    drained = not run["outstanding"]
+                    tally += Tally(1, run["clocks"], run["events"], int(drained), int(not drained))
                     if on_run:
-                        on_run(json.loads(line))
+                        on_run(run)
         if not alive:
             break
         time.sleep(POLL_S)
     if mismatch.exists():
         raise MismatchFound(mismatch.read_text())
+    if refused.exists():
+        raise InputError(refused.read_text())
     if failure:
         raise failure[0]
     return tally

@@ -44,8 +44,6 @@ ENVIRONMENT = {
     # By default cocotb rewrites the assertions of every module it imports, scipy's too: ten seconds a run.
     "COCOTB_REWRITE_ASSERTION_FILES": "test_*.py",
 }
-PROGRAMS = {"g++": "g++", "make": "make", "perl": "perl", "iverilog": "iverilog"}
-"""System programs and the Debian packages that bring them."""
 
 
 class FastVerilator(VerilatorRunner):
@@ -198,8 +196,7 @@ def require_programs(simulator: Simulator) -> None:
         raise InputError(f"SIM must be one of {', '.join(get_args(Simulator))}, not {simulator!r}")
     needed = ["iverilog"] if simulator == "icarus" else ["g++", "make", "perl"]
     if missing := [program for program in needed if shutil.which(program) is None]:
-        packages = " ".join(PROGRAMS[program] for program in missing)
-        raise MissingProgram(f"{', '.join(missing)} not found; install with: apt-get install {packages}")
+        raise MissingProgram(f"{', '.join(missing)} not found; install with: apt-get install {' '.join(missing)}")
 
 
 def _shape(config: ReadoutConfig) -> tuple[dict[str, str], dict[str, int]]:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import zlib
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +23,7 @@ MARGIN = 60
 def step(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
     """Every taxel steps to a level of its own, once."""
     level = rng.integers(-config.full_scale, config.full_scale, config.taxels)
+    level[0] = config.full_scale - 1  # one at least is seen at any resolution
     start = rng.integers(1, max(ticks // 2, 2), config.taxels)
     return np.where(np.arange(ticks)[:, None] >= start, level, 0)
 
@@ -33,8 +37,9 @@ def ramp(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples
 def sine(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
     """Sines of random phase, frequency and amplitude."""
     phase = rng.random(config.taxels) * 2 * np.pi
-    turns = rng.uniform(0.5, 4, config.taxels)
+    turns = rng.uniform(1, 4, config.taxels)
     amplitude = rng.uniform(0.05, 1, config.taxels) * (config.full_scale - 1)
+    amplitude[0] = config.full_scale - 1
     angle = np.linspace(0, 2 * np.pi, ticks)[:, None] * turns + phase
     return np.rint(amplitude * np.sin(angle)).astype(np.int64)
 
@@ -54,12 +59,15 @@ def constant(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Sam
     """Every taxel holds a level of its own, near its first thresholds or far from them."""
     near = config.step + rng.integers(-1, 2, config.taxels)
     far = rng.integers(-config.full_scale, config.full_scale, config.taxels)
-    return np.where(rng.random(config.taxels) < 0.5, near, far)[None, :].repeat(ticks, axis=0)
+    level = np.where(rng.random(config.taxels) < 0.5, near, far)
+    level[0] = config.full_scale - 1
+    return level[None, :].repeat(ticks, axis=0)
 
 
 def together(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
     """All taxels cross the same levels in the same clock, a few at a time, and rest in between."""
     walk = np.cumsum(rng.integers(-2, 3, max(ticks // 4, 1))) * config.step
+    walk[[0, -1]] = 4 * config.step
     walk = np.clip(walk, -config.full_scale, config.full_scale - 1)
     return np.resize(walk.repeat(4), ticks)[:, None].repeat(config.taxels, axis=1)
 
@@ -75,20 +83,20 @@ STIMULI: dict[str, Callable[[ReadoutConfig, int, np.random.Generator], Samples]]
     f.__name__: f for f in (step, ramp, sine, noise, square, constant, together, texture)
 }
 
-PATTERN = 4096
-"""Clocks after which the pattern of a sink repeats."""
+SINK_PERIOD = 4096
+"""Clocks, or edges of REQ, after which the pattern of a sink repeats."""
 
 
 def _ready_always(rng: np.random.Generator) -> NDArray[np.uint8]:
-    return np.ones(PATTERN, np.uint8)
+    return np.ones(SINK_PERIOD, np.uint8)
 
 
 def _ready_random(rng: np.random.Generator) -> NDArray[np.uint8]:
-    return (rng.random(PATTERN) < 0.6).astype(np.uint8)
+    return (rng.random(SINK_PERIOD) < 0.6).astype(np.uint8)
 
 
 def _ready_slow(rng: np.random.Generator) -> NDArray[np.uint8]:
-    return (np.arange(PATTERN) % 7 == 6).astype(np.uint8)
+    return (np.arange(SINK_PERIOD) % 7 == 6).astype(np.uint8)
 
 
 def _ready_stuck(rng: np.random.Generator) -> NDArray[np.uint8]:
@@ -105,7 +113,7 @@ READY = {"always": _ready_always, "random": _ready_random, "slow": _ready_slow, 
 def ack_delays(sink: str, rng: np.random.Generator) -> NDArray[np.int64]:
     """Return the delays of a four-phase receiver, shape (4096,), in 1/8 clock: a sink of the same names as READY."""
     high = {"always": 2, "random": 60, "slow": 200, "stuck": 40}[sink]
-    delays = rng.integers(1, high, PATTERN)
+    delays = rng.integers(1, high, SINK_PERIOD)
     if sink == "stuck":
         delays[rng.integers(2, 8)] = 600 * ACK_QUANTA + 3
     return delays + (delays % ACK_QUANTA == 0)
@@ -119,14 +127,28 @@ def masks(config: ReadoutConfig, clocks: int, changes: int, rng: np.random.Gener
     return at.astype(np.int64), mask
 
 
-def scenarios(
-    config: ReadoutConfig, seed: int, ticks: int = 40, limit: int = 3000
-) -> Iterator[tuple[str, Stimulus, bool]]:
-    """Yield every stimulus with a sink and a mask: name, stimulus, and whether it ends with nothing outstanding.
+@dataclass(frozen=True)
+class Scenario:
+    """One run: its name, its stimulus, and what is outstanding at its end.
 
-    Every stimulus meets another sink with every seed; every other one has taxels switched off and on while running. A
-    run ends ``MARGIN`` clocks after its last event, or, where ``limit`` clocks do not suffice, is cut off by the next
-    reset in mid-stream.
+    Attributes
+    ----------
+    name : str
+    stimulus : Stimulus
+    outstanding : int
+        Requests that wait in taxels or latch when the run ends; 0 where everything has left.
+    """
+
+    name: str
+    stimulus: Stimulus
+    outstanding: int
+
+
+def scenarios(config: ReadoutConfig, seed: int, ticks: int = 40, limit: int = 3000) -> Iterator[Scenario]:
+    """Yield every stimulus with a sink and a mask, and the noise once more, cut off in mid-stream by the next reset.
+
+    Every stimulus meets another sink with every seed; half of them have taxels switched off and on while running. A
+    run ends ``MARGIN`` clocks after its last event, or after ``limit`` clocks where those do not suffice.
 
     Parameters
     ----------
@@ -136,15 +158,14 @@ def scenarios(
         Sample ticks, and the most clocks of a run.
     """
     sinks = list(READY)
-    for number, (name, make) in enumerate(STIMULI.items()):
+    for number, (name, make) in enumerate([*STIMULI.items(), ("noise, cut off", noise)]):
         rng = np.random.default_rng([seed, zlib.crc32(config.to_json().encode()), number])
         sink = sinks[(number + seed) % len(sinks)]
         masked = bool((number + seed) // len(sinks) % 2)
         samples = make(config, ticks, rng)
         samples = np.concatenate([samples, np.zeros((1, config.taxels), np.int64)])  # and rest
         clock = np.cumsum(rng.integers(1, 12, len(samples))) - 1
-        # Two samples in neighbouring clocks are as good as any: rng gives gaps of one clock too.
-        at, mask = masks(config, int(clock[-1]), 6 if masked else 0, rng)
+        at, mask = masks(config, int(clock[-1]) * 2 // 3, 6 if masked else 0, rng)
         if not masked:
             mask[:] = True
         stimulus = Stimulus(
@@ -156,10 +177,35 @@ def scenarios(
             ready=READY[sink](rng),
             ack_delay=ack_delays(sink, rng),
         )
-        full = simulate(config, stimulus)
-        end = max(int(full["t"][-1]) if len(full) else 0, int(clock[-1]), int(at[-1])) + MARGIN
-        clocks = min(end, limit)
-        stimulus = Stimulus(**(vars(stimulus) | {"clocks": clocks}))
-        rest = state_at(config, stimulus, clocks)
-        drained = end <= limit and not rest.pending.any() and not rest.latch_columns
-        yield f"{name}, sink {sink}{', masked' if masked else ''}", stimulus, drained
+        times = simulate(config, stimulus)["t"]
+        if name in STIMULI:
+            clocks = min(max([*times[-1:].tolist(), int(clock[-1]), int(at[-1])]) + MARGIN, limit)
+        else:
+            clocks = _busy_clock(config, stimulus, times[times < limit])
+        stimulus = dataclasses.replace(stimulus, clocks=clocks)
+        yield Scenario(f"{name}, sink {sink}{', masked' if masked else ''}", stimulus, outstanding(config, stimulus))
+
+
+def settled(config: ReadoutConfig, samples: NDArray[np.integer[Any]], limit: int = 5000) -> Stimulus:
+    """Return a scan whose run goes on after its last sample until the model is silent, ``limit`` clocks at most.
+
+    A leaky taxel may fire for ever on the last sample; then the run ends at the limit.
+    """
+    end = len(samples) * config.clocks_per_sample
+    stimulus = Stimulus.from_samples(config, samples, clocks=end + limit)
+    last = int(simulate(config, stimulus)["t"][-1:].max(initial=0))
+    return dataclasses.replace(stimulus, clocks=min(max(end, last + MARGIN), end + limit))
+
+
+def outstanding(config: ReadoutConfig, stimulus: Stimulus, clock: int | None = None) -> int:
+    """Return the number of requests that wait in taxels or latch just before a clock, by default the run's end."""
+    state = state_at(config, stimulus, stimulus.clocks if clock is None else clock)
+    return int(state.pending.sum()) + state.latch_columns.bit_count()
+
+
+def _busy_clock(config: ReadoutConfig, stimulus: Stimulus, times: NDArray[np.int64]) -> int:
+    """Return a clock from the middle of a run on, just after an event, at which requests wait."""
+    for time in times[len(times) // 2 :].tolist():
+        if outstanding(config, stimulus, time + 1):
+            return int(time) + 1
+    return int(times[-1]) + 1

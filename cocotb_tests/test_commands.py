@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import re
@@ -16,12 +17,14 @@ import pytest
 from PIL import Image
 
 import cocotb_tests.simulator as simulator
+from cocotb_tests.commands import reproduce
 from cocotb_tests.player import Job
 from cocotb_tests.session import MismatchFound, run_job
+from cocotb_tests.stimuli import settled
 from model.config import ReadoutConfig
 from model.dataset import embedded_dataset
 from model.events import Recording
-from model.readout import Stimulus, simulate
+from model.readout import simulate
 from model.texture import PhysicalScan
 
 BIT_EXACT = re.compile(r"bit-exact: (\d+) runs, (\d+) clocks, (\d+) events, 0 mismatches")
@@ -40,7 +43,7 @@ def test_sim_ends_with_its_one_line_and_leaves_picture_and_event_files(tmp_path:
     assert done.returncode == 0, done.stderr
     line = BIT_EXACT.fullmatch(done.stdout.strip().splitlines()[-1])
     assert line is not None
-    assert int(line[1]) == 8 + 2
+    assert int(line[1]) == 9 + 2
     assert int(line[3]) > 0
     folder = tmp_path / "2x3-cw-lcs-6b"
     assert (folder / "raster.png").stat().st_size > 10_000
@@ -57,7 +60,11 @@ def test_sim_ends_with_its_one_line_and_leaves_picture_and_event_files(tmp_path:
     [
         (["sim", "--sim", "modelsim"], "error: SIM must be one of verilator, icarus, not 'modelsim'\n"),
         (["sim", "--resolution", "0"], "error: resolution must be in 1..sample_bits - 2 = 10, not 0\n"),
-        (["sim", "--ticks", "0"], "error: textures must be at least 0 and ticks at least 1, not 3 and 0\n"),
+        (
+            ["sim", "--ticks", "0"],
+            "error: textures and seed must be at least 0 and ticks at least 1, not 3, 0, 0\n",
+        ),
+        (["sim", "--only", "sky"], "error: dataset embedded has no texture 'sky'; one of them is brick/brick-00\n"),
         (["replay", "--workers", "0"], "error: workers must be at least 1, not 0\n"),
     ],
 )
@@ -65,6 +72,25 @@ def test_bad_input_is_one_sentence(arguments: list[str], sentence: str, tmp_path
     done = call(*arguments, "-o", tmp_path / "out")
     assert (done.returncode, done.stderr) == (2, sentence)
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("command", ["sim", "replay"])
+def test_a_damaged_image_is_one_sentence(command: str, tmp_path: Path) -> None:
+    (tmp_path / "textures" / "brick").mkdir(parents=True)
+    (tmp_path / "textures" / "brick" / "half.png").write_bytes(b"\x89PNG\r\n\x1a\n half")
+    done = call(command, "--dataset", tmp_path / "textures", "-o", tmp_path / "out")
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert done.stderr.splitlines()[-1].startswith("error: image ")
+
+
+def test_an_array_too_large_for_an_image_is_one_sentence(tmp_path: Path) -> None:
+    picture = tmp_path / "textures" / "grey" / "small.png"
+    picture.parent.mkdir(parents=True)
+    Image.fromarray(np.arange(64 * 200, dtype=np.uint8).reshape(64, 200)).save(picture)
+    done = call("replay", "--dataset", tmp_path / "textures", "--rows", 30, "--columns", 1, "-o", tmp_path / "out")
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1].startswith("error: an image 200 pixels wide and 64 high is too small")
 
 
 def test_a_missing_dataset_is_one_sentence(tmp_path: Path) -> None:
@@ -92,8 +118,11 @@ def test_replay_is_bit_exact_and_does_only_what_is_missing(tmp_path: Path) -> No
     first = call(*REPLAY, "--limit", 3, "--workers", 2, "-o", tmp_path)
     assert first.returncode == 0, first.stderr
     next(tmp_path.glob("*/events/grass/*.npz")).write_bytes(b"damaged")
+    other = next(tmp_path.glob("*/events/brick/*.npz"))
+    recording = Recording.load(other)  # of another RTL, model or image
+    dataclasses.replace(recording, metadata=recording.metadata | {"proof": "another"}).save(other)
     second = call(*REPLAY, "--limit", 3, "-o", tmp_path)
-    assert "played now: 1 images" in second.stdout
+    assert "played now: 2 images" in second.stdout
     line = BIT_EXACT.fullmatch(second.stdout.strip().splitlines()[-1])
     assert line is not None
     assert line[1] == "3"
@@ -103,7 +132,7 @@ def test_replay_is_bit_exact_and_does_only_what_is_missing(tmp_path: Path) -> No
     for texture in embedded_dataset().limit(3):
         recording = Recording.load(next(tmp_path.glob("*/events")) / f"{texture.name}.npz")
         samples, _ = PhysicalScan().samples(config, texture.load())
-        assert np.array_equal(recording.events, simulate(config, Stimulus.from_samples(config, samples)))
+        assert np.array_equal(recording.events, simulate(config, settled(config, samples)))
         assert recording.metadata["class"] == texture.class_name
 
 
@@ -154,10 +183,11 @@ def test_a_broken_readout_is_found_and_described(fault: str, tmp_path: Path, mon
     assert before in text
     monkeypatch.setattr(simulator, "verilog", lambda _: text.replace(before, after, 1))
     monkeypatch.setattr(simulator, "BUILD", tmp_path)
-    job = Job(config.to_dict(), "make sim ROWS=3 COLUMNS=4", seed=0)
+    job = Job(config.to_dict(), reproduce(config, "icarus", 0), seed=0)
     with pytest.raises(MismatchFound) as found:
         run_job(simulator.build(config, "icarus"), job, tmp_path / "run")
     message = str(found.value)
     assert "RTL and model differ" in message
     assert re.search(r"clock \d+: sample -?\d+, reference -?\d+, half-width \d+, pending [01]", message)
-    assert message.endswith("reproduce: make sim ROWS=3 COLUMNS=4")
+    assert message.endswith("reproduce: " + reproduce(config, "icarus", 0))
+    assert reproduce(config, "icarus", 0) == "make sim ROWS=3 COLUMNS=4 SIM=icarus SEED=0 TEXTURES=0 WAVES=1"

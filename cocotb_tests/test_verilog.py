@@ -31,6 +31,31 @@ def configurations() -> list[ReadoutConfig]:
     ]
 
 
+def extremes() -> list[dict[str, object]]:
+    """Every encoder, front end and way to decide at the ends of the ranges of its other fields."""
+    own: dict[str, list[dict[str, object]]] = {
+        "lcs": [{}],
+        "cw-lcs": [{"window_period": 1}, {"closing_shift": 0}, {"closing_shift": 16, "window_period": 2**16}],
+        "nlcs": [{"leak_period": 1, "leak_shift": 16, "fraction_bits": 0}, {"leak_period": 2**20, "leak_shift": 1}],
+    }
+    widths = [(3, 1), (12, 10), (24, 1)]
+    fields: list[dict[str, object]] = [
+        {"encoding": encoding, "rows": 2, "columns": 3, "frontend": frontend, "decide_every": decide_every}
+        | {"sample_bits": bits, "resolution": resolution, "fraction_bits": 7}
+        | more
+        for encoding in ENCODINGS
+        for more in own[encoding]
+        for bits, resolution in widths
+        for frontend, decide_every in itertools.product(["digital", "analog"], ["clock", "sample"])
+    ]
+    # Decay ticks: all rows in one phase, several rows in each, and a phase for every row.
+    phases = [(1, 1, 2), (2, 2, 1), (64, 1, 1), (5, 1, 2), (8, 1, 5), (3, 5, 3)]
+    return fields + [
+        {"encoding": "nlcs", "rows": rows, "columns": columns, "leak_period": period}
+        for rows, columns, period in phases
+    ]
+
+
 def name(config: ReadoutConfig) -> str:
     return f"{config.encoding}-{config.rows}x{config.columns}-{config.resolution}b-{config.frontend}-{config.link}"
 
@@ -54,6 +79,13 @@ def lint(path: Path) -> str:
 def test_lint_is_clean(config: ReadoutConfig, tmp_path: Path) -> None:
     path = tmp_path / "eskin_readout.v"
     path.write_text(verilog(config))
+    assert lint(path) == ""
+
+
+@pytest.mark.parametrize("fields", extremes(), ids=lambda fields: "-".join(str(value) for value in fields.values()))
+def test_lint_is_clean_at_the_ends_of_the_ranges(fields: dict[str, object], tmp_path: Path) -> None:
+    path = tmp_path / "eskin_readout.v"
+    path.write_text(verilog(ReadoutConfig.from_dict(fields)))
     assert lint(path) == ""
 
 
@@ -120,10 +152,20 @@ def test_port_list_is_that_of_the_module(config: ReadoutConfig, tmp_path: Path) 
         assert "aer_addr" not in listed
     if config.rows == 1:
         assert "event_row" not in listed
+
+    def pins(*names: str) -> list[str]:
+        return [n + ("[*]" if listed[n][1] > 1 else "") for n in names]
+
     constraints = (tmp_path / "eskin_readout.sdc").read_text()
-    for port in listed:
-        if port not in ("rst",):
-            assert port in constraints
+    groups = re.findall(r"^(\w+) .*\[get_ports \{([^}]*)\}\]$", constraints, re.MULTILINE)
+    assert len(groups) == constraints.count("get_ports")
+    assert {command: names.split() for command, names in groups} == {
+        "create_clock": ["clk"],
+        "set_input_delay": pins(
+            *(n for n, (way, _) in listed.items() if way == "input" and n not in ("clk", "aer_ack"))
+        ),
+        "set_output_delay": pins(*(n for n, (way, _) in listed.items() if way == "output")),
+    } | ({"set_false_path": ["aer_ack"]} if "aer_ack" in listed else {})
 
 
 def test_ports_are_those_of_the_contract() -> None:

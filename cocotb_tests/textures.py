@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +18,25 @@ def scan(rows: int, columns: int, sample_bits: int, number: int) -> NDArray[np.i
     """Return the codes of the scan of one embedded texture, shape (ticks, taxels)."""
     config = ReadoutConfig(rows=rows, columns=columns, sample_bits=sample_bits)
     dataset = embedded_dataset()
-    samples, _ = PhysicalScan().samples(config, dataset[number % len(dataset)].load())
+    samples, _ = PhysicalScan().samples(config, large_enough(dataset[number % len(dataset)].load(), config))
     return samples
 
 
+def large_enough(image: NDArray[np.uint8], config: ReadoutConfig) -> NDArray[np.uint8]:
+    """Return an embedded texture, repeated where the array is larger than it: half its width is left for the scan."""
+    pitch = PhysicalScan().taxel_pitch_px
+    height = math.ceil(config.rows * pitch) + 1
+    width = math.ceil(config.columns * pitch) + image.shape[1] // 2
+    repeats = (-(-height // image.shape[0]), -(-width // image.shape[1]))
+    return np.tile(image, repeats)
+
+
 def random_scan(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Return some ticks of a scan over an embedded photograph, from a random place on, shape (ticks, taxels)."""
+    """Return some ticks of a scan over an embedded photograph, from a random place on, shape (ticks, taxels).
+
+    They are scaled to nine tenths of full scale, so that the coarsest resolution sees them too.
+    """
     samples = scan(config.rows, config.columns, config.sample_bits, int(rng.integers(4)) * 11)
     start = int(rng.integers(0, max(len(samples) - ticks, 1)))
-    return samples[start : start + ticks].astype(np.int64)
+    window = samples[start : start + ticks].astype(np.int64)
+    return window * (config.full_scale * 9 // 10) // max(int(np.abs(window).max()), 1)

@@ -10,12 +10,14 @@ from model.cli import make_app, run
 from model.commands import compare, decode, encode
 from model.event_rates import event_rates
 from model.explore import explore
+from model.frame_commands import frames
 from model.power_commands import fig6, fig7, power, sensitivity
 from model.rates import rates
+from model.report import report
 
 app = make_app("Golden model of the spiking e-skin readout.")
 
-for command in (encode, decode, compare, rates, event_rates, power, fig6, fig7, sensitivity, explore):
+for command in (encode, decode, compare, rates, event_rates, power, fig6, fig7, sensitivity, explore, frames, report):
     app.command()(command)
 
 

@@ -20,6 +20,8 @@ DecideEvery = Literal["clock", "sample"]
 MAX_SIDE = 64
 """Largest number of rows or columns: a row of requests fits one 64-bit word of the model."""
 
+MAX_LEAK_PERIOD = 2**20
+"""Largest number of sample ticks from one leak to the next."""
 
 MAX_TAU_ERROR = 0.05
 """Relative error of a time constant beyond which ``from_tau`` refuses it."""
@@ -93,7 +95,7 @@ class ReadoutConfig:
         self._check_range("closing_shift", 0, 16)
         self._check_range("window_period", 1, 2**16)
         self._check_range("leak_shift", 1, 16)
-        self._check_range("leak_period", 1, 2**20)
+        self._check_range("leak_period", 1, MAX_LEAK_PERIOD)
         if self.encoding == "nlcs":  # sample and fraction share one 32-bit word
             self._check_range("fraction_bits", 0, 31 - self.sample_bits, "31 - sample_bits")
         self._check_range("fraction_bits", 0, 28)
@@ -222,22 +224,26 @@ class ReadoutConfig:
         Raises
         ------
         InputError
-            If no leak_shift and leak_period come within 5 % of tau_s.
+            If no leak_shift and leak_period come within 5 % of tau_s; it names the nearest time constants that do.
         """
         for name, value in (("tau", tau_s), ("sample period", ts_s)):
             if not (math.isfinite(value) and value > 0):
                 raise InputError(f"{name} must be a positive number of seconds, not {value!r}")
-        candidates = []
+        candidates, below, above = [], [], []
         for shift in range(1, 7):
-            ticks = -tau_s * math.log1p(-(2.0**-shift)) / ts_s
-            period = round(min(ticks, 2**20))
-            error = abs(period / ticks - 1)
-            if period and error <= MAX_TAU_ERROR:
+            unit_s = -ts_s / math.log1p(-(2.0**-shift))  # time constant of leak_period 1
+            ticks = min(tau_s / unit_s, 2.0**21)
+            period = min(round(ticks), MAX_LEAK_PERIOD)
+            if period and (error := abs(period / ticks - 1)) <= MAX_TAU_ERROR:
                 candidates.append((error + 0.25 * 2**-shift, shift, period))
+            if ticks >= 1:
+                below.append(min(math.floor(ticks), MAX_LEAK_PERIOD) * unit_s)
+            if ticks <= MAX_LEAK_PERIOD:
+                above.append(max(math.ceil(ticks), 1) * unit_s)
         if not candidates:
+            nearest = " or ".join(f"{near_s:.3g}" for near_s in [*sorted(below)[-1:], *sorted(above)[:1]])
             raise InputError(
-                f"tau {tau_s:g} s is not reachable with a sample period of {ts_s:g} s; "
-                f"choose one between {1.5 * ts_s:.3g} and {2**20 * ts_s * 63:.3g} s"
+                f"tau {tau_s:g} s is not reachable with a sample period of {ts_s:g} s; the nearest is {nearest} s"
             )
         _, shift, period = min(candidates)
         return cls(
@@ -250,10 +256,8 @@ class ReadoutConfig:
 
     def replace(self, **changes: Any) -> ReadoutConfig:
         """Return a copy with some fields changed, validated again."""
-        try:
-            return dataclasses.replace(self, **changes)
-        except TypeError as error:
-            raise InputError(f"unknown parameter in {', '.join(sorted(changes))}: {error}") from None
+        self._check_names(changes)
+        return dataclasses.replace(self, **changes)
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as a plain dictionary."""
@@ -268,10 +272,14 @@ class ReadoutConfig:
         """Return the configuration of a dictionary; absent fields take their defaults, unknown ones are refused."""
         if not isinstance(fields, dict):
             raise InputError(f"a configuration must be a JSON object, not {type(fields).__name__}")
+        cls._check_names(fields)
+        return cls(**fields)
+
+    @classmethod
+    def _check_names(cls, fields: dict[str, Any]) -> None:
         known = {field.name for field in dataclasses.fields(cls)}
         if unknown := sorted(set(fields) - known):
             raise InputError(f"unknown configuration field {unknown[0]!r}; known are {', '.join(sorted(known))}")
-        return cls(**fields)
 
     @classmethod
     def from_json(cls, text: str) -> ReadoutConfig:

@@ -160,9 +160,9 @@ class FrameConfig:
             raise InputError(f"unknown parameter in {', '.join(sorted(changes))}: {error}") from None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields that count as one flat dictionary."""
+        """Return all fields that count as one flat dictionary; ``conversion_clocks`` as the number it stands for."""
         fields = {name: getattr(self.readout, name) for name in SHARED_FIELDS}
-        return fields | {name: getattr(self, name) for name in OWN_FIELDS}
+        return fields | {name: getattr(self, name) for name in OWN_FIELDS} | {"conversion_clocks": self.adc_clocks}
 
     @classmethod
     def from_dict(cls, fields: Any) -> FrameConfig:
@@ -226,8 +226,8 @@ def pack(config: FrameConfig, codes: NDArray[np.integer]) -> NDArray[np.uint64]:
             f"codes must be in {low}..{high - 1} ({config.resolution} bits), not {values.min()}..{values.max()}"
         )
     bits = (values[:, :, None] >> np.arange(config.resolution)) & 1
-    length = config.words_per_frame * config.word_bits
-    bits = np.pad(bits.reshape(len(values), -1), ((0, 0), (0, length - config.taxels * config.resolution)))
+    used, length = config.taxels * config.resolution, config.words_per_frame * config.word_bits
+    bits = np.pad(bits.reshape(len(values), used), ((0, 0), (0, length - used)))
     return _from_bits(bits.reshape(len(values), config.words_per_frame, config.word_bits))
 
 
@@ -262,7 +262,7 @@ def unpack(config: FrameConfig, words: NDArray[np.integer], sync: NDArray[Any] |
     if values.ndim != 2 or values.shape[1] != length:
         raise InputError(f"words must have shape (frames, {length}), not {values.shape}")
     bits = (values[:, :, None] >> np.arange(config.word_bits, dtype=np.uint64)) & np.uint64(1)
-    bits = bits.reshape(len(values), -1)
+    bits = bits.reshape(len(values), length * config.word_bits)
     used = config.taxels * config.resolution
     if bits[:, used:].any():
         raise InputError("a frame does not end in zeros; is it of another configuration?")

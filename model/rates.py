@@ -175,7 +175,9 @@ def rates(
         str | None, typer.Option(metavar="lcs|cw-lcs|nlcs", help="encoder [lcs]", show_default=False)
     ] = None,
     resolution: Annotated[int | None, typer.Option(metavar="N", help="LSB = 2**-N of full scale [6]")] = None,
-    tau: Annotated[float | None, typer.Option(metavar="SECONDS", help=f"nlcs: time constant [{PAPER_TAU_S}]")] = None,
+    tau: Annotated[
+        float | None, typer.Option(metavar="SECONDS", help=f"nlcs: time constant [{PAPER_TAU_S}], else ignored")
+    ] = None,
     rows: Annotated[int | None, typer.Option(metavar="N", help="rows of taxels [8]")] = None,
     columns: Annotated[int | None, typer.Option(metavar="N", help="columns of taxels [8]")] = None,
     config_file: Annotated[
@@ -196,8 +198,8 @@ def rates(
     scan = preset(preset_name)
     wanted = {"encoding": encoding, "resolution": resolution, "rows": rows, "columns": columns}
     base, given = build_config({k: v for k, v in wanted.items() if v is not None}, None, config_file)
-    if tau is not None and base.encoding != "nlcs":
-        raise InputError(f"--tau is the leak of encoding nlcs, not of {base.encoding}; add --encoding nlcs")
+    if tau is not None and base.encoding != "nlcs" and not as_json:  # the JSON says so by its tau_s
+        print(f"--tau is ignored: it is the leak of encoding nlcs, and {base.encoding} has none", file=sys.stderr)
     if tau is None and not given & {"leak_shift", "leak_period"}:
         tau = PAPER_TAU_S
     config = scan.configure(base, tau)

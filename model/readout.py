@@ -18,7 +18,6 @@ from model.arbiter import ONE, ZERO, lowest, next_row, rows_behind, without_lowe
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.events import EVENT_DTYPE, Events
-from model.taxel import EVENT_LATENCY as LATENCY  # noqa: F401
 from model.window import decay_phases
 
 LCS, CW_LCS, N_LCS = range(3)
@@ -77,9 +76,15 @@ class Stimulus:
             Length of the run; by default one sample period for every sample.
         ready, ack_delay : ndarray, optional
             See the attributes; by default the sink is always ready, and ACK follows in 1/8 clock.
+
+        Raises
+        ------
+        InputError
+            If the samples are not integers, out of range, or of another shape.
         """
         period = config.clocks_per_sample if clocks_per_sample is None else clocks_per_sample
         samples = np.asarray(samples)
+        _check_samples(config, samples)
         return cls(
             samples=samples.astype(np.int32),
             sample_clock=np.arange(len(samples), dtype=np.int64) * period,
@@ -92,17 +97,8 @@ class Stimulus:
 
     def check(self, config: ReadoutConfig) -> None:
         """Refuse a stimulus that does not fit a configuration, in one sentence."""
-        samples, clock, full_scale = self.samples, self.sample_clock, config.full_scale
-        if samples.ndim != 2 or samples.shape[1] != config.taxels:
-            raise InputError(
-                f"samples must have shape (ticks, {config.taxels}) for {config.rows} x {config.columns} "
-                f"taxels, not {samples.shape}"
-            )
-        if samples.size and not -full_scale <= samples.min() <= samples.max() < full_scale:
-            raise InputError(
-                f"samples must be in {-full_scale}..{full_scale - 1} ({config.sample_bits} bits), "
-                f"not {samples.min()}..{samples.max()}"
-            )
+        samples, clock = self.samples, self.sample_clock
+        _check_samples(config, samples)
         if clock.shape != samples.shape[:1] or (np.diff(clock) < 1).any() or (clock < 0).any():
             raise InputError("sample_clock must be one rising clock for every row of samples")
         if self.enable.shape != (len(self.enable_clock), config.taxels) or not len(self.enable_clock):
@@ -113,6 +109,23 @@ class Stimulus:
             raise InputError("ready and ack_delay must not be empty")
         if (self.ack_delay < 1).any() or (self.ack_delay % link.ACK_QUANTA == 0).any():
             raise InputError("ack_delay must be positive and never a multiple of 8, or ACK changes at a clock edge")
+
+
+def _check_samples(config: ReadoutConfig, samples: NDArray[Any]) -> None:
+    """Refuse samples that are not codes of a configuration's taxels, in one sentence."""
+    full_scale = config.full_scale
+    if samples.ndim != 2 or samples.shape[1] != config.taxels:
+        raise InputError(
+            f"samples must have shape (ticks, {config.taxels}) for {config.rows} x {config.columns} "
+            f"taxels, not {samples.shape}"
+        )
+    if not np.issubdtype(samples.dtype, np.integer):
+        raise InputError(f"samples must be codes of an integer type, not {samples.dtype}")
+    if samples.size and not -full_scale <= samples.min() <= samples.max() < full_scale:
+        raise InputError(
+            f"samples must be in {-full_scale}..{full_scale - 1} ({config.sample_bits} bits), "
+            f"not {samples.min()}..{samples.max()}"
+        )
 
 
 @dataclass(frozen=True)

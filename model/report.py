@@ -1,7 +1,8 @@
 """One HTML file with the figures of the whole project, and the command ``report`` (docs/report.md).
 
-The page is ``report.html`` with ``report.css`` and ``report.js`` put into it, and the data as JSON. It computes no
-power: all numbers come from here, on a grid.
+The page is ``report.html`` with a style sheet, two scripts and the data as JSON put into it. The scripts are written
+by hand, since a chart library in every page would be ten times as large as all the rest. They compute no power: all
+numbers come from here, on a grid.
 """
 
 from __future__ import annotations
@@ -27,6 +28,9 @@ ACCURACY = _ROOT / "docs" / "data" / "fig9.json"
 SIM = Path("out/sim")
 REPLAY = Path("out/replay")
 
+SOURCES = ("report.html", "report.css", "report.js", "report_raster.js")
+"""What the page is made of, beside this module."""
+
 SECTIONS = ("raster", "replay", "fig9", "benchmarks", "synthesis")
 """Sections of which something may be missing."""
 
@@ -36,8 +40,10 @@ SECTIONS = ("raster", "replay", "fig9", "benchmarks", "synthesis")
 
 def page(data: Data) -> str:
     """Return the page of some data (``model.report_data``); the same data give the same page."""
+    from model.power import READOUT_NAMES
+
     folder = resources.files("model")
-    template, style, script = ((folder / f"report.{kind}").read_text("utf-8") for kind in ("html", "css", "js"))
+    template, style, charts, raster = ((folder / name).read_text("utf-8") for name in SOURCES)
     parts = {f"{section}_missing": _sentences(data["missing"].get(section, [])) for section in SECTIONS}
     tables = {
         "raster_table": _raster_table(data["raster"]),
@@ -50,14 +56,18 @@ def page(data: Data) -> str:
         "synthesis_table": _synthesis_table(data["synthesis"]),
     }
     fig6 = data["fig6"]
+    gates = ", ".join(READOUT_NAMES[found["readout"]] for found in data["synthesis"])
     return string.Template(template).substitute(
         **parts,
         **tables,
         style=style,
-        script=script,
+        script=charts + raster,
         version=html.escape(data["version"]),
         array=f"{fig6['rows']} x {fig6['columns']}",
         rates=html.escape(fig6.get("event_rates", "")),
+        logic=f"synthesis ({gates})" if gates else "a published energy of 435 fJ an event",
+        resolution=fig6["resolution"],
+        tau=f"{fig6['tau_s']:g}",
         data=embedded(data),
     )
 
@@ -133,7 +143,10 @@ def _fig6_table(fig6: Data) -> str:
     from model.power import READOUT_NAMES, READOUTS
 
     rows = [
-        (f"{mode}, {noise * 1e3:.3g} mV, {READOUT_NAMES[r]}", *(entry[r][p] for p in ("afe", "converter", "io", "total")))
+        (
+            f"{mode}, {noise * 1e3:.3g} mV, {READOUT_NAMES[r]}",
+            *(entry[r][p] for p in ("afe", "converter", "io", "total")),
+        )
         for mode, entries in fig6["modes"].items()
         for noise, entry in zip(fig6["noise_v_rms"], entries, strict=True)
         for r in READOUTS
@@ -167,7 +180,12 @@ def _sensitivity_table(study: Data) -> str:
 
 def _fig9_table(fig9: Data | None) -> str:
     rows = [
-        (p["label"], float(p["data_rate_bps"]), p["accuracy"] * 100, " to ".join(f"{e:.1%}" for e in p.get("interval", ())))
+        (
+            p["label"],
+            float(p["data_rate_bps"]),
+            p["accuracy"] * 100,
+            " to ".join(f"{e:.1%}" for e in p.get("interval", ())),
+        )
         for p in (fig9["points"] if fig9 else [])
     ]
     return _table("Fig. 9", ("readout", "data rate (bit/s)", "accuracy (%)", "interval"), rows)

@@ -93,9 +93,7 @@ def _match(name: str, rtl: Recording, model: Recording) -> Data:
     data = _run(name, rtl, [rtl, model]) | {"equal": difference is None, "verdict": verdict}
     if difference is not None:
         shown = [len(recording["t"]) for recording in data["recordings"]]
-        for recording, alone, count in zip(
-            data["recordings"], unmatched(rtl.events, model.events), shown, strict=True
-        ):
+        for recording, alone, count in zip(data["recordings"], unmatched(rtl.events, model.events), shown, strict=True):
             recording["unmatched"] = np.flatnonzero(alone[:count]).tolist()
     else:
         data["recordings"][1] = {"label": "model", "same_as": 0}
@@ -208,12 +206,17 @@ def power_grid(models: Mapping[str, PowerModel]) -> Data:
     }
 
 
+def tau_text(tau_s: float) -> str:
+    """Return a time constant as 2 s or 200 ms."""
+    return f"{tau_s:g} s" if tau_s >= 1 else f"{tau_s * 1e3:g} ms"
+
+
 def fig7_notes(fig7: Data) -> dict[str, list[str]]:
     """Return in words, for every mode, who wins at any noise where a line of Fig. 7 has no point."""
     notes: dict[str, list[str]] = {}
     for mode, entry in fig7["modes"].items():
         sides = entry["spikes_win"]
-        lines = {f"N-LCS, tau {float(tau) * 1e3:g} ms": line for tau, line in sides["nlcs"].items()}
+        lines = {f"N-LCS, tau {tau_text(float(tau))}": line for tau, line in sides["nlcs"].items()}
         notes[mode] = []
         for name, line in (lines | {"LCS": sides["lcs"]}).items():
             texts = []
@@ -247,6 +250,8 @@ def fig9_data(path: Path) -> Data:
     InputError
         If the file cannot be read, or a point has no usable accuracy and data rate.
     """
+    from model.power import READOUT_NAMES
+
     what = "the accuracy results"
     values = read_json(path, what)
     points = values.get("points", values.get("results")) if isinstance(values, dict) else values
@@ -258,10 +263,10 @@ def fig9_data(path: Path) -> Data:
         if not isinstance(point, dict):
             raise InputError(f"{where} is not an object")
         rate = next((point[key] for key in RATE_KEYS if key in point), None)
-        if not _is_number(rate) or rate <= 0:
+        if rate is None or not _is_number(rate) or rate <= 0:
             raise InputError(f"{where} needs {RATE_KEYS[0]}, a positive number of bit/s, not {rate!r}")
         accuracy = point.get("accuracy")
-        if not _is_number(accuracy) or not 0 <= accuracy <= 1:
+        if accuracy is None or not _is_number(accuracy) or not 0 <= accuracy <= 1:
             raise InputError(f"{where} needs accuracy, a number in 0..1, not {accuracy!r}")
         interval = next((point[key] for key in INTERVAL_KEYS if key in point), None)
         if interval is not None and not (
@@ -270,7 +275,9 @@ def fig9_data(path: Path) -> Data:
             raise InputError(f"{where} has an interval that is not [low, high]: {interval!r}")
         readout = str(point.get("readout", point.get("encoding", "")))
         resolution = point.get("resolution")
-        label = point.get("label", point.get("name")) or f"{readout} {resolution} b".strip()
+        label = point.get("label", point.get("name"))
+        if label is None:
+            label = READOUT_NAMES.get(readout, readout) + (f" {resolution} b" if resolution is not None else "")
         found.append(
             {"readout": readout, "label": str(label), "data_rate_bps": rate, "accuracy": accuracy}
             | ({"interval": interval} if interval is not None else {})
@@ -285,9 +292,8 @@ def benchmark_data(folder: Path) -> tuple[list[Data], list[str]]:
     missing: list[str] = []
     for file in sorted(folder.glob("*.json")):
         values = read_json(file, "the benchmark result")
-        if not isinstance(values, dict) or not isinstance(values.get("results"), list):
-            raise InputError(f"the benchmark result {file} has no list of results; make bench writes it again")
-        charts = _ratio_charts(file.stem, values)
+        results = values.get("results") if isinstance(values, dict) else None
+        charts = _ratio_charts(file.stem, values) if isinstance(results, list) else []
         found += charts
         if not charts:
             missing.append(f"{file.name} has no ratios, so it is not drawn.")
@@ -348,9 +354,7 @@ def _is_number(value: Any) -> bool:
 # -- everything --------------------------------------------------------------------------------------
 
 
-def report_data(
-    sim: Path, replay: Path, benchmarks: Path, accuracy: Path, synthesis: Sequence[Path]
-) -> Data:
+def report_data(sim: Path, replay: Path, benchmarks: Path, accuracy: Path, synthesis: Sequence[Path]) -> Data:
     """Return everything that the page shows; ``missing`` says, by section, what is not there and how to make it.
 
     Parameters
@@ -387,9 +391,7 @@ def report_data(
     if not replays:
         missing["replay"] = ["No whole dataset was replayed here; make replay does it."]
     rasters, missing["raster"] = raster_data(sim)
-    models = both_modes(
-        None, synthesis, lambda: rate_table(None, "paper", None, list(RESOLUTIONS), list(TAUS_S))
-    )
+    models = both_modes(None, synthesis, lambda: rate_table(None, "paper", None, list(RESOLUTIONS), list(TAUS_S)))
     consistent = models["consistent"]
     used = (consistent.measured.dataset, consistent.measured.preset)  # type: ignore[union-attr]
     others = {f"{t.dataset} {t.preset} scan": t for t in load_tables() if (t.dataset, t.preset) != used}

@@ -36,8 +36,8 @@ def verilog(
 
     if readout not in READOUTS:
         raise InputError(f"--readout must be one of {', '.join(READOUTS)}, not {readout!r}")
-    own = {"word_bits": word_bits, "settle_clocks": settle_clocks, "conversion_clocks": conversion_clocks}
-    own = {name: value for name, value in own.items() if value is not None}
+    asked = {"word_bits": word_bits, "settle_clocks": settle_clocks, "conversion_clocks": conversion_clocks}
+    own = {name: value for name, value in asked.items() if value is not None}
     if own and readout != "frame":
         raise InputError(f"--{next(iter(own)).replace('_', '-')} belongs to the frame readout; add --readout frame")
     chosen: Config = FrameConfig(readout=config, **own) if readout == "frame" else config

@@ -169,16 +169,19 @@ class FramePacker(Block):
             complete.eq(after >= units),
             remains.eq(Mux(complete, after - units, after)[: len(remains)]),
         ]
+        emits = Signal()
+        m.d.comb += emits.eq(free & (flush | (self.sample_valid & complete)))
+        with m.If(emits):
+            m.d.sync += [valid.eq(1), word.eq(Mux(flush, rest, placed[: self.word_bits])), sync.eq(begins)]
         with m.If(free & flush):
-            m.d.sync += [valid.eq(1), word.eq(rest), sync.eq(begins), opening.eq(0)]
-            m.d.sync += [rest.eq(0), fill.eq(0), flush.eq(0)]
+            m.d.sync += [rest.eq(0), fill.eq(0), flush.eq(0), opening.eq(0)]
         with m.Elif(free & self.sample_valid):
-            m.d.sync += [fill.eq(remains), flush.eq(self.sample_last & (remains != 0))]
-            with m.If(complete):
-                m.d.sync += [valid.eq(1), word.eq(placed[: self.word_bits]), sync.eq(begins), opening.eq(0)]
-                m.d.sync += rest.eq(placed[self.word_bits :])
-            with m.Else():
-                m.d.sync += [rest.eq(placed[: len(rest)]), opening.eq(begins)]
+            m.d.sync += [
+                fill.eq(remains),
+                flush.eq(self.sample_last & (remains != 0)),
+                opening.eq(begins & ~complete),
+                rest.eq(Mux(complete, placed[self.word_bits :], placed[: len(rest)])),
+            ]
         return m
 
     def _place(self, fill: Signal, position: int) -> Any:

@@ -8,6 +8,7 @@ from amaranth.hdl import Module, Signal, unsigned
 from amaranth.lib.wiring import In, Out
 
 from model.config import ReadoutConfig
+from model.window import decay_phases
 from rtl.arbiter import Arbiter, event_ports
 from rtl.block import Block
 from rtl.link import FourPhaseLink, aer_ports
@@ -57,9 +58,7 @@ class Readout(Block):
             tick = Signal()
             m.d.sync += tick.eq(self.sample_valid)
         if config.encoding == "nlcs":
-            decay = DecayTicks(config)
-            decay.place(m, "decay", platform)
-            m.d.comb += decay.tick.eq(tick)
+            row_decay = self._row_decay(m, tick, platform)
 
         for index in range(config.rows):
             row = Row(config)
@@ -75,7 +74,7 @@ class Readout(Block):
             if "tick" in row.signature.members:
                 m.d.comb += row.tick.eq(tick)
             if config.encoding == "nlcs":
-                m.d.comb += row.decay.eq(decay.decay[index])
+                m.d.comb += row.decay.eq(row_decay[index])
             if config.frontend == "digital":
                 m.d.comb += row.sample_valid.eq(self.sample_valid)
             for name in self.per_row:
@@ -91,6 +90,16 @@ class Readout(Block):
         for name in event_ports(config, Out):
             arbiter.connect(m, name, getattr(sink, name))
         return m
+
+    def _row_decay(self, m: Module, tick: Signal, platform: Any) -> list[Any]:
+        """Return the decay tick of every row: the sample tick itself where every one is a decay tick."""
+        config = self.config
+        if config.leak_period == 1:
+            return [tick] * config.rows
+        decay = DecayTicks(config)
+        decay.place(m, "decay", platform)
+        m.d.comb += decay.tick.eq(tick)
+        return [decay.decay[decay.phases.index(phase)] for phase in decay_phases(config)]
 
 
 def _slice(signal: Any, index: int, width: int) -> Any:

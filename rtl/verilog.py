@@ -77,6 +77,8 @@ WAIVERS = {
 }
 """Lint warnings that are waived in the whole file, each with the reason why it is meant."""
 
+FRAME_WAIVERS = WAIVERS | {"WIDTHEXPAND": "a narrower operand is extended by zeros: all numbers are unsigned"}
+
 UNUSED_SAMPLE_BITS = "bits below the encoder's step can never change a decision: the taxel keeps the others"
 
 
@@ -157,7 +159,8 @@ def _plain_names(module: str) -> str:
 
 def _waive(text: str, config: Config) -> str:
     """Return the text with lint waivers, each with its reason."""
-    for warning, reason in reversed(WAIVERS.items()):
+    waivers = FRAME_WAIVERS if isinstance(config, FrameConfig) else WAIVERS
+    for warning, reason in reversed(waivers.items()):
         text = f"// {reason}\n/* verilator lint_off {warning} */\n{text}"
     if isinstance(config, ReadoutConfig) and config.frontend == "digital" and config.grid > 1:
         head, mark, taxel = text.partition("module eskin_taxel(")
@@ -203,44 +206,34 @@ def description(config: Config) -> str:
 def constraints(config: Config) -> str:
     """Return the timing constraints (SDC): the clock, the ports' share of it, and what is asynchronous."""
     period_ns = 1e9 / config.clock_hz
-    asynchronous = {"clk", "aer_ack", "taxel_enable"} | ({"rst"} if config.reset == "async" else set())
     pins = {port["name"]: port["name"] + ("[*]" if port["width"] > 1 else "") for port in ports(config)}
     timed = {
         way: " ".join(
             pins[port["name"]]
             for port in ports(config)
-            if port["direction"] == way and port["name"] not in asynchronous
+            if port["direction"] == way and port["name"] not in ("clk", "aer_ack")
         )
         for way in ("input", "output")
     }
     frame = isinstance(config, FrameConfig)
+    # With the delay on rst, recovery and removal of the flops' asynchronous resets are checked.
+    reset = ["# rst is asserted at any time and released in step with the clock."] if config.reset == "async" else []
     base = "frame rate times clocks per frame" if frame else "sample rate times clocks per sample"
     lines = [
         f"# Clock: {base}. Tighten it to what the technology should reach.",
         f"set period_ns {period_ns:.6g}",
-        "create_clock -name clk -period $period_ns [get_ports clk]",
+        "create_clock -name clk -period $period_ns [get_ports {clk}]",
         "",
         "# A fifth of the period belongs to whatever drives an input or takes an output.",
+        *reset,
         f"set_input_delay [expr 0.2 * $period_ns] -clock clk [get_ports {{{timed['input']}}}]",
         f"set_output_delay [expr 0.2 * $period_ns] -clock clk [get_ports {{{timed['output']}}}]",
     ]
-    if "taxel_enable" in pins:
-        lines += [
-            "",
-            "# The mask is set up before use and then stands still.",
-            f"set_false_path -from [get_ports {{{pins['taxel_enable']}}}]",
-        ]
     if "aer_ack" in pins:
         lines += [
             "",
             "# Asynchronous; two flops in the link take it.",
-            "set_false_path -from [get_ports aer_ack]",
-        ]
-    if config.reset == "async":
-        lines += [
-            "",
-            "# Asynchronous assertion; release it in step with the clock (a reset synchroniser outside).",
-            "set_false_path -from [get_ports rst]",
+            "set_false_path -from [get_ports {aer_ack}]",
         ]
     return header(config, "#") + "\n" + "\n".join(lines) + "\n"
 

@@ -109,7 +109,7 @@ def shown(capsys: pytest.CaptureFixture[str], *args: str) -> tuple[ReadoutConfig
             ["show", "--encoding", "nlcs", "--tau", "1e-9"],
             2,
             "error: tau 1e-09 s is not reachable with a sample period of 5e-05 s; "
-            "choose one between 7.5e-05 and 3.3e+03 s\n",
+            "the nearest is 7.21e-05 s\n",
         ),
         (
             ["show", "--tau", "0.2"],

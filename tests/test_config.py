@@ -136,13 +136,26 @@ def test_from_tau_is_within_one_per_cent_with_fine_steps(tau_s: float) -> None:
     assert (config.resolution, config.rows) == (8, 3)
 
 
-@pytest.mark.parametrize("tau_s", [1e-6, 1e9])
-def test_from_tau_says_what_is_reachable(tau_s: float) -> None:
+@pytest.mark.parametrize(
+    ("tau_s", "ts_s", "nearest"),
+    [
+        (5e-324, 5e-5, ["7.21e-05"]),
+        (1e-6, 5e-5, ["7.21e-05"]),
+        (1e9, 5e-5, ["3.33e+03"]),
+        (1e308, 5e-5, ["3.33e+03"]),
+        (0.0016, 1e-3, ["0.00144", "0.00289"]),
+        (0.002, 1e-3, ["0.00144", "0.00289"]),
+        (0.0032, 1e-3, ["0.00289", "0.00348"]),
+    ],
+)
+def test_from_tau_names_the_nearest_reachable_ones(tau_s: float, ts_s: float, nearest: list[str]) -> None:
     with pytest.raises(InputError) as refused:
-        ReadoutConfig.from_tau(tau_s, 5e-5)
+        ReadoutConfig.from_tau(tau_s, ts_s)
     assert str(refused.value) == (
-        f"tau {tau_s:g} s is not reachable with a sample period of 5e-05 s; choose one between 7.5e-05 and 3.3e+03 s"
+        f"tau {tau_s:g} s is not reachable with a sample period of {ts_s:g} s; the nearest is {' or '.join(nearest)} s"
     )
+    for near_s in map(float, nearest):
+        assert ReadoutConfig.from_tau(near_s, ts_s).tau_s == pytest.approx(near_s, rel=0.005)
 
 
 @pytest.mark.parametrize(
@@ -201,7 +214,7 @@ def test_from_json_refuses(text: str, sentence: str) -> None:
 def test_unknown_fields_are_named() -> None:
     with pytest.raises(InputError, match=r"^unknown configuration field 'row'; known are clocks_per_sample, "):
         ReadoutConfig.from_dict({"row": 8})
-    with pytest.raises(InputError, match=r"^unknown parameter in row: "):
+    with pytest.raises(InputError, match=r"^unknown configuration field 'row'; known are clocks_per_sample, "):
         ReadoutConfig().replace(row=8)
 
 

@@ -180,6 +180,17 @@ def test_json_is_one_object_and_nothing_else():
     assert report["scan_s"] == pytest.approx(0.1764)
 
 
+def test_tau_is_ignored_where_nothing_leaks():
+    options = ["--preset", "paper", "--encoding", "lcs", "--resolution", "6", "--dataset", "embedded", "--limit", "2"]
+    plain, given = (run(*options, *tau, "--json") for tau in ([], ["--tau", "0.2"]))
+    assert (given.returncode, given.stderr) == (0, "")
+    assert given.stdout == plain.stdout
+    assert json.loads(given.stdout)["tau_s"] is None
+    table = run(*options, "--tau", "0.2")
+    assert table.returncode == 0
+    assert table.stderr == "--tau is ignored: it is the leak of encoding nlcs, and lcs has none\n"
+
+
 def test_table_names_the_rate_and_follows_options(tmp_path):
     config = tmp_path / "c.json"
     config.write_text('{"sample_bits": 10, "rows": 2, "encoding": "cw-lcs", "window_period": 8}')
@@ -205,7 +216,6 @@ def test_table_names_the_rate_and_follows_options(tmp_path):
             "dataset directory gone is not a directory; give one with a folder of PNG images ",
         ),
         (["--limit", "0"], "the number of images must be at least 1, not 0"),
-        (["--tau", "0.2"], "--tau is the leak of encoding nlcs, not of lcs; add --encoding nlcs"),
         (["--encoding", "nlcs", "--tau", "0"], "tau must be a positive number of seconds, not 0.0"),
         (["--encoding", "pcm"], "encoding must be one of lcs, cw-lcs, nlcs, not 'pcm'"),
         (["--resolution", "11"], "resolution must be in 1..sample_bits - 2 = 10, not 11"),

@@ -359,3 +359,23 @@ def test_stimulus_that_does_not_fit_is_refused(changes: dict[str, Any], sentence
         with pytest.raises(InputError) as error:
             call()
         assert str(error.value) == sentence
+
+
+@pytest.mark.parametrize(
+    ("samples", "sentence"),
+    [
+        (np.full((1, 2), 0.9), "samples must be codes of an integer type, not float64"),
+        (np.ones((1, 2), bool), "samples must be codes of an integer type, not bool"),
+        (np.array([[0, 2**32]]), "samples must be in -2048..2047 (12 bits), not 0..4294967296"),
+        (np.array([[0, 2**63]], np.uint64), "samples must be in -2048..2047 (12 bits), not 0..9223372036854775808"),
+        (np.zeros((1, 3), int), "samples must have shape (ticks, 2) for 1 x 2 taxels, not (1, 3)"),
+    ],
+)
+def test_samples_are_checked_before_they_are_cast(samples: NDArray[Any], sentence: str) -> None:
+    config = ReadoutConfig(rows=1, columns=2)
+    with pytest.raises(InputError) as error:
+        Stimulus.from_samples(config, samples)
+    assert str(error.value) == sentence
+    with pytest.raises(InputError) as error:
+        simulate(config, replace(GOOD, samples=samples))
+    assert str(error.value) == sentence

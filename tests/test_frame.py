@@ -1,0 +1,303 @@
+"""Promises of the frame readout's model: no sample lost, bits as computed, clear refusals, and the command frames."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from model.config import ReadoutConfig
+from model.dataset import embedded_dataset
+from model.errors import InputError
+from model.frame import (
+    FrameConfig,
+    FrameModel,
+    FrameStimulus,
+    Inputs,
+    adc_code,
+    pack,
+    simulate,
+    unpack,
+)
+from model.rates import measure_rates
+from model.texture import preset
+
+Call = Callable[[str], tuple[int, str, str]]
+
+
+@st.composite
+def configs(draw: st.DrawFn) -> FrameConfig:
+    """Return frame readouts of up to 12 taxels, all resolutions and words."""
+    sample_bits = draw(st.integers(3, 24))
+    resolution = draw(st.integers(1, sample_bits - 2))
+    return FrameConfig(
+        readout=ReadoutConfig(
+            rows=draw(st.integers(1, 4)),
+            columns=draw(st.integers(1, 3)),
+            sample_bits=sample_bits,
+            resolution=resolution,
+        ),
+        word_bits=draw(st.integers(resolution, 64)),
+        settle_clocks=draw(st.integers(1, 4)),
+        conversion_clocks=draw(st.none() | st.integers(1, 12)),
+    )
+
+
+def random_samples(config: FrameConfig, frames: int, seed: int) -> np.ndarray:
+    full_scale = config.readout.full_scale
+    return np.random.default_rng(seed).integers(-full_scale, full_scale, (frames, config.taxels))
+
+
+# -- numbers -----------------------------------------------------------------------------------------
+
+
+@given(configs(), st.integers(0, 4), st.integers(0, 2**32))
+def test_unpack_is_the_inverse_of_pack(config: FrameConfig, frames: int, seed: int) -> None:
+    codes = adc_code(config, random_samples(config, frames, seed))
+    words = pack(config, codes)
+    assert words.shape == (frames, config.words_per_frame)
+    assert np.array_equal(unpack(config, words), codes)
+    assert np.array_equal(pack(config, codes & ((1 << config.resolution) - 1)), words)
+    assert not words.size or int(words.max()) < 1 << config.word_bits
+
+
+@given(configs())
+def test_bit_rate_is_resolution_times_taxels_times_frame_rate(config: FrameConfig) -> None:
+    assert config.bit_rate_hz == config.resolution * config.taxels * config.frame_rate_hz
+    filling = config.word_rate_hz * config.word_bits - config.bit_rate_hz
+    assert 0 <= filling < config.word_bits * config.frame_rate_hz
+
+
+def test_default_is_the_frame_readout_of_the_paper() -> None:
+    config = FrameConfig()
+    assert config.bit_rate_hz == 6 * 64 * 20_000
+    assert (config.words_per_frame, config.frame_clocks) == (24, 64 * (1 + 1 + 7) + 1)
+    assert config.clock_hz == 577 * 20_000
+    assert FrameConfig(readout=ReadoutConfig(clocks_per_sample=1000)).clock_hz == 20e6
+
+
+def test_words_are_filled_from_the_low_end() -> None:
+    config = FrameConfig(readout=ReadoutConfig(rows=1, columns=3, resolution=6))
+    assert pack(config, np.array([[1, 2, -1]])).tolist() == [[1 | 2 << 6 | 0xF << 12, 0b11]]
+    assert pack(config, np.array([[0, 0, 1]])).tolist() == [[1 << 12, 0]]
+
+
+def test_codes_are_the_upper_bits_of_the_samples() -> None:
+    config = FrameConfig(readout=ReadoutConfig(resolution=1))
+    assert adc_code(config, np.array([-2048, -1, 0, 2047])).tolist() == [-1, -1, 0, 0]
+    config = FrameConfig(readout=ReadoutConfig(resolution=10))
+    assert adc_code(config, np.array([-2048, -1, 0, 3, 4, 2047])).tolist() == [-512, -1, 0, 0, 1, 511]
+
+
+# -- the readout -------------------------------------------------------------------------------------
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    configs(),
+    st.lists(st.integers(1, 20), min_size=1, max_size=5),
+    st.lists(st.integers(0, 1), min_size=1, max_size=9).filter(any),
+    st.integers(0, 2**32),
+)
+def test_every_sample_of_every_frame_leaves_once_and_in_order(
+    config: FrameConfig, conversion: list[int], ready: list[int], seed: int
+) -> None:
+    samples = random_samples(config, 5, seed)
+    span = config.taxels * (config.settle_clocks + 21) + 20 * len(ready) * (config.words_per_frame + 2)
+    clock = np.arange(5) * span
+    stimulus = FrameStimulus(samples, clock, clock, 5 * span, np.array(conversion), np.array(ready, np.uint8))
+    run = simulate(config, stimulus)
+    assert run.idle
+    assert not len(run.overruns)
+    assert np.array_equal(unpack(config, run.words["data"], run.words["sync"]), adc_code(config, samples))
+    assert run.starts[:, 1].tolist() == list(range(config.taxels)) * 5
+    taken = np.array(ready)[run.words["t"] % len(ready)]
+    assert taken.all()
+
+
+@settings(max_examples=40, deadline=None)
+@given(configs(), st.integers(0, 2**32))
+def test_frame_clocks_are_the_shortest_period(config: FrameConfig, seed: int) -> None:
+    samples = random_samples(config, 4, seed)
+    for period in (config.frame_clocks, config.frame_clocks - 1):
+        clock = np.arange(4) * period
+        stimulus = FrameStimulus(samples, clock, clock, 5 * period + 10, np.array([config.adc_clocks]))
+        run = simulate(config, stimulus)
+        if period == config.frame_clocks:
+            assert not len(run.overruns)
+            assert len(run.words) == 4 * config.words_per_frame
+        else:
+            assert len(run.overruns) >= 1
+
+
+def test_what_happens_in_which_clock() -> None:
+    """The table of docs/frame.md: 1 x 2 taxels, N = 8, 2 settling clocks, 3 conversion clocks."""
+    config = FrameConfig(readout=ReadoutConfig(rows=1, columns=2, resolution=8), settle_clocks=2)
+    model, seen = FrameModel(config), []
+    for t in range(16):
+        seen.append(model.outputs)
+        model.clock(Inputs(int(t in (0, 5)), int(t in (6, 12)), 0x11 * (t // 6), 1))
+    columns = [outputs.column_select for outputs in seen]
+    assert columns == [0] + 6 * [1] + 6 * [2] + 3 * [0]
+    assert [t for t, outputs in enumerate(seen) if outputs.adc_start] == [3, 9]
+    assert [t for t, outputs in enumerate(seen) if outputs.frame_overrun] == [6]
+    words = [(t, o.word_sync, o.word_data) for t, o in enumerate(seen) if o.word_valid]
+    assert words == [(14, 1, 0x2211)]
+
+
+def test_a_stuck_sink_holds_the_scan_and_loses_nothing() -> None:
+    config = FrameConfig(readout=ReadoutConfig(rows=3, columns=5, resolution=10))
+    samples = random_samples(config, 1, 0)
+    ready = np.ones(4000, np.uint8)
+    ready[:3000] = 0
+    stimulus = FrameStimulus(
+        samples, np.zeros(1, np.int64), np.array([0, 1500]), 4000, np.array([config.adc_clocks]), ready
+    )
+    run = simulate(config, stimulus)
+    assert run.overruns.tolist() == [1500]
+    assert (run.starts[:, 0] < 3000).sum() == 3  # two make a word, which waits, and the third waits beside it
+    assert np.array_equal(unpack(config, run.words["data"], run.words["sync"]), adc_code(config, samples))
+
+
+def test_a_texture_scan_is_whole() -> None:
+    config = FrameConfig()
+    codes, _ = preset("physical").samples(config.readout, embedded_dataset()[0].load())
+    samples = codes[::200]
+    run = simulate(config, FrameStimulus.from_samples(config, samples, drain=10))
+    received = unpack(config, run.words["data"], run.words["sync"])
+    assert np.array_equal(received, adc_code(config, samples))
+    assert len(np.unique(received)) > 5
+    seconds = len(samples) / config.frame_rate_hz
+    assert len(run.words) / seconds == pytest.approx(config.word_rate_hz)
+
+
+# -- refusals ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("fields", "sentence"),
+    [
+        ({"word_bits": 5}, "word_bits must be in resolution = 6..64, not 5"),
+        ({"word_bits": 65}, "word_bits must be in resolution = 6..64, not 65"),
+        ({"word_bits": 16.0}, "word_bits must be of type int, not 16.0"),
+        ({"settle_clocks": 0}, "settle_clocks must be in 1..1024, not 0"),
+        ({"conversion_clocks": 0}, "conversion_clocks must be in 1..1024, not 0"),
+        ({"rows": 65}, "rows must be in 1..64, not 65"),
+        ({"resolution": 11}, "resolution must be in 1..sample_bits - 2 = 10, not 11"),
+    ],
+)
+def test_a_configuration_out_of_range_is_refused(fields: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(InputError) as refused:
+        FrameConfig.from_dict(fields)
+    assert str(refused.value) == sentence
+
+
+def test_other_refusals_are_one_sentence() -> None:
+    config = FrameConfig(readout=ReadoutConfig(rows=1, columns=3, resolution=6))
+    words = np.array([1, 2, 3, 0], np.uint64)
+    cases: list[tuple[Callable[[], object], str]] = [
+        (lambda: FrameConfig.from_dict({"row": 1}), "unknown configuration field 'row'"),
+        (lambda: FrameConfig.from_dict([]), "a configuration must be a JSON object, not list"),
+        (lambda: config.replace(taxels=3), "unknown parameter in taxels"),
+        (lambda: FrameConfig(readout=3), "readout must be of type ReadoutConfig, not 3"),  # type: ignore[arg-type]
+        (lambda: adc_code(config, np.array([2048])), "samples must be in -2048..2047 (12 bits), not 2048..2048"),
+        (lambda: pack(config, np.zeros((1, 2), int)), "codes must have shape (frames, 3), not (1, 2)"),
+        (lambda: pack(config, np.full((1, 3), 64)), "codes must be in -32..63 (6 bits), not 64..64"),
+        (lambda: unpack(config, words, np.array([1, 0, 0, 1])), "word 2: a frame of 2 words does not begin here"),
+        (
+            lambda: unpack(config, words, np.array([1])),
+            "words and sync must have one shape (words,), not (4,) and (1,)",
+        ),
+        (lambda: unpack(config, words), "words must have shape (frames, 2), not (4,)"),
+        (lambda: unpack(config, np.array([[0, 8]])), "a frame does not end in zeros"),
+        (
+            lambda: simulate(config, FrameStimulus.from_samples(config, np.zeros((1, 2), int))),
+            "samples must have shape (ticks, 3) for 1 x 3 taxels, not (1, 2)",
+        ),
+        (
+            lambda: simulate(config, FrameStimulus.from_samples(config, np.zeros((1, 3)), conversion=np.array([0]))),
+            "conversion must be 1 clock or more",
+        ),
+    ]
+    for call, sentence in cases:
+        with pytest.raises(InputError) as refused:
+            call()
+        assert str(refused.value).startswith(sentence)
+
+
+def test_configuration_goes_through_a_dictionary() -> None:
+    config = FrameConfig(readout=ReadoutConfig(rows=3, reset="async"), word_bits=24, conversion_clocks=4)
+    assert FrameConfig.from_dict(json.loads(json.dumps(config.to_dict()))) == config
+    shared = FrameConfig.from_dict(ReadoutConfig(rows=3, encoding="nlcs", link="four_phase").to_dict())
+    assert (shared.rows, shared.word_bits) == (3, 16)
+    assert "encoding" not in shared.to_dict()
+    assert config.replace(rows=5, word_bits=12).to_dict() == config.to_dict() | {"rows": 5, "word_bits": 12}
+
+
+# -- the command -------------------------------------------------------------------------------------
+
+
+def test_frames_compares_all_readouts_on_the_same_scans(call: Call) -> None:
+    code, out, err = call("frames --dataset embedded --limit 3 --resolution 4 --frame-rate 5000 --json")
+    assert (code, err) == (0, "")
+    report = json.loads(out)
+    data, scan = embedded_dataset().limit(3), preset("paper")
+    frame_bits = 4 * 64 * 5000
+    assert report["frame"]["bits_per_s"] == frame_bits
+    assert report["frame"]["words_per_s"] == 16 * 5000
+    for encoding, bits in (("lcs", 7), ("cw-lcs", 7), ("nlcs", 6)):
+        config = scan.configure(ReadoutConfig.from_dict({"encoding": encoding, "resolution": 4}), 0.2)
+        rate = measure_rates(data, scan, config).population_rate_hz
+        found = report[encoding]
+        assert found["events_per_s"] == rate > 0
+        assert found["bits_per_s"] == rate * bits
+        assert found["ratio_to_frame"] == pytest.approx(rate * bits / frame_bits)
+        assert found["equal_frame_rate_hz"] * 4 * 64 == pytest.approx(rate * bits)
+
+
+def test_frames_prints_a_line_for_each_readout(call: Call) -> None:
+    code, out, err = call("frames --dataset embedded --limit 1 --rows 2 --columns 2 --preset physical")
+    assert (code, err) == (0, "")
+    assert [line.split()[0] for line in out.splitlines()[4:8]] == ["LCS", "CW-LCS", "N-LCS", "frame"]
+    assert "40,000" in out  # 24 bits are 2 words of 16
+
+
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        ("frames --resolution 11", "error: resolution must be in 1..sample_bits - 2 = 10, not 11"),
+        ("frames --word-bits 4", "error: word_bits must be in resolution = 6..64, not 4"),
+        ("frames --frame-rate 0", "error: --frame-rate must be a positive number of hertz, not 0.0"),
+        ("frames --preset dream", "error: preset must be"),
+        ("frames --dataset nowhere", "error: "),
+    ],
+)
+def test_bad_input_to_frames_is_one_sentence(call: Call, line: str, sentence: str) -> None:
+    code, out, err = call(line)
+    assert (code, out) == (2, "")
+    assert err.startswith(sentence)
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--readout", "film"], "error: --readout must be one of spiking, frame, not 'film'"),
+        (["--word-bits", "8"], "error: --word-bits belongs to the frame readout; add --readout frame"),
+        (["--readout", "frame", "--word-bits", "4"], "error: word_bits must be in resolution = 6..64, not 4"),
+    ],
+)
+def test_bad_input_to_verilog_is_one_sentence(arguments: list[str], sentence: str, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "rtl", "verilog", *arguments, "-o", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (2, sentence + "\n")
+    assert not out.exists()
