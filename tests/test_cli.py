@@ -108,8 +108,7 @@ def shown(capsys: pytest.CaptureFixture[str], *args: str) -> tuple[ReadoutConfig
         (
             ["show", "--encoding", "nlcs", "--tau", "1e-9"],
             2,
-            "error: tau 1e-09 s is not reachable with a sample period of 5e-05 s; "
-            "the nearest is 7.21e-05 s\n",
+            "error: tau 1e-09 s is not reachable with a sample period of 5e-05 s; the nearest is 7.21e-05 s\n",
         ),
         (
             ["show", "--tau", "0.2"],
