@@ -16,7 +16,7 @@ config = $(call options,$(CONFIG_VARIABLES))
 flag = $(if $(filter 1 yes true,$($(1))),--$(2))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup programs sim test verilog replay rates train crossval power fig6 fig7 sensitivity explore frames report bench lint format clean
+.PHONY: help setup programs sim test verilog replay rates train crossval power fig6 fig7 sensitivity explore gates frames report bench lint format clean
 
 help: ## list the targets
 	@echo "make TARGET [VARIABLE=value ...]"
@@ -74,6 +74,9 @@ fig6 fig7 sensitivity: $(STAMP) ## the power figures in both modes, data and pic
 explore: $(STAMP) ## cheapest readout for your sensor [ROWS= COLUMNS= BANDWIDTH= NOISE= SUPPLY= EVENT_RATE= ...]
 	@$(RUN) -m model explore $(call options,ROWS COLUMNS BANDWIDTH NOISE SUPPLY PADS_VOLTAGE PADS_TOGGLE TAU EVENT_RATE \
 	NLCS_EVENT_RATE RATE_RESOLUTION MIN_RESOLUTION DATASET PRESET RATES SYNTHESIS OUT)
+
+gates: $(STAMP) ## gates and flops of both readouts after synthesis [LIBERTY=cells.lib]
+	@$(RUN) -m rtl gates $(config) $(call options,LIBERTY)
 
 frames: $(STAMP) ## events against frames on the same scans [RESOLUTION= FRAME_RATE= DATASET= PRESET= LIMIT=]
 	@$(RUN) -m model frames $(call options,RESOLUTION FRAME_RATE WORD_BITS TAU ROWS COLUMNS CONFIG DATASET PRESET LIMIT WORKERS)

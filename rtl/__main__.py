@@ -45,6 +45,47 @@ def verilog(
         print(path)
 
 
+@app.command()
+@with_config
+def gates(
+    config: ReadoutConfig,
+    liberty: Annotated[Path | None, typer.Option(help="cell library (.lib): mapped to it, with its area")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
+) -> None:
+    """Count gates and flops of both readouts, synthesised for the same array."""
+    import json
+
+    from rich.console import Console
+    from rich.table import Table
+
+    from model.frame_config import FrameConfig
+    from rtl.gates import count_gates
+
+    designs: dict[str, ReadoutConfig | FrameConfig] = {
+        encoding: config.replace(encoding=encoding) for encoding in ("lcs", "cw-lcs", "nlcs")
+    }
+    designs["frame"] = FrameConfig(readout=config)
+    counted = {name: count_gates(design, config.taxels, liberty).to_dict() for name, design in designs.items()}
+    if as_json:
+        print(json.dumps({"liberty": liberty.name if liberty else None, "readouts": counted}, indent=2))
+        return
+    unit = f"cells of {liberty.name}" if liberty else "two-input gates"
+    table = Table(title=f"{config.rows} x {config.columns} taxels, {config.resolution} b, {config.frontend}: {unit}")
+    table.add_column("readout")
+    for heading in ("flops", "gates", "per taxel", "um2 per taxel"):
+        table.add_column(heading, justify="right")
+    for name, numbers in counted.items():
+        area = numbers["area_um2_per_taxel"]
+        table.add_row(
+            name,
+            f"{numbers['flops']:.0f}",
+            f"{numbers['gates']:.0f}",
+            f"{numbers['flops_per_taxel']:.1f} + {numbers['gates_per_taxel']:.1f}",
+            "" if area is None else f"{area:.0f}",
+        )
+    Console().print(table)
+
+
 def main() -> None:
     """Run the command line of the RTL."""
     run(app, "python -m rtl")

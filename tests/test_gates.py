@@ -1,0 +1,72 @@
+"""Gates and flops of the readouts after synthesis."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.frame_config import FrameConfig
+from rtl.gates import count_gates
+
+ROOT = Path(__file__).resolve().parent.parent
+
+LIBRARY = ROOT.parent / "shared" / "data" / "ihp-sg13g2" / "sg13g2_stdcell_typ_1p20V_25C.lib"
+
+
+def test_flops_are_those_of_the_design() -> None:
+    config = ReadoutConfig(rows=2, columns=3)
+    per_taxel = 8 + 8 + 1 + 1  # sample and reference on the grid of D, request, polarity
+    arbiter = 1 + 1 + 3 + 3  # rows behind, row, latched columns and polarities
+    counted = count_gates(config, config.taxels)
+    assert counted.flops == 6 * per_taxel + arbiter
+    assert counted.gates > counted.flops
+    assert counted.area_um2 is None
+
+
+def test_analog_front_end_saves_the_samples() -> None:
+    config = ReadoutConfig(rows=2, columns=3)
+    saved = count_gates(config, 6).flops - count_gates(config.replace(frontend="analog"), 6).flops
+    assert saved == 6 * 8
+
+
+def test_frames_have_no_hardware_in_the_taxel() -> None:
+    small, large = (
+        count_gates(FrameConfig(readout=ReadoutConfig(rows=n, columns=n)), n * n).flops / n**2 for n in (4, 16)
+    )
+    assert large < small / 4
+
+
+@pytest.mark.skipif(not LIBRARY.is_file(), reason=f"no cell library {LIBRARY.name} beside the checkout")
+def test_a_real_library_gives_the_same_flops_and_an_area() -> None:
+    config = ReadoutConfig(rows=1, columns=2)
+    counted = count_gates(config, 2, LIBRARY)
+    assert counted.flops == count_gates(config, 2).flops
+    smallest, largest_flop = 1.8, 60.0  # um2: the library's least cell, and more than any of its flops
+    assert counted.area_um2 is not None
+    assert smallest * (counted.gates + counted.flops) < counted.area_um2
+    assert counted.area_um2 < largest_flop * (counted.gates + counted.flops)
+
+
+def test_a_file_that_is_no_library_is_one_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "few.lib"
+    path.write_text("module few; endmodule")
+    with pytest.raises(InputError, match=r"few\.lib is no liberty file: it has no library\(\.\.\.\); give a \.lib$"):
+        count_gates(ReadoutConfig(rows=1, columns=1), 1, path)
+    with pytest.raises(InputError, match=r"^cannot read the cell library .*none\.lib: No such file or directory$"):
+        count_gates(ReadoutConfig(rows=1, columns=1), 1, tmp_path / "none.lib")
+
+
+def test_command_compares_the_readouts_of_one_array() -> None:
+    command = [sys.executable, "-m", "rtl", "gates", "--rows", "2", "--columns", "2", "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    readouts = json.loads(done.stdout)["readouts"]
+    assert list(readouts) == ["lcs", "cw-lcs", "nlcs", "frame"]
+    expected = count_gates(ReadoutConfig(rows=2, columns=2, encoding="nlcs"), 4).to_dict()
+    assert readouts["nlcs"] == expected
+    assert readouts["frame"]["flops"] < readouts["lcs"]["flops"] < readouts["cw-lcs"]["flops"]
