@@ -101,9 +101,16 @@ def test_a_missing_dataset_is_one_sentence(tmp_path: Path) -> None:
 
 
 def test_make_passes_variables_on_and_ignores_the_width_of_the_window() -> None:
-    command = ["make", "-n", "-o", ".venv/.installed", "sim", "ROWS=12", "SAMPLE_RATE=1e4", "SIM=icarus", "WAVES=1"]
+    command = ["make", "--no-print-directory", "-n", "-o", ".venv/.installed", "sim"]
+    variables = ["ROWS=12", "SAMPLE_RATE=1e4", "SIM=icarus", "WAVES=1"]
+    outer = {name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))}
     done = subprocess.run(
-        command, cwd=simulator.ROOT, capture_output=True, text=True, check=True, env=os.environ | {"COLUMNS": "132"}
+        [*command, *variables],
+        cwd=simulator.ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+        env=outer | {"COLUMNS": "132"},
     )
     assert done.stdout.split()[1:] == [
         "-m", "cocotb_tests", "sim", "--rows", "'12'", "--sample-rate", "'1e4'", "--sim", "'icarus'", "--waves",
