@@ -9,6 +9,8 @@ STAMP := $(VENV)/.installed
 
 CONFIG_VARIABLES := ROWS COLUMNS ENCODING SAMPLE_BITS RESOLUTION DECIDE_EVERY REFERENCE_RESET CLOSING_SHIFT \
   WINDOW_PERIOD LEAK_SHIFT LEAK_PERIOD FRACTION_BITS LINK FRONTEND RESET SAMPLE_RATE CLOCKS_PER_SAMPLE TAU CONFIG
+# Or programs would take the number of taxel columns for the width of their window.
+unexport COLUMNS
 # Only what was typed behind make counts: a shell may export COLUMNS, the width of its window.
 typed = $(filter command,$(origin $(1)))
 options = $(foreach v,$(1),$(if $(call typed,$(v)),--$(shell echo $(v) | tr A-Z_ a-z-) '$($(v))'))
