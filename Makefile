@@ -24,7 +24,7 @@ help: ## list the targets
 	@echo "make TARGET [VARIABLE=value ...]"
 	@grep -E '^[a-z0-9 ]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9 ]+):.*## /  \1|/' | column -t -s '|'
 	@echo
-	@echo "Configuration, for sim, replay, verilog and rates:"
+	@echo "Configuration, for sim, replay, verilog and gates; rates, frames and explore take some of it:"
 	@echo "  $(CONFIG_VARIABLES)" | fold -s -w 100
 	@echo "Example: make sim ROWS=12 COLUMNS=16 ENCODING=nlcs RESOLUTION=6 SIM=icarus WAVES=1"
 

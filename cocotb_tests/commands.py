@@ -30,6 +30,7 @@ from model.errors import InputError
 from model.files import atomic_write
 
 MODEL = Path(model.__file__).parent
+ALL_TICKS = 10**6  # more than any scan has: WAVES=1 alone would cut the scan short of the mismatch
 WAVE_TICKS = 200
 """Sample ticks of a scan when a waveform is left, and in the slow simulator, unless told otherwise."""
 
@@ -92,8 +93,7 @@ def sim(
             folder = out / f"{chosen.rows}x{chosen.columns}-{encoding}-{chosen.resolution}b"
             again = reproduce(chosen, simulator, seed)
             if picked:
-                ends = f"TICKS={ticks or WAVE_TICKS}" if ticks or waves else "TICKS=100000"
-                again = f"{again.replace(' TEXTURES=0', '')} DATASET={dataset or 'embedded'} {ends}"
+                again = f"{again.replace(' TEXTURES=0', '')} DATASET={dataset or 'embedded'} TICKS={ticks or ALL_TICKS}"
             job = Job(
                 chosen.to_dict(),
                 again,
