@@ -290,16 +290,22 @@ class AugmentConfig:
     ----------
     shift_steps : int
         The scan moves by -shift_steps..shift_steps steps; what enters is empty, what leaves is lost.
+    speed_spread : float
+        The scan runs 1 - speed_spread .. 1 + speed_spread times as fast: its events move in time, and none is split
+        or made up (``at_speed``).
     drop_taxels : float
         Probability with which a taxel is silent for the whole scan.
     """
 
     shift_steps: int = 0
+    speed_spread: float = 0.0
     drop_taxels: float = 0.0
 
     def __post_init__(self) -> None:
         if self.shift_steps < 0:
             raise InputError(f"shift_steps must be at least 0, not {self.shift_steps}")
+        if not 0 <= self.speed_spread < 1:
+            raise InputError(f"speed_spread must be from 0 to below 1, not {self.speed_spread!r}")
         if not 0 <= self.drop_taxels < 1:
             raise InputError(f"drop_taxels must be a probability below 1, not {self.drop_taxels!r}")
 
@@ -309,6 +315,9 @@ def augment(batch: Tensor, taxels: int, config: AugmentConfig, generator: np.ran
     import torch
 
     steps, scans, channels = batch.shape
+    if config.speed_spread:
+        spread = config.speed_spread
+        batch = at_speed(batch, torch.from_numpy(generator.uniform(1 - spread, 1 + spread, scans)).to(batch))
     if config.shift_steps:
         shifts = generator.integers(-config.shift_steps, config.shift_steps + 1, scans)
         source = torch.arange(steps)[:, None] - torch.from_numpy(shifts)[None, :]
@@ -319,3 +328,30 @@ def augment(batch: Tensor, taxels: int, config: AugmentConfig, generator: np.ran
         kept = torch.from_numpy(generator.random((scans, taxels)) >= config.drop_taxels).to(batch)
         batch = batch * kept.repeat(1, channels // taxels)
     return batch
+
+
+def at_speed(batch: Tensor, speed: Tensor) -> Tensor:
+    """Return the counts of scans at other speeds, shape (steps, scans, channels).
+
+    Events count as evenly spread over their bin. Bin t of a scan at speed v holds the whole events between v t and
+    v (t + 1) bins of the original: those up to a time, rounded down, less those before. Events in later bins than the
+    last are lost, and a faster scan ends early.
+
+    Parameters
+    ----------
+    batch : shape (steps, scans, channels)
+        Whole numbers.
+    speed : shape (scans,)
+        Positive; 1 leaves a scan as it is.
+    """
+    import torch
+
+    steps = len(batch)
+    until = torch.cat((batch.new_zeros(1, *batch.shape[1:]), batch.cumsum(0)))  # events before each bin's start
+    place = (torch.arange(steps + 1)[:, None] * speed[None, :]).clamp(max=steps)
+    lower = place.floor().long().clamp(max=steps - 1)
+    part = (place - lower)[:, :, None]
+    index = lower[:, :, None].expand(-1, -1, batch.shape[2])
+    below = until.gather(0, index)
+    now = (below + part * (until.gather(0, index + 1) - below) + 1e-4).floor()  # a sum of floats may lack a little
+    return now.diff(dim=0)

@@ -63,6 +63,8 @@ class Experiment:
             raise InputError(f"unknown network field {unknown[0]!r}; known are {', '.join(sorted(known))}")
         if self.events is not None and self.frames is not None:
             raise InputError("frames are made from textures, not from event files; give one of the two")
+        if self.frames is not None and self.train.speed_spread:
+            raise InputError("speed_spread moves events in time and cannot be used for frames; set it to 0")
         NetworkConfig(inputs=1, classes=1, **self.network)
 
     def data(self, progress: Progress | None = None) -> ScanData:

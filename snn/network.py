@@ -34,8 +34,15 @@ class NetworkConfig:
         Spiking; or, for frames, recurrent with ReLU units (the paper's baseline), gated, or 1-D convolutional.
     hidden : int
         Neurons or units of the hidden layer.
-    input_scale : float
-        Counts are multiplied by it.
+    input_scale, input_offset : float
+        The offset is taken off what comes in, and the rest is multiplied by the scale.
+    input_rms : float
+        Where not 0, training sets the scale such that its scans come in with this root mean square.
+    input_center : bool
+        Training sets the offset to the mean of its scans; for frames, counts stay sparse.
+    hidden_rate, output_rate : float
+        Where not 0, training starts from biases with which every hidden neuron fires this often per step, and every
+        output neuron is driven by this much of its threshold (``snn.calibration``).
     decay, output_decay : float
         Part of the membrane potential left after one step; 1 is the paper's neuron without leak.
     learn_decay : bool
@@ -58,6 +65,11 @@ class NetworkConfig:
     kind: Kind = "spiking"
     hidden: int = 256
     input_scale: float = 1.0
+    input_offset: float = 0.0
+    input_rms: float = 0.0
+    input_center: bool = False
+    hidden_rate: float = 0.0
+    output_rate: float = 0.0
     decay: float = 1.0
     output_decay: float = 1.0
     learn_decay: bool = False
@@ -91,7 +103,14 @@ class NetworkConfig:
                 raise InputError(f"{name} must be below 1 to be learned; give a start value such as 0.95")
         if not 0 <= self.dropout < 1:
             raise InputError(f"dropout must be a probability below 1, not {self.dropout!r}")
-        for name in ("rate_weight", "rate_limit"):
+        if not math.isfinite(self.input_offset):
+            raise InputError(f"input_offset must be a number, not {self.input_offset!r}")
+        if self.kind == "spiking" and (self.input_center or self.input_offset):
+            raise InputError("input_center and input_offset are for frames; spikes are counted from 0")
+        for name in ("hidden_rate", "output_rate"):
+            if not 0 <= getattr(self, name) < 1:
+                raise InputError(f"{name} must be from 0 to below 1 spikes per step, not {getattr(self, name)!r}")
+        for name in ("rate_weight", "rate_limit", "input_rms"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
                 raise InputError(f"{name} must be a number from 0, not {getattr(self, name)!r}")
         self.rule  # noqa: B018  # its fields are checked on construction
@@ -266,4 +285,6 @@ def _scaled(config: NetworkConfig, x: Tensor) -> Tensor:
             f"the network takes {config.inputs} channels, the scans have {x.shape[-1]}; "
             f"they come from another array, encoding or time step"
         )
+    if config.input_offset:
+        x = x - config.input_offset
     return x if config.input_scale == 1 else x * config.input_scale

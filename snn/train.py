@@ -26,10 +26,14 @@ from torch.nn import functional
 
 from model.errors import InputError
 from model.files import atomic_write
+from snn.calibration import calibrate
 from snn.dataset import AugmentConfig, ScanData, augment
 from snn.network import NetworkConfig, Output, build
 
 CHECKPOINT_FORMAT = 1
+CALIBRATION_SCANS = 128
+"""At most so many training scans, evenly spread, set the scale of the inputs and the first biases."""
+
 LARGE_GRADIENT = 1e4
 """Norm of the gradient, before clipping, that is reported as a sign of divergence."""
 
@@ -51,7 +55,7 @@ class TrainConfig:
         The learning rate falls to zero along half a cosine; else it is constant.
     clip : float
         Largest norm of the gradient.
-    shift_steps, drop_taxels
+    shift_steps, speed_spread, drop_taxels
         See ``AugmentConfig``.
     """
 
@@ -62,6 +66,7 @@ class TrainConfig:
     cosine: bool = False
     clip: float = 1.0
     shift_steps: int = 0
+    speed_spread: float = 0.0
     drop_taxels: float = 0.0
 
     def __post_init__(self) -> None:
@@ -78,7 +83,7 @@ class TrainConfig:
     @property
     def augmentation(self) -> AugmentConfig:
         """What is changed at random in every scan."""
-        return AugmentConfig(shift_steps=self.shift_steps, drop_taxels=self.drop_taxels)
+        return AugmentConfig(shift_steps=self.shift_steps, speed_spread=self.speed_spread, drop_taxels=self.drop_taxels)
 
     def rate_at(self, epoch: int) -> float:
         """Return the learning rate of an epoch, counted from 0."""
@@ -195,7 +200,10 @@ def train(
         If the loss is not finite.
     """
     check_fits(network_config, data)
-    network = build(network_config, seed).to(device)
+    scans = data.scans_of(images)
+    network = build(network_config, seed)
+    calibrate(network, data.batch(scans[:: -(-len(scans) // CALIBRATION_SCANS)]))
+    network.to(device)
     optimizer = torch.optim.AdamW(
         network.parameters(), lr=train_config.learning_rate, weight_decay=train_config.weight_decay
     )
@@ -203,7 +211,6 @@ def train(
     key = fingerprint(data, images, network_config, train_config, seed, held_out, test)
     if checkpoint is not None and checkpoint.exists():
         load_checkpoint(checkpoint, training, key)
-    scans = data.scans_of(images)
     for number in range(len(training.history), train_config.epochs):
         epoch = _epoch(training, data, scans, train_config, seed, number, device)
         if held_out is not None and len(held_out):

@@ -16,7 +16,7 @@ from model.dataset import embedded_dataset
 from model.errors import InputError
 from model.events import Recording, make_events, no_events
 from model.texture import PaperScan, PhysicalScan
-from snn.dataset import AugmentConfig, BinConfig, augment, bin_recording, collect, load_recordings
+from snn.dataset import AugmentConfig, BinConfig, at_speed, augment, bin_recording, collect, load_recordings
 from snn.scans import FrameConfig, frame_dataset, record, record_dataset
 
 ROOT = Path(__file__).parents[1]
@@ -131,6 +131,35 @@ def test_frames_come_from_the_same_scans() -> None:
 
 
 # -- augmentation ------------------------------------------------------------------------------------
+
+
+def test_scans_at_other_speeds_keep_their_events() -> None:
+    import torch
+
+    counts = torch.poisson(torch.full((40, 6, 4), 1.3), generator=torch.Generator().manual_seed(0))
+    assert torch.equal(at_speed(counts, torch.ones(6)), counts)
+    faster = at_speed(counts, torch.full((6,), 2.0))
+    assert torch.equal(faster[:20], counts[0::2] + counts[1::2]), "twice as fast: two bins in one"
+    assert not faster[20:].any(), "and over in half the time"
+    slower = at_speed(counts, torch.full((6,), 0.5))
+    assert torch.equal(slower[0::2] + slower[1::2], counts[:20]), "half as fast: a bin in two"
+    mixed = at_speed(counts, torch.tensor([0.7, 0.9, 1.0, 1.1, 1.3, 1.9]))
+    assert torch.equal(mixed, mixed.round().clamp_min(0)), "whole numbers"
+    assert torch.equal(mixed[:, 3:].sum(0), counts[:, 3:].sum(0)), "no event of a faster scan is lost"
+
+
+def test_the_speed_of_every_scan_is_drawn_anew() -> None:
+    import torch
+
+    counts = torch.poisson(torch.full((40, 6, 4), 1.3), generator=torch.Generator().manual_seed(0))
+    config = AugmentConfig(speed_spread=0.2)
+    once = augment(counts, 4, config, np.random.default_rng(0))
+    assert torch.equal(once, augment(counts, 4, config, np.random.default_rng(0)))
+    assert not torch.equal(once, augment(counts, 4, config, np.random.default_rng(1)))
+    speeds = torch.from_numpy(np.random.default_rng(0).uniform(0.8, 1.2, 6)).float()
+    assert torch.equal(once, at_speed(counts, speeds))
+    with pytest.raises(InputError, match="speed_spread must be from 0"):
+        AugmentConfig(speed_spread=1.0)
 
 
 def test_augmentation_shifts_and_silences_whole_scans() -> None:

@@ -1,0 +1,96 @@
+"""What a network takes from its training scans before it learns."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import torch
+
+from model.errors import InputError
+from snn.calibration import calibrate
+from snn.exchange import Weights, load_weights, save_weights
+from snn.network import NetworkConfig, SpikingNetwork, build
+
+
+def scans(seed: int = 0, rate: float = 2.0) -> torch.Tensor:
+    """Return counts whose channels differ in rate, shape (60, 24, 16)."""
+    generator = torch.Generator().manual_seed(seed)
+    rates = torch.rand(16, generator=generator) * 2 * rate
+    return torch.poisson(rates.expand(60, 24, 16), generator=generator)
+
+
+def spiking(seed: int = 2, **fields: float) -> SpikingNetwork:
+    network = build(NetworkConfig(inputs=16, classes=6, hidden=64, **fields), seed)  # type: ignore[arg-type]
+    assert isinstance(network, SpikingNetwork)
+    return network
+
+
+def test_without_the_fields_nothing_changes() -> None:
+    network, untouched = spiking(), spiking()
+    calibrate(network, scans())
+    assert network.config == untouched.config
+    assert all(torch.equal(a, b) for a, b in zip(network.parameters(), untouched.parameters(), strict=True))
+
+
+def test_counts_come_in_with_the_root_mean_square_asked_for() -> None:
+    network = spiking(input_rms=3.0)
+    counts = scans()
+    calibrate(network, counts)
+    size = (counts * network.config.input_scale).square().mean().sqrt()
+    assert float(size) == pytest.approx(3.0, rel=1e-5)
+
+
+def test_scans_without_events_leave_the_scale_at_one() -> None:
+    network = spiking(input_rms=3.0)
+    calibrate(network, torch.zeros(5, 2, 16))
+    assert network.config.input_scale == 1.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_hidden_neurons_start_near_the_rate_asked_for(seed: int) -> None:
+    counts = scans(seed)
+    before = spiking(seed).spikes(counts).detach().mean((0, 1))
+    assert float((before < 0.01).float().mean()) > 0.15, "without it many neurons hardly fire"
+    network = spiking(seed, input_rms=3.0, hidden_rate=0.1)
+    calibrate(network, counts)
+    rates = network.spikes(counts).detach().mean((0, 1))
+    assert float(rates.min()) > 0.02
+    assert float(rates.mean()) == pytest.approx(0.1, abs=0.06)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_every_output_neuron_is_driven_alike(seed: int) -> None:
+    counts = scans(seed)
+    network = spiking(seed, input_rms=3.0, hidden_rate=0.1, output_rate=0.1)
+    calibrate(network, counts)
+    drive = network.spikes(counts).mean((0, 1)) @ network.w_out.t() + network.b_out
+    assert torch.allclose(drive, torch.full((6,), 0.1), atol=1e-5)
+    assert bool((network(counts).logits.mean(0) > 0).all()), "all outputs fire"
+
+
+def test_frames_are_centred_and_scaled() -> None:
+    network = build(NetworkConfig(inputs=16, classes=6, kind="rnn", input_rms=1.0, input_center=True), 0)
+    frames = 0.4 + 0.1 * torch.randn(50, 8, 16, generator=torch.Generator().manual_seed(1))
+    calibrate(network, frames)
+    config = network.config
+    assert isinstance(config, NetworkConfig)
+    entering = (frames - config.input_offset) * config.input_scale
+    assert float(entering.mean()) == pytest.approx(0.0, abs=1e-4)
+    assert float(entering.std()) == pytest.approx(1.0, rel=1e-3)
+
+
+def test_the_numbers_found_travel_with_the_weights(tmp_path: Path) -> None:
+    counts = scans()
+    network = spiking(input_rms=3.0, hidden_rate=0.1, output_rate=0.1)
+    calibrate(network, counts)
+    save_weights(tmp_path / "w.npz", Weights(network, tuple("abcdef"), 0.004))
+    loaded = load_weights(tmp_path / "w.npz").network
+    assert torch.equal(loaded(counts).logits, network(counts).logits)
+
+
+def test_an_offset_of_counts_is_refused() -> None:
+    with pytest.raises(InputError, match="are for frames"):
+        NetworkConfig(inputs=1, classes=1, input_center=True)
+    with pytest.raises(InputError, match="hidden_rate must be from 0"):
+        NetworkConfig(inputs=1, classes=1, hidden_rate=1.0)
