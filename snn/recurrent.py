@@ -8,8 +8,8 @@ The rule of one step (physics of the paper's network, section II-D; variants as 
 
 Forward is one product with W_rec per step, backward one with its transpose; the weight gradients are one product
 each at the end. On the CPU every product with spikes or sparse inputs on one side is done over the events only,
-in a compiled kernel. The pure torch path does the same steps with dense products on any device and in any float
-type; ``layer_reference`` is the plain loop that both are held to.
+in a compiled kernel; on a GPU the whole time loop is one Triton kernel. The pure torch path does the same steps with
+dense products on any device and in any float type; ``layer_reference`` is the plain loop that all are held to.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from torch.nn import functional
 from model.errors import InputError
 from snn import kernel
 
-Backend = Literal["auto", "kernel", "torch"]
+Backend = Literal["auto", "kernel", "triton", "torch"]
 Reset = Literal["zero", "subtract"]
 
 DENSE_FROM = 0.6
@@ -108,8 +108,9 @@ def layer(
         Decay is the part of v that is left after one step; 1 for a neuron without a leak.
     w_rec : shape (neurons, neurons), optional
         Entry (i, j) is the weight from neuron j to neuron i, one step later.
-    backend : "auto", "kernel" or "torch"
-        "auto" takes the kernel for float32 on the CPU where it can be compiled.
+    backend : "auto", "kernel", "triton" or "torch"
+        "auto" takes the kernel for float32 on the CPU where it can be compiled, and Triton for float32 on a GPU where
+        it is installed.
 
     Returns
     -------
@@ -123,6 +124,11 @@ def layer(
         )
     if backend == "kernel" or (backend == "auto" and suits and kernel.available()):
         return _KernelLayer.apply(rule, x, w_in, bias, decay, w_rec)
+    if backend == "triton" or (backend == "auto" and x.is_cuda):
+        if _triton_takes(x, w_in, bias, decay, w_rec):
+            return _TritonLayer.apply(rule, x, w_in, bias, decay, w_rec)
+        if backend == "triton":
+            raise InputError("the Triton kernel needs float32 on a CUDA GPU and the package triton; use torch")
     return _TorchLayer.apply(rule, x, w_in, bias, decay, w_rec)
 
 
@@ -210,7 +216,7 @@ class _TorchLayer(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, grad_s: Tensor) -> tuple[Tensor | None, ...]:
-        x, w_in, w_rec, decay, v, s = ctx.saved_tensors
+        _, _, w_rec, decay, v, s = ctx.saved_tensors
         rule = ctx.rule
         subtract = rule.reset == "subtract"
         slope = rule.slope(v)
@@ -229,18 +235,55 @@ class _TorchLayer(torch.autograd.Function):
             else:
                 now.zero_()
             now.addcmul_(from_spikes, slope[t]).mul_(open_[t])
-        rows = grad.flatten(0, 1)
-        carry = v - s if subtract else v * (1.0 - s)
-        grad_x = grad @ w_in if ctx.needs_input_grad[1] else None
-        grad_rec = None if w_rec is None else grad[1:].flatten(0, 1).t() @ s[:-1].flatten(0, 1)
-        return (
-            None,
-            grad_x,
-            rows.t() @ x.flatten(0, 1),
-            rows.sum(0),
-            (grad[1:] * carry[:-1]).sum((0, 1)),
-            grad_rec,
-        )
+        return _dense_gradients(ctx, grad)
+
+
+def _dense_gradients(ctx: Any, grad: Tensor) -> tuple[Tensor | None, ...]:
+    """Return the gradients of all arguments of a layer from that of the currents, (steps, batch, neurons)."""
+    x, w_in, w_rec, _, v, s = ctx.saved_tensors
+    rows = grad.flatten(0, 1)
+    grad_x = grad @ w_in if ctx.needs_input_grad[1] else None
+    grad_decay = None
+    if ctx.needs_input_grad[4]:
+        carry = v - s if ctx.rule.reset == "subtract" else v * (1.0 - s)
+        grad_decay = (grad[1:] * carry[:-1]).sum((0, 1))
+    grad_rec = None if w_rec is None else grad[1:].flatten(0, 1).t() @ s[:-1].flatten(0, 1)
+    return None, grad_x, rows.t() @ x.flatten(0, 1), rows.sum(0), grad_decay, grad_rec
+
+
+# -- triton ------------------------------------------------------------------------------------------
+
+
+def _triton_takes(*tensors: Tensor | None) -> bool:
+    """Return whether Triton is installed and takes these: float32 on a GPU, or on any device in its interpreter."""
+    try:
+        from snn import kernel_triton
+    except ImportError:
+        return False
+    return all(p is None or (p.dtype == torch.float32 and (p.is_cuda or kernel_triton.INTERPRETED)) for p in tensors)
+
+
+class _TritonLayer(torch.autograd.Function):
+    """The time loop in one launch forward and one backward; dense products over the whole sequence around it."""
+
+    @staticmethod
+    def forward(
+        ctx: Any, rule: NeuronRule, x: Tensor, w_in: Tensor, bias: Tensor, decay: Tensor, w_rec: Tensor | None
+    ) -> Tensor:
+        from snn import kernel_triton
+
+        decay = decay.contiguous()
+        v, s = kernel_triton.forward(rule, decay, w_rec, functional.linear(x, w_in, bias).contiguous())
+        ctx.rule = rule
+        ctx.save_for_backward(x, w_in, w_rec, decay, v, s)
+        return s
+
+    @staticmethod
+    def backward(ctx: Any, grad_s: Tensor) -> tuple[Tensor | None, ...]:
+        from snn import kernel_triton
+
+        _, _, w_rec, decay, v, _ = ctx.saved_tensors
+        return _dense_gradients(ctx, kernel_triton.backward(ctx.rule, decay, w_rec, v, grad_s.contiguous()))
 
 
 # -- reference ---------------------------------------------------------------------------------------
