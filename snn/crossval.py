@@ -1,4 +1,4 @@
-"""Cross-validation: folds x seeds, each cell a file of its own, so that a stopped run goes on where it was.
+"""Cross-validation: one cell (fold and seed), its file, and the summary of all. ``snn.sweep`` runs them.
 
 Protocol: folds are stratified and fixed by a seed. Every cell trains twice with the same budget of epochs: on all its
 training images, of which the last epoch counts; and on those without an inner validation part, which selects the
@@ -10,9 +10,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import multiprocessing
-from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
@@ -120,140 +117,38 @@ def summarise(cells: list[dict[str, Any]], images: int, classes: int) -> dict[st
     return result
 
 
-def cross_validate(
-    experiment: Experiment,
-    folder: Path,
-    *,
-    folds: int = 6,
-    seeds: int = 3,
-    fold_seed: int = 0,
-    workers: int = 1,
-    data: ScanData | None = None,
-    progress: Callable[[dict[str, Any]], object] | None = None,
-) -> dict[str, Any]:
-    """Run all cells that have no result yet, and return the report, which also stands in ``folder/result.json``.
-
-    Parameters
-    ----------
-    experiment : Experiment
-    folder : Path
-        Takes one file per cell, and the report.
-    folds, seeds, fold_seed : int
-        Seeds are 0 .. seeds - 1.
-    workers : int
-        Processes of one thread each; the result does not depend on it.
-    data : ScanData, optional
-        The scans of the experiment, if they are there already.
-    progress : callable, optional
-        Called with every cell, also those found done.
-
-    Raises
-    ------
-    InputError
-        If the folder holds cells of another experiment.
-    """
-    if seeds < 1 or workers < 1:
-        raise InputError(f"seeds and workers must be at least 1, not {seeds} and {workers}")
-    data = experiment.data() if data is None else data
-    stratified_folds(data.image_labels, folds, fold_seed)  # refuses at once
-    key = experiment.to_dict() | {"folds": folds, "fold_seed": fold_seed, "data": _digest(data)}
-    folder.mkdir(parents=True, exist_ok=True)
-    names = {(fold, seed): folder / f"fold-{fold}-seed-{seed}.json" for seed in range(seeds) for fold in range(folds)}
-    done: dict[tuple[int, int], dict[str, Any]] = {}
-    for cell, path in names.items():
-        if path.exists():
-            done[cell] = _read_cell(path, key)
-            if progress is not None:
-                progress(done[cell])
-
-    def finish(result: dict[str, Any]) -> None:
-        cell = (result["fold"], result["seed"])
-        _write_json(names[cell], {"experiment": key, "result": result})
-        done[cell] = result
-        if progress is not None:
-            progress(result)
-
-    missing = [cell for cell in names if cell not in done]
-    if workers == 1 or len(missing) < 2:
-        for fold, seed in missing:
-            finish(run_cell(experiment, data, fold, seed, folds, fold_seed))
-    else:
-        _run_parallel(experiment, data, missing, folds, fold_seed, workers, finish)
-    cells = [done[cell] for cell in names]
-    report = {
-        "experiment": key,
-        "seeds": seeds,
-        "rate_hz": data.rate_hz,
-        "class_names": list(data.class_names),
-        **summarise(cells, len(data.names), len(data.class_names)),
-        "cells": cells,
-    }
-    _write_json(folder / "result.json", report)
-    return report
+# -- the files of cells ----------------------------------------------------------------------------
 
 
-# -- processes and files -----------------------------------------------------------------------------
-
-_shared: tuple[Experiment, ScanData, int, int] | None = None
-
-
-def _start(experiment: Experiment, data: ScanData, folds: int, fold_seed: int) -> None:
-    """Keep what all cells of a process share; two threads on a shared machine can be far slower than one."""
-    import torch
-
-    global _shared
-    torch.set_num_threads(1)
-    _shared = (experiment, data, folds, fold_seed)
+def digest(data: ScanData) -> str:
+    """Return a text that is the same only for the same scans of the same images."""
+    found = hashlib.sha256(np.ascontiguousarray(data.values).tobytes())
+    found.update(data.labels.tobytes() + data.images.tobytes())
+    return found.hexdigest()
 
 
-def _work(fold: int, seed: int) -> dict[str, Any]:
-    assert _shared is not None
-    experiment, data, folds, fold_seed = _shared
-    return run_cell(experiment, data, fold, seed, folds, fold_seed)
-
-
-def _run_parallel(
-    experiment: Experiment,
-    data: ScanData,
-    cells: list[tuple[int, int]],
-    folds: int,
-    fold_seed: int,
-    workers: int,
-    finish: Callable[[dict[str, Any]], None],
-) -> None:
-    """Run cells in processes and hand each result over as it comes."""
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, context, _start, (experiment, data, folds, fold_seed))
-    try:
-        for future in as_completed([pool.submit(_work, fold, seed) for fold, seed in cells]):
-            finish(future.result())
-    finally:
-        pool.shutdown(cancel_futures=True)
-
-
-def _digest(data: ScanData) -> str:
-    digest = hashlib.sha256(np.ascontiguousarray(data.values).tobytes())
-    digest.update(data.labels.tobytes() + data.images.tobytes())
-    return digest.hexdigest()
-
-
-def _read_cell(path: Path, key: dict[str, Any]) -> dict[str, Any]:
-    """Return the result of a finished cell, or refuse one of another experiment."""
+def read_cell(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return what a cell was run with, and its result; refuse another file."""
     try:
         content = json.loads(path.read_text())
-        found, result = content["experiment"], content["result"]
+        experiment, result = content["experiment"], content["result"]
     except (OSError, ValueError, KeyError, TypeError):
         raise InputError(f"{path} is not the result of a cell; remove it") from None
-    if found != json.loads(json.dumps(key)):
-        names = [name for name in key if found.get(name) != json.loads(json.dumps(key[name]))]
+    if not (isinstance(experiment, dict) and isinstance(result, dict)):
+        raise InputError(f"{path} is not the result of a cell; remove it")
+    return experiment, result
+
+
+def check_same(path: Path, found: dict[str, Any], key: dict[str, Any]) -> None:
+    """Refuse a cell that was run with something else than ``key``, as far as that goes."""
+    wanted = json.loads(json.dumps(key))
+    if names := [name for name in wanted if found.get(name) != wanted[name]]:
         raise InputError(
             f"{path} is of another experiment (different: {', '.join(names)}); remove the folder or choose another"
         )
-    if not isinstance(result, dict):
-        raise InputError(f"{path} is not the result of a cell; remove it")
-    return result
 
 
-def _write_json(path: Path, content: dict[str, Any]) -> None:
+def write_json(path: Path, content: dict[str, Any]) -> None:
+    """Write a JSON file, whole or not at all."""
     with atomic_write(path) as file:
         file.write((json.dumps(content, indent=1) + "\n").encode())

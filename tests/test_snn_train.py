@@ -16,11 +16,13 @@ from typer.testing import CliRunner
 
 from model.errors import InputError
 from snn.__main__ import app
-from snn.commands import RECIPES, _parse_settings
-from snn.crossval import bootstrap, cross_validate, summarise, wilson
+from snn.crossval import bootstrap, summarise, wilson
 from snn.dataset import ScanData
 from snn.experiment import Experiment, stratified_folds
 from snn.network import NetworkConfig
+from snn.options import parse_settings
+from snn.recipes import RECIPES
+from snn.sweep import cross_validate
 from snn.train import DivergedError, Epoch, TrainConfig, predict, train
 
 ROOT = Path(__file__).parents[1]
@@ -212,15 +214,15 @@ def test_cells_are_kept_and_only_missing_ones_are_run(tmp_path: Path, monkeypatc
     assert json.loads((tmp_path / "a" / "result.json").read_text())["last"]["images"] == 30
     (tmp_path / "a" / "fold-1-seed-0.json").unlink()
     ran: list[int] = []
-    from snn import crossval
+    from snn import workers
 
-    original = crossval.run_cell
+    original = workers.run_cell
 
     def noted(e: Experiment, d: ScanData, fold: int, *rest: int) -> dict[str, Any]:
         ran.append(fold)
         return original(e, d, fold, *rest)
 
-    monkeypatch.setattr(crossval, "run_cell", noted)
+    monkeypatch.setattr(workers, "run_cell", noted)
     again = cross_validate(experiment, tmp_path / "a", folds=3, seeds=1, data=data)
     assert ran == [1]
     assert again == whole
@@ -245,7 +247,7 @@ def test_processes_give_the_result_of_one(tmp_path: Path) -> None:
 
 
 def test_settings_become_fields() -> None:
-    assert _parse_settings(["decay=0.5", "cosine=true", "reset=subtract", "shift_steps=3"]) == {
+    assert parse_settings(["decay=0.5", "cosine=true", "reset=subtract", "shift_steps=3"]) == {
         "decay": 0.5,
         "cosine": True,
         "reset": "subtract",
@@ -258,7 +260,7 @@ def test_settings_become_fields() -> None:
         ("decay", "--set takes NAME=VALUE with a name of"),
     ):
         with pytest.raises(InputError) as error:
-            _parse_settings([text])
+            parse_settings([text])
         assert str(error.value).startswith(message)
 
 

@@ -1,0 +1,49 @@
+"""Progress of the commands on standard error."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+
+@contextmanager
+def bar(text: str, total: int | None = None) -> Iterator[Any]:
+    """Give a function to call after each piece of work; a bar on standard error if that is a terminal."""
+    if not sys.stderr.isatty():
+        yield lambda: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+        task = shown.add_task(text, total=total)
+        yield lambda: shown.advance(task)
+
+
+@contextmanager
+def epoch_bar(epochs: int) -> Iterator[tuple[Any, Any]]:
+    """Give functions to show an epoch and to say a sentence; without a terminal every tenth epoch is a line."""
+    if not sys.stderr.isatty():
+
+        def line(epoch: Any) -> None:
+            if epoch.number % 10 == 0 or epoch.number == epochs:
+                print(f"epoch {epoch.number}/{epochs}: loss {epoch.loss:.3f}, training accuracy {epoch.accuracy:.1%}")
+                sys.stdout.flush()
+
+        yield line, lambda text: print(f"warning: {text}", file=sys.stderr)
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    words = TextColumn("loss {task.fields[loss]:.3f}, training accuracy {task.fields[accuracy]:.1%}")
+    columns = (TextColumn("epochs"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), words)
+    with Progress(*columns, console=console, transient=True) as shown:
+        task = shown.add_task("", total=epochs, loss=float("nan"), accuracy=0.0)
+        yield (
+            lambda epoch: shown.update(task, completed=epoch.number, loss=epoch.loss, accuracy=epoch.accuracy),
+            lambda text: console.print(f"warning: {text}"),
+        )

@@ -1,0 +1,370 @@
+"""Cross-validation of many points at once, resumable per cell, on this machine or on a cluster (docs/classifier.md).
+
+The cells of all points run side by side: all folds of seed 0 of every point, then those of seed 1, and so on, so that
+a sweep that is stopped early has whole seeds of every point.
+"""
+
+from __future__ import annotations
+
+import queue
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from model.errors import InputError
+from snn.crossval import check_same, digest, read_cell, summarise, write_json
+from snn.dataset import ScanData
+from snn.experiment import Experiment, stratified_folds
+from snn.workers import Crew, Local, pack, sentence
+
+PUBLISHED_BPS = 640e3
+"""Data rate by which published ones are divided."""
+
+Progress = Callable[["PointRun", "dict[str, Any] | None"], object]
+
+
+@dataclass(frozen=True)
+class SweepPoint:
+    """One operating point.
+
+    Attributes
+    ----------
+    name : str
+        Empty where it is the only one.
+    experiment : Experiment
+    data : ScanData or None
+        Its scans, if they are there already; else they are made when its first cell is due.
+    """
+
+    name: str
+    experiment: Experiment
+    data: ScanData | None = None
+
+    @property
+    def readout(self) -> str:
+        """ "lcs", "cw-lcs", "nlcs" or "frame"."""
+        return "frame" if self.experiment.frames is not None else self.experiment.readout.encoding
+
+    @property
+    def resolution(self) -> int:
+        """Bits: N of the encoder, or those of a sample in a frame."""
+        frames = self.experiment.frames
+        return self.experiment.readout.resolution if frames is None else frames.bits
+
+    @property
+    def bits_per_event(self) -> int:
+        """Address and polarity of an event, or the bits of a sample in a frame."""
+        frames = self.experiment.frames
+        return self.experiment.readout.event_bits if frames is None else frames.bits
+
+
+class PointRun:
+    """The cells of one point: those done, those to do, and the report.
+
+    Parameters
+    ----------
+    point : SweepPoint
+    folder : Path
+        Takes one file per cell, and ``result.json`` when all are done; it is made here.
+    folds, seeds, fold_seed : int
+        Seeds are 0 .. seeds - 1.
+
+    Attributes
+    ----------
+    done : dict
+        Results by (fold, seed); those found are in it after ``prepare``.
+    report : dict or None
+        The content of ``result.json``.
+    packed : bytes or None
+        The scans, from ``prepare`` until all cells are done.
+
+    Raises
+    ------
+    InputError
+        If the folder holds other files in the place of cells, or cells of another experiment.
+    """
+
+    def __init__(self, point: SweepPoint, folder: Path, folds: int, seeds: int, fold_seed: int) -> None:
+        if seeds < 1:
+            raise InputError(f"seeds must be at least 1, not {seeds}")
+        self.point, self.folder = point, folder
+        self.folds, self.seeds, self.fold_seed = folds, seeds, fold_seed
+        self.paths = {(fold, s): folder / f"fold-{fold}-seed-{s}.json" for s in range(seeds) for fold in range(folds)}
+        self.done: dict[tuple[int, int], dict[str, Any]] = {}
+        self.report: dict[str, Any] | None = None
+        self.packed: bytes | None = None
+        self.rate_hz: float | None = None
+        self._partial: tuple[int, dict[str, Any]] = (0, {})
+        self._key = point.experiment.to_dict() | {"folds": folds, "fold_seed": fold_seed}
+        self._found = {cell: read_cell(path) for cell, path in self.paths.items() if path.exists()}
+        for cell, (key, _) in self._found.items():
+            check_same(self.paths[cell], key, self._key)
+        folder.mkdir(parents=True, exist_ok=True)
+
+    @property
+    def ready(self) -> bool:
+        """Whether ``prepare`` was called."""
+        return self.rate_hz is not None
+
+    @property
+    def accuracy(self) -> float:
+        """Of the last epoch, mean over the cells that are done."""
+        cells = self.done.values()
+        return float(np.mean([np.mean(np.array(c["labels"]) == np.array(c["last"])) for c in cells])) if cells else 0.0
+
+    def prepare(self, tick: Callable[[], object]) -> None:
+        """Make the scans, and take in the cells that were found; ``tick`` is called after each scan."""
+        data = self.point.experiment.data(tick) if self.point.data is None else self.point.data
+        stratified_folds(data.image_labels, self.folds, self.fold_seed)  # refuses at once
+        self._key["data"] = digest(data)
+        for cell, (key, result) in self._found.items():
+            check_same(self.paths[cell], key, self._key)
+            self.done[cell] = result
+        self._found = {}
+        self._images, self._class_names = len(data.names), list(data.class_names)
+        self.rate_hz = data.rate_hz
+        if len(self.done) < len(self.paths):
+            self.packed = pack(data)
+        self._conclude()
+
+    def finish(self, result: dict[str, Any]) -> None:
+        """Take in and keep a result; the last one makes the report."""
+        cell = (result["fold"], result["seed"])
+        write_json(self.paths[cell], {"experiment": self._key, "result": result})
+        self.done[cell] = result
+        self._conclude()
+
+    def _conclude(self) -> None:
+        """Write the report, and let the scans go, if all cells are done."""
+        if len(self.done) < len(self.paths):
+            return
+        cells = [self.done[cell] for cell in self.paths]
+        self.packed = None
+        self.report = {
+            "experiment": self._key,
+            "seeds": self.seeds,
+            "rate_hz": self.rate_hz,
+            "class_names": self._class_names,
+            **summarise(cells, self._images, len(self._class_names)),
+            "cells": cells,
+        }
+        write_json(self.folder / "result.json", self.report)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the point in a sweep's summary: rates, cells done, and accuracies over the seeds that are whole.
+
+        Rates are None before the scans are made, accuracies before the first seed is whole. Rates in events (values,
+        of frames) and bits per second, ``normalised_rate`` in units of 640 kb/s.
+        """
+        bits = self.point.bits_per_event
+        data_rate = None if self.rate_hz is None else self.rate_hz * bits
+        whole = [s for s in range(self.seeds) if all((fold, s) in self.done for fold in range(self.folds))]
+        readings = self.report
+        if readings is None and whole:
+            if self._partial[0] != len(whole):
+                cells = [self.done[fold, s] for s in whole for fold in range(self.folds)]
+                self._partial = (len(whole), summarise(cells, self._images, len(self._class_names)))
+            readings = self._partial[1]
+        return {
+            "name": self.point.name,
+            "readout": self.point.readout,
+            "resolution": self.point.resolution,
+            "preset": self.point.experiment.preset,
+            "rate_hz": self.rate_hz,
+            "bits_per_event": bits,
+            "data_rate_bps": data_rate,
+            "normalised_rate": None if data_rate is None else data_rate / PUBLISHED_BPS,
+            "class_names": self._class_names if self.ready else None,
+            "cells": {"done": len(self.done), "of": len(self.paths), "whole_seeds": len(whole)},
+            "last": readings["last"] if readings else None,
+            "selected": readings["selected"] if readings else None,
+        }
+
+
+def run_points(runs: Sequence[PointRun], crew: Crew, progress: Progress | None = None) -> None:
+    """Run all cells that have no result yet; every result is in its file as soon as it is there.
+
+    Parameters
+    ----------
+    runs : sequence of PointRun
+        With equal numbers of folds and seeds.
+    crew : Crew
+        Where the cells run; the results do not depend on it.
+    progress : callable, optional
+        Called with a point and None before its scans are made, with None again when they are made and cells were
+        found done, and with every cell that was run.
+
+    Raises
+    ------
+    InputError
+        If a point has no scans or a cell cannot be trained: after the cells that were on their way, of which the
+        results are kept. No other cell is begun.
+    """
+    flight = _Flight(crew, progress or (lambda run, result: None))
+    order = [(run, fold, seed) for seed in range(runs[0].seeds) for run in runs for fold in range(runs[0].folds)]
+    for run, fold, seed in order:
+        while flight.cells >= crew.window:
+            flight.land()
+        if not run.ready:
+            flight.prepare(run)
+        if flight.failures:
+            break
+        if (fold, seed) not in run.done:
+            flight.submit(run, fold, seed)
+    while flight.cells:
+        flight.land()
+    if flight.failures:
+        others = f" ({len(flight.failures) - 1} more failed)" if len(flight.failures) > 1 else ""
+        raise InputError(f"{flight.failures[0]}{others}")
+
+
+class _Flight:
+    """The cells that are on their way, and what went wrong."""
+
+    def __init__(self, crew: Crew, progress: Progress) -> None:
+        self.cells = 0
+        self.failures: list[str] = []
+        self._crew, self._progress = crew, progress
+        self._landed: queue.SimpleQueue[tuple[PointRun, int, int, Any]] = queue.SimpleQueue()
+
+    def prepare(self, run: PointRun) -> None:
+        """Make the scans of a point, and take in cells meanwhile."""
+        self._progress(run, None)
+        try:
+            run.prepare(self._land_those_there)
+        except InputError as error:
+            self.failures.append(f"point {run.point.name}: {error}" if run.point.name else str(error))
+        else:
+            self._progress(run, None)
+
+    def submit(self, run: PointRun, fold: int, seed: int) -> None:
+        """Start a cell."""
+        assert run.packed is not None
+        future = self._crew.submit(
+            run.point.name, run.packed, run.point.experiment, fold, seed, run.folds, run.fold_seed
+        )
+        self.cells += 1
+        future.add_done_callback(lambda done: self._landed.put((run, fold, seed, done)))
+
+    def land(self) -> None:
+        """Wait for a cell and take it in."""
+        while True:
+            try:
+                self._take(*self._landed.get(timeout=1.0))
+                return
+            except queue.Empty:
+                self._crew.check()
+
+    def _land_those_there(self) -> None:
+        while not self._landed.empty():
+            self._take(*self._landed.get())
+
+    def _take(self, run: PointRun, fold: int, seed: int, future: Any) -> None:
+        self.cells -= 1
+        try:
+            result = future.result()
+        except Exception as error:
+            words = sentence(error)
+            if words is None:
+                raise
+            point = f"point {run.point.name}, " if run.point.name else ""
+            self.failures.append(f"{point}fold {fold}, seed {seed}: {words}")
+            return
+        run.finish(result)
+        if run.report is not None:
+            self._crew.forget(run.point.name)
+        self._progress(run, result)
+
+
+def cross_validate(
+    experiment: Experiment,
+    folder: Path,
+    *,
+    folds: int = 6,
+    seeds: int = 3,
+    fold_seed: int = 0,
+    workers: int | None = 1,
+    data: ScanData | None = None,
+    progress: Callable[[dict[str, Any]], object] | None = None,
+) -> dict[str, Any]:
+    """Run all cells of one point that have no result yet; return the report, which also stands in ``result.json``.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    folder : Path
+        Takes one file per cell, and the report.
+    folds, seeds, fold_seed : int
+        Seeds are 0 .. seeds - 1.
+    workers : int or None
+        Processes of one thread each, by default as many as cores; the result does not depend on it.
+    data : ScanData, optional
+        The scans of the experiment, if they are there already.
+    progress : callable, optional
+        Called with every cell, also those found done.
+
+    Raises
+    ------
+    InputError
+        If the folder holds cells of another experiment.
+    """
+    run = PointRun(SweepPoint("", experiment, data), folder, folds, seeds, fold_seed)
+
+    def show(_: PointRun, result: dict[str, Any] | None) -> None:
+        if progress is not None:
+            for cell in [result] if result is not None else run.done.values():
+                progress(cell)
+
+    with Local(workers) as crew:
+        run_points([run], crew, show)
+    assert run.report is not None
+    return run.report
+
+
+def sweep(
+    points: Sequence[SweepPoint],
+    folder: Path,
+    *,
+    crew: Crew,
+    folds: int = 6,
+    seeds: int = 3,
+    fold_seed: int = 0,
+    command: str | None = None,
+    progress: Progress | None = None,
+) -> list[dict[str, Any]]:
+    """Cross-validate every point in a folder of its own; return the summaries, which also stand in ``sweep.json``.
+
+    Parameters
+    ----------
+    points : sequence of SweepPoint
+    folder : Path
+        Takes ``POINT/fold-F-seed-S.json``, ``POINT/result.json`` and ``sweep.json``, which is up to date after
+        every cell.
+    crew, progress
+        As ``run_points`` takes them; points are told apart by ``progress`` through their name.
+    folds, seeds, fold_seed : int
+        Seeds are 0 .. seeds - 1.
+    command : str, optional
+        What the summary names as the command that gives it.
+
+    Raises
+    ------
+    InputError
+        As ``run_points``, and if a folder holds cells of another experiment.
+    """
+    names = [point.name for point in points]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise InputError(f"point {twice[0]} is there twice; leave one out")
+    runs = [PointRun(point, folder / point.name, folds, seeds, fold_seed) for point in points]
+
+    def note(run: PointRun, result: dict[str, Any] | None) -> None:
+        if run.ready:
+            write_json(folder / "sweep.json", {"command": command, "points": [run.summary() for run in runs]})
+        if progress is not None:
+            progress(run, result)
+
+    run_points(runs, crew, note)
+    return [run.summary() for run in runs]

@@ -1,0 +1,206 @@
+"""The command sweep (docs/classifier.md)."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, get_args
+
+import typer
+
+from model.cli import EXIT_INTERRUPTED
+from model.config import Encoding
+from model.errors import InputError
+from snn.options import (
+    BinSeconds,
+    ConfigFile,
+    DatasetName,
+    Epochs,
+    Folds,
+    Preset,
+    Recipe,
+    Seeds,
+    Settings,
+    StartRows,
+    Tau,
+    Workers,
+    build_experiment,
+)
+
+if TYPE_CHECKING:
+    from snn.sweep import PointRun, SweepPoint
+    from snn.workers import Crew
+
+DEFAULT_POINTS = "lcs:2,lcs:4,lcs:6,lcs:8,nlcs:4,nlcs:6,nlcs:8,nlcs:10"
+
+OF_THIS_RUN = {"out", "workers", "scheduler"}
+"""Options that do not change the result, and so have no place in the command that gives it."""
+
+
+def sweep(
+    context: typer.Context,
+    points: Annotated[
+        str, typer.Option(metavar="ENCODER:N,...", help="resolution N by encoder, or frame:K, K side by side in a step")
+    ] = DEFAULT_POINTS,
+    preset: Preset = "physical",
+    tau: Tau = None,
+    config_file: ConfigFile = None,
+    dataset: DatasetName = None,
+    start_rows: StartRows = 1,
+    bin_s: BinSeconds = 0.004,
+    recipe: Recipe = "tuned",
+    frame_recipe: Annotated[str, typer.Option(metavar="rnn|gru|cnn", help="recipe of frame points")] = "rnn",
+    epochs: Epochs = 60,
+    settings: Settings = None,
+    folds: Folds = 6,
+    seeds: Seeds = 3,
+    workers: Workers = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler, tcp://HOST:8786, instead of processes here")
+    ] = None,
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="a folder per point, and sweep.json")] = Path(
+        "out/sweep"
+    ),
+) -> None:
+    """Cross-validate many operating points at once; stopped, it goes on with the cells that are missing."""
+    options = dict(context.params)
+    chosen = parse_points(points)
+    if scheduler is not None and workers is not None:
+        raise InputError("--workers counts processes of this machine, --scheduler takes those of a cluster; give one")
+    if tau is not None and "nlcs" not in {readout for readout, _ in chosen}:
+        raise InputError("--tau is the leak of nlcs, but --points has no nlcs point; leave it out")
+    made = [_point(readout, number, options) for readout, number in chosen]
+    from snn.sweep import sweep as run
+
+    try:
+        with _crew(workers, scheduler) as crew, _cell_bar(len(made) * folds * seeds) as show:
+            found = run(
+                made, out, crew=crew, folds=folds, seeds=seeds, command=command_line(context), progress=show
+            )  # fmt: skip
+    except KeyboardInterrupt:
+        print(f"stopped; the cells that are done stay in {out}, and the same command goes on", file=sys.stderr)
+        raise typer.Exit(EXIT_INTERRUPTED) from None
+    _print_table(found)
+    print(f"result: {out / 'sweep.json'}")
+
+
+def parse_points(text: str) -> list[tuple[str, int]]:
+    """Return encoder and resolution, or "frame" and frames per step, of every point.
+
+    Raises
+    ------
+    InputError
+        If the text is not ``encoder:number``, with commas between, or a point is there twice.
+    """
+    readouts = (*get_args(Encoding), "frame")
+    found = []
+    for part in text.split(","):
+        readout, _, number = part.strip().partition(":")
+        if readout not in readouts or not (number.isascii() and number.isdigit()):
+            raise InputError(
+                f"--points takes ENCODER:RESOLUTION with an encoder of {', '.join(get_args(Encoding))}, or "
+                f"frame:FRAMES_PER_STEP, with commas between, not {part.strip()!r}"
+            )
+        if (readout, int(number)) in found:
+            raise InputError(f"--points has {readout}:{int(number)} twice; leave one out")
+        found.append((readout, int(number)))
+    return found
+
+
+def _point(readout: str, number: int, options: dict[str, Any]) -> SweepPoint:
+    """Return the point, which takes all other options of the command."""
+    from snn.scans import FrameConfig
+    from snn.sweep import SweepPoint
+
+    options = options | {"encoding": None, "resolution": None, "events": None, "frames": 0}
+    base = {}
+    try:
+        if readout == "frame":
+            options |= {"frames": FrameConfig(frames_per_step=number).frames_per_step}
+            options |= {"recipe": options["frame_recipe"], "tau": None}
+            base = {"kind": "rnn"}
+        else:
+            options |= {"encoding": readout, "resolution": number}
+            options |= {"tau": options["tau"] if readout == "nlcs" else None}
+        return SweepPoint(f"{readout}-{number}", build_experiment(options, base))
+    except InputError as error:
+        raise InputError(f"point {readout}:{number}: {error}") from None
+
+
+def _crew(workers: int | None, scheduler: str | None) -> Crew:
+    from snn.workers import Cluster, Local
+
+    return Local(workers) if scheduler is None else Cluster(scheduler)
+
+
+def command_line(context: typer.Context) -> str:
+    """Return what to type for the same result: the options that differ from their defaults."""
+    words = ["python", "-m", "snn", str(context.info_name)]
+    for option in context.command.params:
+        value = context.params.get(str(option.name))
+        if option.name in OF_THIS_RUN or value is None or value == option.get_default(context):
+            continue
+        for one in value if isinstance(value, (list, tuple)) else [value]:
+            words += [max(option.opts, key=len), str(one)]
+    return shlex.join(words)
+
+
+@contextmanager
+def _cell_bar(total: int) -> Iterator[Any]:
+    """Give the ``progress`` of a sweep: a bar on standard error; without a terminal a line per cell that was run."""
+    if not sys.stderr.isatty():
+
+        def line(run: PointRun, result: dict[str, Any] | None) -> None:
+            if result is not None:
+                cell = f"fold {result['fold']}, seed {result['seed']}"
+                print(f"{run.point.name}, {cell}: {_state(run)}", flush=True)
+
+        yield line
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
+    done: dict[str, int] = {}
+    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+        task = shown.add_task("", total=total)
+
+        def show(run: PointRun, result: dict[str, Any] | None) -> None:
+            done[run.point.name] = len(run.done)
+            words = f"{run.point.name}: {_state(run)}" if run.ready else f"recording the scans of {run.point.name}"
+            shown.update(task, completed=sum(done.values()), description=words)
+
+        yield show
+
+
+def _state(run: PointRun) -> str:
+    return f"{len(run.done)} of {len(run.paths)} cells done, accuracy so far {run.accuracy:.1%}"
+
+
+def _print_table(points: list[dict[str, Any]]) -> None:
+    """Print the accuracy of every point over its data rate."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    title = "accuracy in % by data rate in units of 640 kb/s; sd over folds"
+    table = Table(box=box.SIMPLE_HEAD, title=title, title_justify="left")
+    table.add_column("point")
+    for name in ("rate", "last epoch", "95 % interval", "sd", "selected", "sd"):
+        table.add_column(name, justify="right")
+    for point in points:
+        last, selected = point["last"], point["selected"]
+        low, high = last["wilson_95"]
+        table.add_row(
+            point["name"],
+            f"{point['normalised_rate']:.3g}",
+            f"{100 * last['accuracy']:.1f}",
+            f"{100 * low:.1f} to {100 * high:.1f}",
+            f"{100 * last['sd_over_folds']:.1f}",
+            f"{100 * selected['accuracy']:.1f}",
+            f"{100 * selected['sd_over_folds']:.1f}",
+        )
+    Console().print(table)

@@ -1,0 +1,288 @@
+"""A sweep gives the same files however it is run, stopped and gone on with; bad input gets one sentence."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from model.cli import run
+from model.config import ReadoutConfig
+from model.errors import InputError
+from snn import workers
+from snn.__main__ import app
+from snn.dataset import ScanData
+from snn.experiment import Experiment
+from snn.scans import FrameConfig
+from snn.sweep import PointRun, SweepPoint, sweep
+from snn.sweep_command import parse_points
+from snn.train import TrainConfig
+from snn.workers import Cluster, Local
+from tests.test_snn_train import easy_data
+
+ROOT = Path(__file__).parents[1]
+
+
+def points(epochs: int = 2, **data: Any) -> list[SweepPoint]:
+    """Return two points of tiny networks."""
+    made = []
+    for hidden in (16, 12):
+        network = {"hidden": hidden, "readout": "membrane", "dropout": 0.3}
+        experiment = Experiment(network=network, train=TrainConfig(epochs=epochs, batch=8))
+        made.append(SweepPoint(f"hidden-{hidden}", experiment, easy_data(**data)))
+    return made
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*.json")}
+
+
+def test_only_missing_cells_are_run_and_all_seeds_of_a_point_stay_together(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ran: list[tuple[int, int, int]] = []
+    original = workers.run_cell
+
+    def noted(experiment: Experiment, data: ScanData, fold: int, seed: int, *rest: int) -> dict[str, Any]:
+        ran.append((experiment.network["hidden"], fold, seed))
+        return original(experiment, data, fold, seed, *rest)
+
+    monkeypatch.setattr(workers, "run_cell", noted)
+    seen: list[tuple[int, int]] = []
+
+    def progress(_: PointRun, result: dict[str, Any] | None) -> None:
+        if result is not None:
+            found = json.loads((tmp_path / "sweep.json").read_text())["points"]
+            seen.append((found[0]["cells"]["done"], found[0]["cells"]["whole_seeds"]))
+            assert (found[0]["last"] is None) == (found[0]["cells"]["whole_seeds"] == 0)
+            assert (tmp_path / "hidden-16" / "result.json").exists() == (found[0]["cells"]["done"] == 4)
+
+    sweep(points(), tmp_path, crew=Local(1), folds=2, seeds=2, progress=progress)
+    assert ran == [(hidden, fold, seed) for seed in (0, 1) for hidden in (16, 12) for fold in (0, 1)]
+    assert seen == [(1, 0), (2, 1), (2, 1), (2, 1), (3, 1), (4, 2), (4, 2), (4, 2)]
+    whole = files(tmp_path)
+    ran.clear()
+    (tmp_path / "hidden-12" / "fold-1-seed-0.json").unlink()
+    sweep(points(), tmp_path, crew=Local(1), folds=2, seeds=2)
+    assert ran == [(12, 1, 0)]
+    assert files(tmp_path) == whole
+
+
+def test_a_cell_that_diverges_is_named_and_the_others_are_kept(tmp_path: Path) -> None:
+    good, other = points()
+    bad = Experiment(network=other.experiment.network | {"output_scale": 1e38}, train=other.experiment.train)
+    message = r"^point bad, fold 0, seed 0: the training diverged in epoch 1: .*$"
+    with pytest.raises(InputError, match=message):
+        sweep([good, SweepPoint("bad", bad, easy_data())], tmp_path, crew=Local(1), folds=2, seeds=1)
+    assert json.loads((tmp_path / "sweep.json").read_text())["points"][0]["cells"]["done"] == 2
+    assert (tmp_path / "hidden-16" / "result.json").exists()
+
+
+def test_cells_of_other_scans_or_another_experiment_are_refused(tmp_path: Path) -> None:
+    sweep(points()[:1], tmp_path, crew=Local(1), folds=2, seeds=1)
+    with pytest.raises(InputError, match=r"is of another experiment \(different: train\)"):
+        sweep(points(epochs=3)[:1], tmp_path, crew=Local(1), folds=2, seeds=1)
+    with pytest.raises(InputError, match=r"^point hidden-16: .* is of another experiment \(different: data\)"):
+        sweep(points(steps=14)[:1], tmp_path, crew=Local(1), folds=2, seeds=1)
+
+
+def test_rates_of_the_summary_by_hand(tmp_path: Path) -> None:
+    def summary(experiment: Experiment) -> dict[str, Any]:
+        run = PointRun(SweepPoint("x", experiment, easy_data()), tmp_path, 2, 1, 0)
+        assert run.summary()["normalised_rate"] is None
+        run.prepare(lambda: None)
+        return run.summary()
+
+    lcs = summary(Experiment(readout=ReadoutConfig(encoding="lcs", resolution=4)))  # easy_data: 1000 events/s
+    assert (lcs["readout"], lcs["resolution"], lcs["preset"], lcs["bits_per_event"]) == ("lcs", 4, "physical", 7)
+    assert lcs["data_rate_bps"] == 7000
+    assert lcs["normalised_rate"] == pytest.approx(7000 / 640_000)
+    assert summary(Experiment(readout=ReadoutConfig(encoding="nlcs", resolution=6)))["bits_per_event"] == 6
+    frame = summary(Experiment(frames=FrameConfig(frames_per_step=5)))
+    assert (frame["readout"], frame["resolution"], frame["data_rate_bps"]) == ("frame", 10, 10_000)
+
+
+# -- the command -------------------------------------------------------------------------------------
+
+
+def command(folder: Path) -> list[str]:
+    """Return the options of a small sweep over the embedded textures."""
+    (folder / "small.json").write_text(json.dumps({"rows": 1, "columns": 2}))
+    options = ["sweep", "--dataset", "embedded", "--config", str(folder / "small.json"), "--bin", "0.01"]
+    return [*options, "--points", "lcs:4,frame:100", "--set", "hidden=16", "--folds", "2", "--seeds", "2"]
+
+
+def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path) -> None:
+    options = [*command(tmp_path), "--epochs", "2"]
+    arguments = [sys.executable, "-m", "snn", *options, "--workers", "2", "--out", str(tmp_path / "killed")]
+    killed = subprocess.Popen(arguments, cwd=ROOT, start_new_session=True, stdout=subprocess.DEVNULL)
+    try:
+        deadline = time.monotonic() + 120
+        while len(list((tmp_path / "killed").glob("*/fold-*.json"))) < 2:
+            assert killed.poll() is None, "it ended before it could be killed"
+            assert time.monotonic() < deadline
+            time.sleep(0.005)
+    finally:
+        os.killpg(killed.pid, signal.SIGKILL)
+        killed.wait()
+    kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "killed").glob("*/fold-*.json")}
+    assert 2 <= len(kept) < 8
+    for name in ("killed", "whole"):
+        result = CliRunner().invoke(app, [*options, "--workers", "1", "--out", str(tmp_path / name)])
+        assert result.exit_code == 0, result.output
+    assert {path: path.stat().st_mtime_ns for path in kept} == kept
+    assert files(tmp_path / "killed") == files(tmp_path / "whole")
+    assert "frame-100" in result.output
+    summary = json.loads((tmp_path / "whole" / "sweep.json").read_text())
+    assert summary["command"] == (
+        f"python -m snn sweep --points lcs:4,frame:100 --config {tmp_path}/small.json --dataset embedded --bin 0.01 "
+        f"--epochs 2 --set hidden=16 --folds 2 --seeds 2"
+    )
+    assert [point["cells"] for point in summary["points"]] == [{"done": 4, "of": 4, "whole_seeds": 2}] * 2
+    frame = json.loads((tmp_path / "whole" / "frame-100" / "result.json").read_text())
+    assert frame["experiment"]["network"] == {"kind": "rnn", "hidden": 16}
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ("--points lcs", "--points takes ENCODER:RESOLUTION with an encoder of lcs, cw-lcs, nlcs, or frame:"),
+        ("--points lcs:4,,nlcs:6", "--points takes ENCODER:RESOLUTION"),
+        ("--points ann:4", "--points takes ENCODER:RESOLUTION"),
+        ("--points lcs:4,lcs:04", "--points has lcs:4 twice; leave one out"),
+        ("--points lcs:99", "point lcs:99: resolution must be"),
+        ("--points frame:0", "point frame:0: frames_per_step must be at least 1, not 0"),
+        ("--points lcs:4 --tau 0.1", "--tau is the leak of nlcs, but --points has no nlcs point; leave it out"),
+        ("--frame-recipe best --points frame:5", "point frame:5: recipe must be one of "),
+        ("--workers 2 --scheduler tcp://a:1", "--workers counts processes of this machine"),
+    ],
+)
+def test_bad_options_get_one_sentence(options: str, message: str, tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["sweep", "--dataset", "embedded", "--out", str(tmp_path), *options.split()])
+    assert isinstance(result.exception, InputError)
+    assert str(result.exception).startswith(message)
+
+
+def test_points_are_encoder_and_number() -> None:
+    assert parse_points("lcs:2, cw-lcs:4,frame:20") == [("lcs", 2), ("cw-lcs", 4), ("frame", 20)]
+
+
+# -- a Dask cluster ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense://x", "tcp://127.0.0.1:port", "tcp:///"])
+def test_a_scheduler_that_is_not_there_gets_one_sentence(
+    address: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(workers, "CONNECT_S", 1.0)
+    began = time.monotonic()
+    with pytest.raises(SystemExit) as left:
+        run(app, "python -m snn", [*command(tmp_path), "--scheduler", address, "--out", str(tmp_path / "out")])
+    assert left.value.code == 2
+    assert time.monotonic() - began < 10
+    assert capsys.readouterr().err == (
+        f"error: no Dask scheduler answers at {address}; start one with dask scheduler and give its address, "
+        f"as --scheduler tcp://HOST:8786\n"
+    )
+
+
+def start(*arguments: str) -> subprocess.Popen[bytes]:
+    return subprocess.Popen(
+        [sys.executable, "-m", *arguments, "--no-dashboard"],
+        cwd=ROOT,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+
+
+def start_worker(scheduler: str, number: int) -> subprocess.Popen[bytes]:
+    options = ["--nthreads", "1", "--no-nanny", "--name", str(number)]
+    return start("distributed.cli.dask_worker", scheduler, *options)
+
+
+@pytest.fixture(scope="module")
+def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Give the address of a scheduler without workers."""
+    file = tmp_path_factory.mktemp("dask") / "scheduler.json"
+    options = ["--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(file)]
+    process = start("distributed.cli.dask_scheduler", *options)
+    try:
+        deadline = time.monotonic() + 60
+        while not (file.exists() and file.read_text().endswith("}")):
+            assert process.poll() is None
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        yield json.loads(file.read_text())["address"]
+    finally:
+        process.kill()
+        process.wait()
+
+
+@pytest.fixture
+def cluster(scheduler: str) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """Give the address of a scheduler, and its two workers, which have the names 0 and 1."""
+    made = [start_worker(scheduler, number) for number in range(2)]
+    try:
+        yield scheduler, made
+    finally:
+        for process in made:
+            process.kill()
+            process.wait()
+
+
+def test_a_scheduler_without_workers_is_refused(scheduler: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "WORKERS_S", 0.3)
+    with pytest.raises(InputError, match=r"has no workers; start some with dask worker tcp://.* --nthreads 1"):
+        Cluster(scheduler)
+
+
+def test_a_sweep_outlives_its_workers_and_ends_in_the_files_of_a_serial_one(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    address, processes = cluster
+    monkeypatch.setattr(workers, "WORKERS_S", 60.0)
+    slow = {"epochs": 10, "steps": 40}
+    killed: list[Any] = []
+    with Cluster(address) as crew:
+        client = crew._client
+        client.wait_for_workers(2, timeout=60)
+
+        def kill(_: PointRun, result: dict[str, Any] | None) -> None:
+            """Kill both workers while they run cells, once, so that nobody has the scans; a third one comes."""
+            if result is None or killed:
+                return
+            busy = {where for where, tasks in client.processing().items() if any("cell" in key for key in tasks)}
+            killed.extend(client.scheduler_info()["workers"][where]["name"] for where in busy)
+            for process in processes:
+                process.kill()
+                process.wait()
+            processes.append(start_worker(address, 2))
+
+        sweep(points(**slow), tmp_path / "cluster", crew=crew, folds=2, seeds=2, progress=kill)
+        assert killed, "no worker ran a cell when it was killed"
+        assert len(client.scheduler_info()["workers"]) == 1
+        assert not crew._scans
+    sweep(points(**slow), tmp_path / "serial", crew=Local(1), folds=2, seeds=2)
+    assert files(tmp_path / "cluster") == files(tmp_path / "serial")
+
+    monkeypatch.setattr(workers, "version", lambda: "1.0")
+    with pytest.raises(InputError, match=r"^worker tcp://\S+ has another version .*; here 1\.0\); install the same"):
+        Cluster(address)
+
+
+def test_scans_come_out_of_their_bytes_as_they_went_in() -> None:
+    data = easy_data()
+    found = workers.unpack(workers.pack(data))
+    assert np.array_equal(found.values, data.values)
+    assert found.values.dtype == data.values.dtype
+    assert found.names == data.names
