@@ -1,0 +1,409 @@
+"""Classify event files with a trained network, and hold RTL recordings to the model's (docs/classifier.md)."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import nn
+
+from model.compare import first_difference
+from model.config import ReadoutConfig
+from model.dataset import EMBEDDED, Texture, open_dataset
+from model.errors import InputError
+from model.events import Recording
+from model.rates import PAPER_TAU_S
+from model.readout import Stimulus, simulate
+from model.texture import preset
+from snn.dataset import BinConfig, ScanData, bin_recording, collect, load_recordings
+from snn.exchange import Weights, config_of, load_weights
+from snn.experiment import stratified_folds
+from snn.train import check_fits
+
+Progress = Callable[[], object]
+
+TEST, TRAINING, OTHER = "test", "training", "other"
+"""Part of a recording: of the fold that was left out, of the images that were learned, or of neither."""
+
+LEVELS = ("events", "tensors", "logits", "predictions")
+"""What ``check_model`` compares, in the order in which one follows from the other."""
+
+
+@dataclass(frozen=True)
+class Trained:
+    """A network from a file, with what the result of its training says about it.
+
+    Attributes
+    ----------
+    weights : Weights
+    bins : BinConfig
+        Of the training; without its result the defaults with the step of the weights.
+    parts : dict
+        TEST or TRAINING by name of the image; empty where that is not known.
+    dataset : str or None
+        Name of the dataset of these images, None if they came from event files.
+    unknown : str
+        Why ``parts`` is empty.
+    readout : ReadoutConfig or None
+        That of the training, where it is known.
+    """
+
+    weights: Weights
+    bins: BinConfig
+    parts: dict[str, str] = field(default_factory=dict)
+    dataset: str | None = None
+    unknown: str = ""
+    readout: ReadoutConfig | None = None
+
+    def other_fields(self, config: ReadoutConfig) -> list[str]:
+        """Return the fields in which a readout is not that of the training, in words."""
+        if self.readout is None:
+            return []
+        learned = self.readout.to_dict()
+        return [
+            f"{name} {value}, in training {learned[name]}"
+            for name, value in config.to_dict().items()
+            if value != learned[name]
+        ]
+
+    def part_of(self, recording: Recording) -> str:
+        """Return TEST, TRAINING or OTHER."""
+        metadata = recording.metadata
+        if self.dataset is not None and metadata.get("dataset") != self.dataset:
+            return OTHER
+        return self.parts.get(str(metadata.get("name")), OTHER)
+
+
+def load_trained(path: Path) -> Trained:
+    """Return the network of a weight file, and what ``result.json`` beside it says about bins and folds.
+
+    Raises
+    ------
+    InputError
+        If a file is damaged, the two do not belong together, or the network takes frames.
+    """
+    weights = load_weights(path)
+    note = path.parent / "result.json"
+    if not note.exists():
+        bins = BinConfig(bin_s=weights.step_s)
+        return Trained(weights, bins, unknown=f"there is no {note.name} of the training beside {path.name}")
+    try:
+        result = json.loads(note.read_text())
+        experiment = result["experiment"]
+        frames, classes = experiment["frames"], tuple(result["class_names"])
+        fold, folds, labels = int(result["fold"]), int(result["folds"]), list(result["labels"])
+        bins = BinConfig(**experiment["bins"])
+        place, events, readout = experiment["dataset"], experiment["events"], None
+        if events is None:
+            config = ReadoutConfig.from_dict(experiment["readout"])
+            tau_s = (experiment["tau_s"] or PAPER_TAU_S) if config.encoding == "nlcs" else None
+            readout = preset(experiment["preset"]).configure(config, tau_s)
+    except (OSError, KeyError, TypeError, ValueError):
+        raise InputError(f"{note} is damaged or not the result of a training; remove it or train again") from None
+    if frames is not None:
+        raise InputError(f"{path} was trained on frames and cannot classify events; train it without --frames")
+    if classes != weights.class_names or bins.bin_s != weights.step_s:
+        raise InputError(f"{note} has other classes or time bins than {path.name}; keep only what belongs together")
+    try:
+        names, found, dataset = _images_of(place, events, bins, classes)
+        test = stratified_folds(found, folds)[fold]
+    except (InputError, IndexError) as error:
+        unknown = f"the images of the training are not there ({error})"
+        return Trained(weights, bins, unknown=unknown, readout=readout)
+    if found[test].tolist() != labels:
+        unknown = "the images found here are not those of the training"
+        return Trained(weights, bins, unknown=unknown, readout=readout)
+    tested = set(test.tolist())
+    parts = {name: TEST if number in tested else TRAINING for number, name in enumerate(names)}
+    return Trained(weights, bins, parts, dataset, readout=readout)
+
+
+def _images_of(
+    place: str | None, events: str | None, bins: BinConfig, classes: Sequence[str]
+) -> tuple[Sequence[str], NDArray[np.int64], str | None]:
+    """Return names, labels and dataset of the images of a training, in its order."""
+    if events is not None:
+        data = load_recordings(Path(events), bins, classes)
+        return data.names, data.image_labels, None
+    dataset = open_dataset(place)
+    if dataset.class_names != tuple(classes):
+        raise InputError(f"dataset {dataset.name} has other classes")
+    return [texture.name for texture in dataset], dataset.labels, dataset.name
+
+
+# -- recordings in, logits out -----------------------------------------------------------------------
+
+
+def event_files(paths: Iterable[Path]) -> list[Path]:
+    """Return event files and those of folders, at any depth, in the order of their names; each once."""
+    found: list[Path] = []
+    for path in paths:
+        if not path.is_dir():
+            found.append(path)
+            continue
+        inside = sorted(path.rglob("*.npz"))
+        if not inside:
+            raise InputError(f"event folder {path} holds no event files (.npz); record some into it")
+        found += inside
+    return list({path.resolve(): path for path in found}.values())
+
+
+def read_recordings(files: Sequence[Path], progress: Progress | None = None) -> list[Recording]:
+    """Return the recordings of files; one without a name is called as its file."""
+    recordings = []
+    for path in files:
+        recording = Recording.load(path)
+        if not isinstance(recording.metadata.get("name"), str):
+            recording = dataclasses.replace(recording, metadata=recording.metadata | {"name": path.stem})
+        recordings.append(recording)
+        if progress is not None:
+            progress()
+    return recordings
+
+
+def class_of(recording: Recording) -> str | None:
+    """Return the class that the metadata of a recording name, if any."""
+    found = recording.metadata.get("class")
+    return found if isinstance(found, str) else None
+
+
+def bin_recordings(recordings: Sequence[Recording], trained: Trained) -> ScanData:
+    """Return the counts of recordings as the network takes them, one scan each in the same order.
+
+    A recording needs no class for that; the label of one without is meaningless.
+
+    Raises
+    ------
+    InputError
+        If a class is unknown, a recording is empty, or array or encoding are not the network's.
+    """
+    classes = trained.weights.class_names
+    complete = [
+        recording
+        if class_of(recording) is not None
+        else dataclasses.replace(recording, metadata=recording.metadata | {"class": classes[0]})
+        for recording in recordings
+    ]
+    data = collect(complete, trained.bins, classes)
+    check_fits(config_of(trained.weights.network), data)
+    return data
+
+
+def logits_of(network: nn.Module, data: ScanData, batch: int = 64) -> NDArray[np.float32]:
+    """Return what the network says about every scan, shape (scans, classes)."""
+    network.eval()
+    with torch.no_grad():
+        parts = [
+            network(data.batch(range(start, min(start + batch, len(data))))).logits.numpy()
+            for start in range(0, len(data), batch)
+        ]
+    return np.concatenate(parts)
+
+
+# -- RTL against model -------------------------------------------------------------------------------
+
+
+@dataclass
+class Check:
+    """What came out when RTL recordings were held to the model's.
+
+    Attributes
+    ----------
+    compared : list of int
+        Numbers of the recordings that were compared, those of the RTL.
+    events : int
+        Their events.
+    different : dict of LEVELS to list of int
+        Recordings that differ.
+    first : str
+        The first difference in words, empty if there is none.
+    where : int
+        The recording of the first difference.
+    logits : shape (recordings, classes)
+        From the model's spikes, where compared.
+    """
+
+    compared: list[int]
+    events: int
+    different: dict[str, list[int]]
+    logits: NDArray[np.float32]
+    first: str = ""
+    where: int = -1
+
+    @property
+    def passed(self) -> bool:
+        """Whether at least one recording was compared, and none differs."""
+        return bool(self.compared) and not any(self.different.values())
+
+    def note(self, level: str, number: int, text: str) -> None:
+        """Add a recording that differs."""
+        self.different[level].append(number)
+        if not self.first:
+            self.first, self.where = text, number
+
+
+def check_model(
+    recordings: Sequence[Recording],
+    data: ScanData,
+    logits: NDArray[np.float32],
+    trained: Trained,
+    where: str | None = None,
+    progress: Progress | None = None,
+) -> Check:
+    """Hold every recording of source "rtl" to the model: events, counts, logits and prediction.
+
+    Parameters
+    ----------
+    recordings, data, logits
+        The recordings, and what ``bin_recordings`` and ``logits_of`` made of them.
+    trained : Trained
+    where : str, optional
+        Place of the textures, as ``model.dataset.open_dataset`` takes it.
+    progress : callable, optional
+        Called after each comparison.
+
+    Raises
+    ------
+    InputError
+        If a recording does not say which scan it is of, or its texture is not there.
+    """
+    compared = [number for number, recording in enumerate(recordings) if recording.metadata.get("source") == "rtl"]
+    check = Check(compared, 0, {level: [] for level in LEVELS}, logits.copy())
+    textures: dict[str, dict[str, Texture]] = {}
+    values = data.values.copy()
+    for number in compared:
+        rtl = recordings[number]
+        check.events += len(rtl.events)
+        name = rtl.metadata["name"]
+        texture = _texture(rtl, textures, where)
+        expected = model_recording(rtl, texture)
+        if class_of(rtl) not in (None, texture.class_name):
+            check.note("events", number, f"{name} says class {class_of(rtl)!r}, its texture is {texture.class_name!r}")
+        elif (difference := first_difference(expected.events, rtl.events)) is not None:
+            text = f"{name}: RTL and model differ\n{difference.describe(('model', 'RTL'))}"
+            check.note("events", number, text)
+        elif rtl.duration_clocks < expected.duration_clocks:
+            text = f"{name} ends at clock {rtl.duration_clocks}, its scan lasts to clock {expected.duration_clocks}"
+            check.note("events", number, text)
+        values[number] = _counts(expected, trained.bins, data)
+        if (unequal := np.argwhere(values[number] != data.values[number])).size:
+            step, channel = unequal[0].tolist()
+            row, column = divmod(channel % data.taxels, rtl.config.columns)
+            text = (
+                f"{name}: step {step}, taxel ({row}, {column}), channel {channel}: model "
+                f"{values[number, step, channel]} events, RTL {data.values[number, step, channel]}"
+            )
+            check.note("tensors", number, text)
+        if progress is not None:
+            progress()
+    check.logits = logits_of(trained.weights.network, dataclasses.replace(data, values=values))
+    for number in compared:
+        expected_row, row = check.logits[number], logits[number]
+        name = recordings[number].metadata["name"]
+        if expected_row.tobytes() != row.tobytes():
+            check.note("logits", number, f"{name}: logits of the model {expected_row.tolist()}, RTL {row.tolist()}")
+        if expected_row.argmax() != row.argmax():
+            classes = data.class_names
+            text = f"{name}: the model predicts {classes[expected_row.argmax()]}, RTL {classes[row.argmax()]}"
+            check.note("predictions", number, text)
+    return check
+
+
+def model_recording(rtl: Recording, texture: Texture) -> Recording:
+    """Return what the clock-by-clock model sends on the scan of an RTL recording, observed as long or to its end.
+
+    A replay goes on after the last sample until the array is silent, so it is longer than ``snn.scans.record``.
+    """
+    metadata, config = rtl.metadata, rtl.config
+    start_row = metadata.get("start_row")
+    if not isinstance(metadata.get("preset"), str) or not isinstance(start_row, (int, float)):
+        raise InputError(f"{metadata['name']} does not say preset and start row of its scan; play it again")
+    try:
+        samples, _ = preset(metadata["preset"]).samples(config, texture.load(), start_row)
+    except InputError as error:
+        raise InputError(f"the scan of {metadata['name']} cannot be made again: {error}") from None
+    if metadata.get("ticks", len(samples)) != len(samples):
+        raise InputError(
+            f"{metadata['name']} has {metadata['ticks']} sample ticks, the scan of its texture {len(samples)}; "
+            f"play it whole, with python -m cocotb_tests replay"
+        )
+    clocks = max(rtl.duration_clocks, len(samples) * config.clocks_per_sample)
+    events = simulate(config, Stimulus.from_samples(config, samples, clocks=clocks))
+    return Recording(events, config, clocks, metadata=metadata | {"source": "model"})
+
+
+def _texture(rtl: Recording, textures: dict[str, dict[str, Texture]], where: str | None) -> Texture:
+    """Return the texture that a recording is a scan of; ``textures`` keeps what was opened."""
+    name, dataset_name = rtl.metadata["name"], rtl.metadata.get("dataset")
+    if not isinstance(dataset_name, str):
+        raise InputError(f"{name} does not say of which dataset it is; play it again")
+    if dataset_name not in textures:
+        dataset = open_dataset(where or (EMBEDDED if dataset_name == EMBEDDED else None))
+        if dataset.name != dataset_name:
+            raise InputError(
+                f"{name} is a scan of dataset {dataset_name}, found is {dataset.name}; name its folder with --dataset"
+            )
+        textures[dataset_name] = {texture.name: texture for texture in dataset}
+    if name not in textures[dataset_name]:
+        raise InputError(f"dataset {dataset_name} has no texture {name!r}; name the folder that has it with --dataset")
+    return textures[dataset_name][name]
+
+
+def _counts(expected: Recording, bins: BinConfig, data: ScanData) -> NDArray[Any]:
+    """Return the counts of the model's recording in the shape of a scan of ``data``; none if it has no events."""
+    values = np.zeros_like(data.values[0])
+    try:
+        counts = bin_recording(expected, bins)
+    except InputError:  # no event in the window: the RTL's recording had some
+        return values
+    inside = counts.step < data.steps
+    values[counts.step[inside], counts.channel[inside]] = counts.number[inside]
+    return values
+
+
+# -- accuracy ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Score:
+    """Right predictions among the recordings of a part.
+
+    Attributes
+    ----------
+    correct, total : int
+    confusion : shape (classes, classes)
+        Rows are the classes, columns the predictions.
+    """
+
+    correct: int
+    total: int
+    confusion: NDArray[np.int64]
+
+    @property
+    def accuracy(self) -> float:
+        """Part that is right."""
+        return self.correct / self.total
+
+
+def scores(
+    recordings: Sequence[Recording], data: ScanData, logits: NDArray[np.float32], trained: Trained
+) -> dict[str, Score]:
+    """Return the Score of every part (TEST, TRAINING, OTHER) that has recordings of known class."""
+    found: dict[str, Score] = {}
+    parts = np.array([trained.part_of(recording) for recording in recordings])
+    known = np.array([class_of(recording) is not None for recording in recordings])
+    predicted = logits.argmax(1)
+    for part in (TEST, TRAINING, OTHER):
+        chosen = known & (parts == part)
+        if chosen.any():
+            confusion = np.zeros((len(data.class_names),) * 2, np.int64)
+            np.add.at(confusion, (data.labels[chosen], predicted[chosen]), 1)
+            found[part] = Score(int(np.trace(confusion)), int(chosen.sum()), confusion)
+    return found

@@ -1,0 +1,175 @@
+"""The command predict (docs/classifier.md)."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from model.files import check_writable
+from snn.bars import bar
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from model.events import Recording
+    from snn.predict import Check, Score, Trained
+
+MOST_LINES = 20
+"""Recordings that are listed one by one; of more, only those without a class."""
+
+MOST_CLASSES = 12
+"""Classes of which the confusion is printed."""
+
+
+def predict(
+    weights: Annotated[Path, typer.Argument(metavar="WEIGHTS.npz", help="trained network")],
+    events: Annotated[
+        list[Path], typer.Option("--events", metavar="DIR|FILE", help="event files, as of a replay; repeatable")
+    ],
+    check_model: Annotated[
+        bool, typer.Option("--check-model", help="hold RTL recordings to the model's; exit code 1 if they differ")
+    ] = False,
+    dataset: Annotated[
+        str | None,
+        typer.Option(metavar="DIR|embedded", help="their textures [$ESKIN_DATA, data/kylberg; else embedded]"),
+    ] = None,
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="predictions of all recordings")] = Path(
+        "out/predictions.json"
+    ),
+) -> None:
+    """Classify recordings with a trained network; with --check-model RTL and model must agree bit for bit."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    check_writable(out)
+    import torch
+
+    from snn import predict as work
+    from snn.crossval import write_json
+
+    torch.set_num_threads(1)
+    trained = work.load_trained(weights)
+    files = work.event_files(events)
+    with bar("reading events", len(files)) as step:
+        recordings = work.read_recordings(files, step)
+    data = work.bin_recordings(recordings, trained)
+    logits = work.logits_of(trained.weights.network, data)
+    scores = work.scores(recordings, data, logits, trained)
+    print(f"{len(data)} recordings; {data.steps} steps of {data.channels} channels, {data.step_s:g} s each")
+    if other := trained.other_fields(recordings[0].config):
+        print(f"warning: the readout is not that of the training: {'; '.join(other)}", file=sys.stderr)
+    _print_recordings(recordings, logits, trained)
+    _print_scores(scores, trained)
+    check = None
+    if check_model:
+        with bar("model", len(files)) as step:
+            check = work.check_model(recordings, data, logits, trained, dataset, step)
+    write_json(out, _report(recordings, logits, trained, scores, check))
+    print(f"predictions: {out}")
+    if check is None:
+        return
+    names = [recording.metadata["name"] for recording in recordings]
+    noun = "images" if len(set(names)) == len(names) else "recordings"
+    count = len(check.compared)
+    if not count:
+        print(f'FAILED: nothing was compared, none of {len(files)} recordings has the source "rtl"')
+        raise typer.Exit(1)
+    if not check.passed:
+        again = ["python", "-m", "snn", "predict", str(weights), "--events", str(files[check.where]), "--check-model"]
+        again += ["--dataset", dataset] if dataset is not None else []
+        print(f"{check.first}\nreproduce: {shlex.join(again)}")
+        differ = ", ".join(f"{len(numbers)} in {level}" for level, numbers in check.different.items())
+        print(f"FAILED: of {count} {noun} compared differ {differ}")
+        raise typer.Exit(1)
+    if count < len(files):
+        print(f"{len(files) - count} recordings are not of the RTL and were not compared")
+    same = ", ".join(f"same {level}" for level in work.LEVELS)
+    print(f"{count} of {count} {noun}: {same} ({check.events} events)")
+
+
+def _print_recordings(recordings: Sequence[Recording], logits: NDArray[np.float32], trained: Trained) -> None:
+    """Print name, class and prediction of a few recordings, or of those that have no class."""
+    from snn.predict import class_of
+
+    for recording, row in zip(recordings, logits, strict=True):
+        if len(recordings) <= MOST_LINES or class_of(recording) is None:
+            predicted = trained.weights.class_names[row.argmax()]
+            print(f"{recording.metadata['name']}: {predicted} (class: {class_of(recording) or 'not known'})")
+
+
+def _print_scores(scores: dict[str, Score], trained: Trained) -> None:
+    """Print the accuracy of each part, and the confusion of the part that is a result."""
+    from snn.predict import OTHER, TEST, TRAINING
+
+    words = {
+        TEST: "test images of the fold",
+        TRAINING: "training images (the network has learned them: this is no result)",
+        OTHER: "images that are not of the training" if trained.parts else "all images",
+    }
+    for part, score in scores.items():
+        print(f"{words[part]}: accuracy {score.accuracy:.1%} ({score.correct} of {score.total})")
+    if scores and not trained.parts:
+        print(f"whether the network has learned some of them is not known: {trained.unknown}")
+    shown = scores.get(TEST) or scores.get(OTHER)
+    names = trained.weights.class_names
+    if shown is None or len(names) > MOST_CLASSES:
+        return
+    width = max(map(len, names)) + 2
+    print("predicted:".ljust(width) + "".join(name.rjust(width) for name in names))
+    for name, row in zip(names, shown.confusion.tolist(), strict=True):
+        print(name.ljust(width) + "".join(str(number).rjust(width) for number in row))
+
+
+def _report(
+    recordings: Sequence[Recording],
+    logits: NDArray[np.float32],
+    trained: Trained,
+    scores: dict[str, Score],
+    check: Check | None,
+) -> dict[str, Any]:
+    """Return the content of the output file."""
+    from snn.predict import TRAINING, class_of
+
+    names = trained.weights.class_names
+    images = []
+    for number, (recording, row) in enumerate(zip(recordings, logits, strict=True)):
+        image = {
+            "name": recording.metadata["name"],
+            "source": recording.metadata.get("source"),
+            "class": class_of(recording),
+            "part": trained.part_of(recording) if trained.parts else None,
+            "predicted": names[row.argmax()],
+            "logits": row.tolist(),
+        }
+        if check is not None and number in check.compared:
+            image["model_predicted"] = names[check.logits[number].argmax()]
+        images.append(image)
+    report: dict[str, Any] = {
+        "class_names": list(names),
+        "step_s": trained.weights.step_s,
+        "readout": recordings[0].config.to_dict(),
+        "accuracy": {
+            part if trained.parts else "all": {
+                "accuracy": score.accuracy,
+                "correct": score.correct,
+                "images": score.total,
+                "confusion": score.confusion.tolist(),
+                "learned": part == TRAINING,
+            }
+            for part, score in scores.items()
+        },
+    }
+    if check is not None:
+        report["check"] = {
+            "compared": len(check.compared),
+            "events": check.events,
+            "different": {
+                level: [recordings[number].metadata["name"] for number in numbers]
+                for level, numbers in check.different.items()
+            },
+        }
+    return report | {"images": images}

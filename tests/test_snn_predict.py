@@ -1,0 +1,458 @@
+"""Predictions from RTL spikes are those from model spikes, and the check that says so finds what differs."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import snn.predict
+from model.cli import make_app, run
+from model.config import ReadoutConfig
+from model.dataset import embedded_dataset
+from model.events import Recording, no_events
+from model.texture import PhysicalScan
+from snn.__main__ import app as snn_app
+from snn.dataset import BinConfig
+from snn.exchange import Weights, save_weights
+from snn.network import NetworkConfig, build
+from snn.predict import Check, load_trained
+from snn.predict_commands import predict
+from snn.scans import record, record_dataset
+
+ROOT = Path(__file__).parents[1]
+CONFIG = ReadoutConfig(rows=1, columns=4)
+BINS = BinConfig(bin_s=0.01)
+
+Call = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of a short training on the embedded textures."""
+    folder = tmp_path_factory.mktemp("trained")
+    (folder / "readout.json").write_text(CONFIG.to_json())
+    arguments = ["train", "--dataset", "embedded", "--config", str(folder / "readout.json"), "--bin", "0.01"]
+    arguments += ["--set", "hidden=32", "--set", "batch=8", "--epochs", "20", "--out", str(folder)]
+    with pytest.raises(SystemExit) as left:
+        run(snn_app, "python -m snn", arguments)
+    assert left.value.code == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def replayed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with the recordings of six textures, as the RTL leaves them, made by the model."""
+    folder = tmp_path_factory.mktemp("replayed")
+    for texture in embedded_dataset().limit(6):
+        made = record(texture, "embedded", PhysicalScan(), CONFIG)
+        metadata = made.metadata | {"source": "rtl", "ticks": made.duration_clocks // CONFIG.clocks_per_sample}
+        path = folder / f"{texture.name}.npz"
+        path.parent.mkdir(exist_ok=True)
+        dataclasses.replace(made, metadata=metadata).save(path)
+    return folder
+
+
+@pytest.fixture
+def call(tmp_path: Path, capsys: pytest.CaptureFixture[str], trained: Path) -> Call:
+    """Return a function that runs predict with the trained weights: exit code, output and error."""
+    app = make_app("predict")
+    app.command()(predict)
+
+    def call(*arguments: object, weights: Path = trained / "weights.npz") -> tuple[int, str, str]:
+        out = ["-o", str(tmp_path / "predictions.json")]
+        with pytest.raises(SystemExit) as left:
+            run(app, "python -m snn", ["predict", str(weights), *map(str, arguments), *out])
+        assert isinstance(left.value.code, int)
+        return left.value.code, *capsys.readouterr()
+
+    return call
+
+
+def images_in(folder: Path) -> list[dict[str, Any]]:
+    return json.loads((folder / "predictions.json").read_text())["images"]
+
+
+# -- predictions -------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(shutil.which("g++") is None or shutil.which("perl") is None, reason="no simulator: g++ and perl")
+def test_predictions_from_rtl_spikes_are_those_from_model_spikes(tmp_path: Path, trained: Path, call: Call) -> None:
+    size = ["--rows", "1", "--columns", "4"]
+    what = ["--dataset", "embedded", "--limit", "6", "--workers", "1", "--out", str(tmp_path / "replay")]
+    command = [sys.executable, "-m", "cocotb_tests", "replay", *size, *what]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 0, done.stdout + done.stderr
+    code, output, error = call("--events", tmp_path / "replay", "--check-model")
+    assert code == 0, output + error
+    assert "6 of 6 images: same events, same tensors, same logits, same predictions (" in output
+    of_rtl = images_in(tmp_path)
+    assert {image["source"] for image in of_rtl} == {"rtl"}
+    assert all(image["predicted"] == image["model_predicted"] for image in of_rtl)
+    data = record_dataset(embedded_dataset().limit(6), PhysicalScan(), CONFIG, BINS)
+    of_model = snn.predict.logits_of(load_trained(trained / "weights.npz").weights.network, data)
+    assert [image["name"] for image in of_rtl] == list(data.names)
+    assert [image["logits"] for image in of_rtl] == of_model.tolist()
+    assert len(np.unique(of_model, axis=0)) == 6
+
+
+def test_test_images_are_told_from_training_images(tmp_path: Path, trained: Path, call: Call) -> None:
+    for texture in embedded_dataset():
+        path = tmp_path / "all" / f"{texture.name}.npz"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        record(texture, "embedded", PhysicalScan(), CONFIG).save(path)
+    code, output, error = call("--events", tmp_path / "all")
+    assert code == 0, error
+    result = json.loads((trained / "result.json").read_text())
+    right = sum(a == b for a, b in zip(result["labels"], result["predicted"], strict=True))
+    assert f"test images of the fold: accuracy {result['accuracy']:.1%} ({right} of {len(result['labels'])})" in output
+    assert "training images (the network has learned them: this is no result): accuracy" in output
+    tested = [image for image in images_in(tmp_path) if image["part"] == "test"]
+    assert [image["predicted"] for image in tested] == [result["class_names"][k] for k in result["predicted"]]
+    accuracy = json.loads((tmp_path / "predictions.json").read_text())["accuracy"]
+    assert {part: score["learned"] for part, score in accuracy.items()} == {"test": False, "training": True}
+    assert accuracy["test"]["images"] + accuracy["training"]["images"] == 48
+    assert len({image["predicted"] for image in images_in(tmp_path)}) > 1
+
+
+def test_images_of_another_dataset_are_of_no_part(tmp_path: Path, replayed: Path, call: Call) -> None:
+    made = Recording.load(replayed / "brick" / "brick-00.npz")
+    dataclasses.replace(made, metadata=made.metadata | {"dataset": "mine"}).save(tmp_path / "a.npz")
+    code, output, _ = call("--events", tmp_path / "a.npz")
+    assert code == 0
+    assert "images that are not of the training: accuracy" in output
+    assert images_in(tmp_path)[0]["part"] == "other"
+
+
+def test_without_the_result_of_the_training_nothing_is_said_about_folds(
+    tmp_path: Path, trained: Path, replayed: Path, call: Call
+) -> None:
+    shutil.copy(trained / "weights.npz", tmp_path / "weights.npz")
+    code, output, _ = call("--events", replayed, weights=tmp_path / "weights.npz")
+    assert code == 0
+    assert "all images: accuracy" in output
+    assert "not known: there is no result.json of the training beside weights.npz" in output
+    assert {image["part"] for image in images_in(tmp_path)} == {None}
+
+
+def test_other_images_than_those_of_the_training_are_noticed(tmp_path: Path, trained: Path) -> None:
+    shutil.copy(trained / "weights.npz", tmp_path / "weights.npz")
+    result = json.loads((trained / "result.json").read_text())
+    (tmp_path / "result.json").write_text(json.dumps(result | {"labels": result["labels"][1:]}))
+    found = load_trained(tmp_path / "weights.npz")
+    assert found.parts == {}
+    assert found.unknown == "the images found here are not those of the training"
+    result["experiment"]["dataset"] = "gone"
+    (tmp_path / "result.json").write_text(json.dumps(result))
+    assert "the images of the training are not there (dataset directory gone" in (
+        load_trained(tmp_path / "weights.npz").unknown
+    )
+
+
+def test_a_training_on_event_files_has_its_folds_too(tmp_path: Path, replayed: Path, trained: Path) -> None:
+    shutil.copy(trained / "weights.npz", tmp_path / "weights.npz")
+    result = json.loads((trained / "result.json").read_text())
+    result["experiment"]["events"] = str(replayed)
+    (tmp_path / "result.json").write_text(json.dumps(result | {"folds": 2, "fold": 1, "labels": [0, 1, 2]}))
+    found = load_trained(tmp_path / "weights.npz")
+    assert sorted(found.parts.values()) == ["test"] * 3 + ["training"] * 3
+    assert found.part_of(Recording.load(next(replayed.rglob("*.npz")))) in ("test", "training")
+    assert found.readout is None
+
+
+def test_a_recording_without_a_class_is_only_classified(tmp_path: Path, replayed: Path, call: Call) -> None:
+    made = Recording.load(replayed / "grass" / "grass-00.npz")
+    expected = call("--events", replayed / "grass" / "grass-00.npz")[1].splitlines()[1]
+    (tmp_path / "in").mkdir()
+    dataclasses.replace(made, metadata={"name": ["no", "name"]}).save(tmp_path / "in" / "mine.npz")
+    code, output, _ = call("--events", tmp_path / "in")
+    assert code == 0
+    assert "accuracy" not in output
+    assert output.splitlines()[1] == expected.replace("grass/grass-00", "mine").replace(
+        "class: grass", "class: not known"
+    )
+    assert images_in(tmp_path)[0]["class"] is None
+
+
+def test_the_bins_are_those_of_the_training(tmp_path: Path, trained: Path, replayed: Path, call: Call) -> None:
+    network = build(NetworkConfig(inputs=4, classes=3, hidden=8, readout="membrane"), seed=0)
+    result = json.loads((trained / "result.json").read_text())
+    weights = Weights(network, tuple(result["class_names"]), 0.02)
+    save_weights(tmp_path / "weights.npz", weights)
+    code, _, error = call("--events", replayed, weights=tmp_path / "weights.npz")
+    assert code == 2
+    assert error.startswith("error: the network takes 4 channels, the scans have 8 (4 taxels)")
+    bins = BinConfig(bin_s=0.02, start_s=0.04, stop_s=0.1, polarity=False)
+    result["experiment"]["bins"] = dataclasses.asdict(bins)
+    (tmp_path / "result.json").write_text(json.dumps(result))
+    code, output, error = call("--events", replayed, "--check-model", weights=tmp_path / "weights.npz")
+    assert code == 0, error
+    assert output.startswith("6 recordings; 3 steps of 4 channels, 0.02 s each")
+
+
+def test_a_readout_that_is_not_that_of_the_training_is_told(tmp_path: Path, replayed: Path, call: Call) -> None:
+    made = Recording.load(replayed / "brick" / "brick-00.npz")
+    dataclasses.replace(made, config=CONFIG.replace(resolution=5)).save(tmp_path / "a.npz")
+    code, _, error = call("--events", tmp_path / "a.npz")
+    assert code == 0
+    assert error == "warning: the readout is not that of the training: resolution 5, in training 6\n"
+    assert call("--events", replayed)[2] == ""
+
+
+# -- RTL against model -------------------------------------------------------------------------------
+
+
+def tampered(replayed: Path, folder: Path, **changes: Any) -> Path:
+    """Copy the recordings, one of them changed, and return its file."""
+    shutil.copytree(replayed, folder)
+    path = folder / "gravel" / "gravel-00.npz"
+    dataclasses.replace(Recording.load(path), **changes).save(path)
+    return path
+
+
+def changed_events(replayed: Path) -> Any:
+    return Recording.load(replayed / "gravel" / "gravel-00.npz").events.copy()
+
+
+def quiet_place(events: Any) -> int:
+    """Return an event that can leave one clock later without meeting another one or the next bin."""
+    width = round(BINS.bin_s * CONFIG.clock_hz)
+    free = (np.diff(events["t"]) > 1) & ((events["t"][:-1] + 1) // width == events["t"][:-1] // width)
+    return int(np.flatnonzero(free)[7])
+
+
+def test_an_intact_replay_passes(replayed: Path, call: Call, tmp_path: Path) -> None:
+    code, output, _ = call("--events", replayed, "--events", replayed / "brick" / "brick-00.npz", "--check-model")
+    assert code == 0
+    events = sum(len(Recording.load(path).events) for path in replayed.rglob("*.npz"))
+    last = output.splitlines()[-1]
+    assert last == f"6 of 6 images: same events, same tensors, same logits, same predictions ({events} events)"
+    report = json.loads((tmp_path / "predictions.json").read_text())
+    assert report["check"] == {
+        "compared": 6,
+        "events": events,
+        "different": {"events": [], "tensors": [], "logits": [], "predictions": []},
+    }
+    assert str(tmp_path) not in json.dumps(report)
+
+
+def test_an_event_moved_by_a_clock_in_its_bin_is_found(tmp_path: Path, replayed: Path, call: Call) -> None:
+    events = changed_events(replayed)
+    place = quiet_place(events)
+    clock = int(events["t"][place])
+    events["t"][place] += 1
+    path = tampered(replayed, tmp_path / "in", events=events)
+    code, output, _ = call("--events", tmp_path / "in", "--check-model")
+    assert code == 1
+    assert "gravel/gravel-00: RTL and model differ\n" in output
+    assert f"event {place} differs in clock: model clock {clock}, row 0, column" in output
+    assert f"; RTL clock {clock + 1}, row 0, column" in output
+    assert "reproduce: python -m snn predict" in output
+    assert f"--events {path} --check-model\n" in output
+    assert output.splitlines()[-1] == (
+        "FAILED: of 6 images compared differ 1 in events, 0 in tensors, 0 in logits, 0 in predictions"
+    )
+    report = json.loads((tmp_path / "predictions.json").read_text())
+    assert report["check"]["different"]["events"] == ["gravel/gravel-00"]
+
+
+def drop(events: Any) -> Any:
+    return np.delete(events, 40)
+
+
+def drop_last(events: Any) -> Any:
+    return events[:-1]
+
+
+def flip(events: Any) -> Any:
+    events["p"][40] = ~events["p"][40]
+    return events
+
+
+def other_taxel(events: Any) -> Any:
+    events["x"][40] = (events["x"][40] + 1) % CONFIG.columns
+    return events
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (drop, "event 40 differs in"),
+        (drop_last, "; RTL nothing more\n"),  # behind the last whole bin
+        (flip, "event 40 differs in polarity: model"),
+        (other_taxel, "event 40 differs in column: model"),
+    ],
+)
+def test_a_changed_event_is_found(
+    tmp_path: Path, replayed: Path, call: Call, change: Callable[[Any], Any], words: str
+) -> None:
+    tampered(replayed, tmp_path / "in", events=change(changed_events(replayed)))
+    code, output, _ = call("--events", tmp_path / "in", "--check-model")
+    assert code == 1
+    assert words in output
+    assert "FAILED: of 6 images compared differ 1 in events, " in output
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"config": CONFIG.replace(resolution=5)}, "RTL and model differ"),
+        ({"config": CONFIG.replace(link="four_phase")}, "differs in clock: model"),
+        ({"metadata": {"name": "gravel/gravel-05"}}, "gravel/gravel-05: RTL and model differ"),
+        ({"metadata": {"start_row": 3.0}}, "RTL and model differ"),
+        ({"metadata": {"class": "grass"}}, "gravel/gravel-00 says class 'grass', its texture is 'gravel'"),
+        ({"duration_clocks": -1}, "gravel/gravel-00 ends at clock"),
+    ],
+    ids=str,
+)
+def test_a_file_that_says_something_else_than_its_events_is_found(
+    tmp_path: Path, replayed: Path, call: Call, changes: dict[str, Any], words: str
+) -> None:
+    made = Recording.load(replayed / "gravel" / "gravel-00.npz")
+    if "metadata" in changes:
+        changes = {"metadata": made.metadata | changes["metadata"]}
+    if "duration_clocks" in changes:
+        changes = {"duration_clocks": int(made.events["t"][-1]) + 1}
+    path = tampered(replayed, tmp_path / "in", **changes)
+    code, output, _ = call("--events", path, "--check-model")
+    assert code == 1
+    assert words in output
+    assert "FAILED: of 1 images compared differ 1 in events" in output
+
+
+def test_counts_and_logits_are_compared_by_themselves(
+    replayed: Path, call: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Equal events, and a defect behind them: of the binning, then of the network."""
+    original = snn.predict.bin_recording
+
+    def lossy(recording: Recording, bins: BinConfig) -> Any:
+        counts = original(recording, bins)
+        return counts._replace(number=np.maximum(counts.number - 1, 1))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(snn.predict, "bin_recording", lossy)
+        code, output, _ = call("--events", replayed, "--check-model")
+    assert code == 1
+    assert "brick/brick-00: step 0, taxel (0, 0), channel 0: model" in output
+    assert "differ 0 in events, 6 in tensors, " in output
+    calls = 0
+    forward = snn.predict.logits_of
+
+    def drifting(*arguments: Any) -> Any:
+        nonlocal calls
+        calls += 1
+        found = forward(*arguments)
+        return found if calls % 2 else np.nextafter(found, np.float32(9))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(snn.predict, "logits_of", drifting)
+        code, output, _ = call("--events", replayed, "--check-model")
+    assert code == 1
+    assert "brick/brick-00: logits of the model [" in output
+    assert "differ 0 in events, 0 in tensors, 6 in logits, 0 in predictions" in output
+
+
+def test_nothing_compared_is_a_failure(tmp_path: Path, replayed: Path, call: Call) -> None:
+    made = Recording.load(replayed / "brick" / "brick-00.npz")
+    dataclasses.replace(made, metadata=made.metadata | {"source": "model"}).save(tmp_path / "a.npz")
+    code, output, _ = call("--events", tmp_path / "a.npz", "--check-model")
+    assert code == 1
+    assert output.splitlines()[-1] == ('FAILED: nothing was compared, none of 1 recordings has the source "rtl"')
+    assert not Check([], 0, {}, np.zeros((1, 3), np.float32)).passed
+    code, output, _ = call("--events", tmp_path / "a.npz", "--events", replayed, "--check-model")
+    assert code == 0
+    assert "1 recordings are not of the RTL and were not compared" in output
+    assert output.splitlines()[-1].startswith("6 of 6 recordings: same events")
+
+
+# -- bad input ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"events": no_events()}, "has no event in the time window; record it again or choose another window"),
+        ({"events": no_events(), "config": CONFIG.replace(columns=3)}, "has 3 taxels, brick/brick-00 has 4"),
+        ({"config": CONFIG.replace(resolution=5)}, "comes from another readout configuration than brick/brick-00"),
+        ({"metadata": {"class": "sand"}}, "is of unknown class 'sand'; known are brick, grass, gravel"),
+    ],
+    ids=["empty", "taxels", "configuration", "class"],
+)
+def test_recordings_that_do_not_fit_are_refused(
+    tmp_path: Path, replayed: Path, call: Call, changes: dict[str, Any], sentence: str
+) -> None:
+    if "metadata" in changes:
+        changes = {"metadata": Recording.load(replayed / "gravel" / "gravel-00.npz").metadata | changes["metadata"]}
+    tampered(replayed, tmp_path / "in", **changes)
+    code, _, error = call("--events", tmp_path / "in")
+    assert code == 2
+    assert error.startswith("error: gravel/gravel-00 ")
+    assert sentence in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "predictions.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("metadata", "sentence"),
+    [
+        ({"dataset": None}, "gravel/gravel-00 does not say of which dataset it is; play it again"),
+        ({"dataset": "mine"}, "is a scan of dataset mine, found is embedded; name its folder with --dataset"),
+        ({"name": "x"}, "dataset embedded has no texture 'x'; name the folder that has it with --dataset"),
+        ({"start_row": "top"}, "gravel/gravel-00 does not say preset and start row of its scan; play it again"),
+        ({"start_row": 900.0}, "the scan of gravel/gravel-00 cannot be made again: start row must be in"),
+        ({"ticks": 50}, "gravel/gravel-00 has 50 sample ticks, the scan of its texture"),
+    ],
+    ids=str,
+)
+def test_a_scan_that_the_model_cannot_make_again_is_refused(
+    tmp_path: Path, replayed: Path, call: Call, metadata: dict[str, Any], sentence: str
+) -> None:
+    made = Recording.load(replayed / "gravel" / "gravel-00.npz")
+    path = tampered(replayed, tmp_path / "in", metadata=made.metadata | metadata)
+    code, _, error = call("--events", path, "--check-model", "--dataset", "embedded")
+    assert code == 2
+    assert sentence in error
+
+
+def test_an_array_that_is_not_the_networks_is_refused(tmp_path: Path, call: Call) -> None:
+    made = record(embedded_dataset()[0], "embedded", PhysicalScan(), CONFIG.replace(columns=3))
+    made.save(tmp_path / "a.npz")
+    code, _, error = call("--events", tmp_path / "a.npz")
+    assert code == 2
+    assert error == (
+        "error: the network takes 8 channels, the scans have 6 (3 taxels); "
+        "they come from another array, encoding or time step\n"
+    )
+
+
+def test_damaged_and_missing_files_are_refused(tmp_path: Path, trained: Path, replayed: Path, call: Call) -> None:
+    whole = (trained / "weights.npz").read_bytes()
+    path = tmp_path / "weights.npz"
+    path.write_bytes(whole[: len(whole) // 2])
+    code, _, error = call("--events", replayed, weights=path)
+    assert (code, error) == (2, f"error: {path} is damaged or not a weight file; train again\n")
+    path.write_bytes(whole)
+    note = tmp_path / "result.json"
+    note.write_text("{}")
+    code, _, error = call("--events", replayed, weights=path)
+    assert (code, error) == (
+        2, f"error: {note} is damaged or not the result of a training; remove it or train again\n"
+    )  # fmt: skip
+    result = json.loads((trained / "result.json").read_text())
+    note.write_text(json.dumps(result | {"class_names": ["a", "b", "c"]}))
+    assert "has other classes or time bins than weights.npz" in call("--events", replayed, weights=path)[2]
+    result["experiment"]["frames"] = {"frames_per_step": 20}
+    note.write_text(json.dumps(result))
+    assert "was trained on frames and cannot classify events" in call("--events", replayed, weights=path)[2]
+    (tmp_path / "none").mkdir()
+    assert "holds no event files (.npz)" in call("--events", tmp_path / "none")[2]
+    assert "cannot read" in call("--events", tmp_path / "none.npz")[2]
