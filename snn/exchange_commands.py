@@ -1,0 +1,103 @@
+"""The commands export, import and convert (docs/exchange.md)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from model.errors import InputError
+from model.files import check_writable
+
+if TYPE_CHECKING:
+    from model.events import Recording
+
+
+def export(
+    weights: Annotated[Path, typer.Argument(metavar="WEIGHTS.npz", help="trained network")],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="graph .nir, or archive .npz")],
+    eight_bits: Annotated[bool, typer.Option("--eight-bits", help=".npz: matrices in 8 bits")] = False,
+) -> None:
+    """Write a trained network for other programs: NIR graph, or plain NumPy archive."""
+    if out.suffix not in (".nir", ".npz"):
+        raise InputError(f"networks are written as .nir or .npz, not {out.name}; rename the output")
+    if eight_bits and out.suffix == ".nir":
+        raise InputError("NIR has no 8-bit weights; write an .npz, or leave --eight-bits out")
+    check_writable(out)
+    from snn.exchange import load_weights, save_weights
+    from snn.nir_exchange import save_nir
+
+    loaded = load_weights(weights)
+    if out.suffix == ".nir":
+        save_nir(out, loaded)
+    else:
+        save_weights(out, loaded, eight_bits)
+    print(f"{out}: {len(loaded.class_names)} classes, {loaded.step_s:g} s per step, {out.stat().st_size} bytes")
+
+
+def import_(
+    graph: Annotated[Path, typer.Argument(metavar="GRAPH.nir", help="NIR graph of a network of this form")],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="WEIGHTS.npz", help="archive to write")],
+    step: Annotated[float | None, typer.Option(metavar="SECONDS", help="time step, where the file has none")] = None,
+    classes: Annotated[
+        str | None, typer.Option(metavar="A,B,...", help="names of the outputs [those in the file, or numbers]")
+    ] = None,
+) -> None:
+    """Read a network from a NIR graph."""
+    if out.suffix != ".npz":
+        raise InputError(f"weight files end in .npz, {out.name} does not; rename the output")
+    check_writable(out)
+    from snn.exchange import config_of, save_weights
+    from snn.nir_exchange import load_nir
+
+    loaded = load_nir(graph, step, None if classes is None else classes.split(","))
+    save_weights(out, loaded)
+    network = config_of(loaded.network)
+    print(f"{out}: {network.inputs} inputs, {network.hidden} hidden neurons, classes {', '.join(loaded.class_names)}")
+
+
+def convert(
+    source: Annotated[Path, typer.Argument(metavar="EVENTS", help="event file .npz, or NIRData .nir")],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="NIRData .nir, array .npy, event file .npz")],
+    bin_s: Annotated[
+        float | None, typer.Option("--bin", metavar="SECONDS", help=".nir: counts per time bin instead of events")
+    ] = None,
+    unit: Annotated[str | None, typer.Option(metavar="us|clocks", help=".npy: unit of t [us]")] = None,
+) -> None:
+    """Convert an event file to what other tools read, and NIRData back to an event file."""
+    if out.suffix not in (".nir", ".npy", ".npz"):
+        raise InputError(f"events are written as .nir, .npy or .npz, not {out.name}; rename the output")
+    if bin_s is not None and out.suffix != ".nir":
+        raise InputError(f"--bin belongs to .nir, not to {out.name}; leave it out")
+    if unit is not None and out.suffix != ".npy":
+        raise InputError(f"--unit belongs to .npy, not to {out.name}; leave it out")
+    if unit not in (None, "us", "clocks"):
+        raise InputError(f"--unit must be us or clocks, not {unit!r}")
+    check_writable(out)
+    import numpy as np
+
+    from model.files import atomic_write
+    from snn.dataset import BinConfig
+    from snn.nir_data import save_nir_data, to_events_array
+
+    recording = _read(source)
+    if out.suffix == ".nir":
+        save_nir_data(out, recording, None if bin_s is None else BinConfig(bin_s=bin_s))
+    elif out.suffix == ".npz":
+        recording.save(out)
+    else:
+        with atomic_write(out) as file:
+            np.save(file, to_events_array(recording, "clocks" if unit == "clocks" else "us"))
+    print(f"{out}: {len(recording.events)} events in {recording.duration_s:.6g} s")
+
+
+def _read(source: Path) -> Recording:
+    from model.events import Recording
+    from snn.nir_data import load_nir_data
+
+    if source.suffix == ".npz":
+        return Recording.load(source)
+    if source.suffix == ".nir":
+        return load_nir_data(source)
+    raise InputError(f"{source} is of unknown kind; give an event file (.npz) or NIRData (.nir)")

@@ -1,0 +1,183 @@
+"""Recordings as NIRData, the event data of NIR, and as the structured arrays of event tools (docs/exchange.md)."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+from typing import Any, Literal
+
+import h5py  # type: ignore[import-untyped]
+import nir
+import numpy as np
+
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.events import EVENT_DTYPE, Events, Recording
+from model.files import atomic_write
+from snn.dataset import BinConfig, bin_recording
+from snn.nir_exchange import INPUT
+
+MOST_CLOCKS = 2**51
+"""Clocks up to which a time in seconds (float64) names its clock.
+
+The quotient t / clock_hz and its product with clock_hz are each rounded by at most one part in 2**53, together by less
+than half a clock.
+"""
+
+OBSERVABLE = "spikes"
+HEADER = "recording"
+"""Dataset beside the data of a NIRData file: the configuration, duration and metadata of the recording as JSON."""
+
+TimeUnit = Literal["us", "clocks"]
+
+
+def to_nir_data(recording: Recording) -> nir.NIRGraphData:
+    """Return the events of a recording as observable ``spikes`` of node ``input``.
+
+    Indices are channels, row * columns + column, plus the number of taxels for OFF; times are in seconds, in the
+    order of the recording.
+
+    Raises
+    ------
+    InputError
+        If the recording lasts longer than 2**51 clocks.
+    """
+    if recording.duration_clocks > MOST_CLOCKS:
+        raise InputError(f"the recording lasts {recording.duration_clocks} clocks, more than 2**51; split it")
+    config, events = recording.config, recording.events
+    channel = events["y"].astype(np.int64) * config.columns + events["x"]
+    channel += np.where(events["p"], 0, config.taxels)
+    data = nir.EventData(
+        idx=channel[None],
+        time=(events["t"] / config.clock_hz)[None],
+        n_neurons=BinConfig().channels(config),
+        t_max=recording.duration_s,
+    )
+    return nir.NIRGraphData({INPUT: nir.NIRNodeData({OBSERVABLE: data})})
+
+
+def to_nir_grid(recording: Recording, bins: BinConfig) -> nir.NIRGraphData:
+    """Return the event counts per time bin (float32), as the network takes them; errors as for ``bin_recording``."""
+    counts = bin_recording(recording, bins).dense().astype(np.float32)
+    return nir.NIRGraphData({INPUT: nir.NIRNodeData({OBSERVABLE: nir.TimeGriddedData(counts[None], bins.bin_s)})})
+
+
+def from_nir_data(data: nir.NIRGraphData, config: ReadoutConfig, metadata: dict[str, Any] | None = None) -> Recording:
+    """Return the recording whose events stand at node ``input``; the inverse of ``to_nir_data``.
+
+    Parameters
+    ----------
+    data : NIRGraphData
+        Entries with the index -1 are no events.
+    config : ReadoutConfig
+        The readout; NIRData does not carry it.
+    metadata : dict, optional
+        Of the recording.
+
+    Raises
+    ------
+    InputError
+        If there are no such events, or they do not fit the readout.
+    """
+    node = data.nodes.get(INPUT)
+    events = node.observables.get(OBSERVABLE) if isinstance(node, nir.NIRNodeData) else None
+    if events is None or type(events) is not nir.EventData:
+        found = "nothing" if events is None else type(events).__name__
+        raise InputError(f"node {INPUT!r} must have the observable {OBSERVABLE!r} of type EventData, not {found}")
+    if events.n_samples != 1:
+        raise InputError(f"the data hold {events.n_samples} recordings; take them one by one")
+    channels = BinConfig().channels(config)
+    if events.n_neurons != channels:
+        raise InputError(f"the data have {events.n_neurons} channels, the readout {channels}; give its configuration")
+    real = events.idx[0] != -1
+    channel, time_s = events.idx[0][real], events.time[0][real]
+    if wrong := np.flatnonzero((channel < 0) | (channel >= channels) | ~np.isfinite(time_s)).tolist():
+        at = wrong[0]
+        raise InputError(
+            f"event {at} has channel {channel[at]} at {time_s[at]} s, outside 0..{channels - 1} or no time"
+        )
+    duration = round(events.t_max * config.clock_hz)
+    if duration > MOST_CLOCKS:
+        raise InputError(f"the data last {duration} clocks, more than 2**51; split them")
+    made = np.empty(len(channel), EVENT_DTYPE)
+    made["t"] = np.rint(time_s * config.clock_hz)
+    made["y"], made["x"] = np.divmod(channel % config.taxels, config.columns)
+    made["p"] = channel < config.taxels
+    return Recording(made, config, duration, metadata=metadata or {})
+
+
+def to_events_array(recording: Recording, time_unit: TimeUnit = "us") -> Events:
+    """Return events with the fields t, x, y, p that event tools such as tonic take.
+
+    Parameters
+    ----------
+    recording : Recording
+    time_unit : "us" or "clocks"
+        t in whole microseconds since the end of reset, rounded half to even, or in clocks. Microseconds do not tell
+        clocks above 1 MHz apart.
+
+    Returns
+    -------
+    ndarray of EVENT_DTYPE, shape (events,)
+    """
+    if time_unit not in ("us", "clocks"):
+        raise InputError(f"time_unit must be us or clocks, not {time_unit!r}")
+    events = recording.events.copy()
+    if time_unit == "us":
+        events["t"] = np.rint(events["t"] / recording.clock_hz * 1e6)
+    return events
+
+
+# -- files -------------------------------------------------------------------------------------------
+
+
+def save_nir_data(path: Path, recording: Recording, bins: BinConfig | None = None) -> None:
+    """Write a recording as a NIRData file (HDF5), whole or not at all: its events, or with ``bins`` their counts.
+
+    The configuration and the metadata stand beside the data, where ``nir.read_data`` does not look.
+    """
+    if path.suffix != ".nir":
+        raise InputError(f"NIR files end in .nir, {path.name} does not; rename the output")
+    header = {
+        "config": recording.config.to_dict(),
+        "version": recording.version,
+        "metadata": recording.metadata,
+    }
+    try:
+        text = json.dumps(header, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"the metadata of a recording must be plain JSON values: {error}") from None
+    data = io.BytesIO()
+    nir.write_data(data, to_nir_data(recording) if bins is None else to_nir_grid(recording, bins))
+    with h5py.File(data, "a") as file:
+        file[HEADER] = text
+    with atomic_write(path) as out:
+        out.write(data.getvalue())
+
+
+def load_nir_data(path: Path) -> Recording:
+    """Return the recording of a file that ``save_nir_data`` wrote without bins.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is damaged, or holds something else.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from None
+    try:
+        data = nir.read_data(io.BytesIO(content))
+        with h5py.File(io.BytesIO(content)) as file:
+            header = json.loads(file[HEADER][()]) if HEADER in file else None
+    except Exception:  # a damaged file makes h5py, zlib and nir raise almost any type
+        raise InputError(f"{path} is damaged or not NIRData; convert its event file again") from None
+    if not isinstance(header, dict) or not {"config", "version", "metadata"} <= set(header):
+        raise InputError(f"{path} does not say its readout; use from_nir_data with a configuration")
+    try:
+        found = from_nir_data(data, ReadoutConfig.from_dict(header["config"]), header["metadata"])
+        return Recording(found.events, found.config, found.duration_clocks, header["version"], found.metadata)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None

@@ -1,0 +1,276 @@
+"""Trained networks as graphs of the Neuromorphic Intermediate Representation, NIR (docs/exchange.md).
+
+NIR states neurons by differential equations (Pedersen et al., Nature Communications 15, 8122, 2024). Here and in
+snnTorch they are solved by the forward Euler method, the input current I being held during a step dt::
+
+    LI, LIF   tau dv/dt = v_leak - v + r I   v <- (1 - dt / tau) v + dt / tau (v_leak + r I)
+    I, IF     dv/dt = r I                    v <- v + r I         r per step, as snnTorch reads it
+
+so that a membrane which keeps the part ``decay`` of its potential has tau = dt / (1 - decay) and r = tau / dt.
+"""
+
+from __future__ import annotations
+
+import io
+import itertools
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import nir
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from model.errors import InputError
+from model.files import atomic_write
+from snn.exchange import Weights, config_of
+from snn.network import NetworkConfig, SpikingNetwork, build
+from snn.nir_layers import Layer, affine, broadcast, follow
+
+FORMAT_NAME = "spiking-eskin-readout network"
+FORMAT_VERSION = 1
+
+SMALLEST_LOSS = 2.0**-60
+"""Part of the potential that a learned decay of exactly 1 loses in a step, so that tau stays finite."""
+
+MAX_DECAY_ERROR = 1e-6
+"""Largest difference between the decay of a time constant and the one in the metadata."""
+
+INPUT, SCALE, HIDDEN_IN, HIDDEN = "input", "input_scale", "hidden_in", "hidden"
+RECURRENT, READOUT_IN, READOUT, OUTPUT = "recurrent", "readout_in", "readout", "output"
+
+
+# -- export ------------------------------------------------------------------------------------------
+
+
+def to_nir(weights: Weights) -> nir.NIRGraph:
+    """Return the graph of a trained spiking network.
+
+    What NIR has no word for stands in metadata: ``floor`` and ``reset`` of every neuron, ``raw_decay`` where decays
+    were learned, and in those of the graph ``dt``, ``output_scale`` and, as JSON, all of ``NetworkConfig``.
+
+    Raises
+    ------
+    InputError
+        If the network is a baseline for frames.
+    """
+    network, config = weights.network, config_of(weights.network)
+    if not isinstance(network, SpikingNetwork):
+        raise InputError(f"a network of kind {config.kind} has no neurons that NIR knows; export it as .npz")
+    arrays = {name: tensor.detach().cpu().numpy() for name, tensor in network.state_dict().items()}
+    decay, output_decay = (tensor.detach().cpu().numpy() for tensor in network.decays())
+    neuron = {"floor": config.floor, "reset": config.reset}
+    fires = config.readout == "spikes"
+    nodes: dict[str, nir.NIRNode] = {INPUT: nir.Input(input_type={"input": np.array([config.inputs])})}
+    chain = [INPUT]
+    if config.input_scale != 1:
+        nodes[SCALE] = nir.Scale(scale=np.full(config.inputs, config.input_scale))
+        chain.append(SCALE)
+    nodes |= {
+        HIDDEN_IN: nir.Affine(weight=arrays["w_in"], bias=arrays["b_hidden"]),
+        HIDDEN: _neurons(decay, weights.step_s, True, neuron | _raw(arrays, "raw_decay")),
+        RECURRENT: nir.Linear(weight=arrays["w_rec"]),
+        READOUT_IN: nir.Affine(weight=arrays["w_out"], bias=arrays["b_out"]),
+        READOUT: _neurons(
+            output_decay, weights.step_s, fires, (neuron if fires else {}) | _raw(arrays, "raw_output_decay")
+        ),
+        OUTPUT: nir.Output(output_type={"output": np.array([config.classes])}),
+    }
+    chain += [HIDDEN_IN, HIDDEN, READOUT_IN, READOUT, OUTPUT]
+    header = {"network": config.to_dict(), "class_names": list(weights.class_names), "step_s": weights.step_s}
+    metadata = {
+        "format": FORMAT_NAME,
+        "format_version": FORMAT_VERSION,
+        "dt": weights.step_s,
+        "output_scale": config.output_scale,
+        "logits": f"output_scale * {'sum' if fires else 'mean'} over time of node {READOUT}",
+        "header": json.dumps(header),
+    }
+    edges = [*itertools.pairwise(chain), (HIDDEN, RECURRENT), (RECURRENT, HIDDEN)]
+    return nir.NIRGraph(nodes, edges, metadata)
+
+
+def save_nir(path: Path, weights: Weights) -> None:
+    """Write a network as a NIR file (HDF5), whole or not at all; equal networks give equal bytes.
+
+    Raises
+    ------
+    InputError
+        If the name does not end in .nir, the network is a baseline, or the file cannot be written.
+    """
+    if path.suffix != ".nir":
+        raise InputError(f"NIR files end in .nir, {path.name} does not; rename the output")
+    data = io.BytesIO()
+    nir.write(data, to_nir(weights))
+    with atomic_write(path) as file:
+        file.write(data.getvalue())
+
+
+def _neurons(decay: NDArray[Any], step_s: float, fires: bool, metadata: dict[str, Any]) -> nir.NIRNode:
+    """Return the node of neurons with a threshold of 1, or of membranes that do not fire."""
+    one, zero = np.ones(len(decay)), np.zeros(len(decay))
+    if (decay == 1).all():
+        if not fires:
+            return nir.I(r=one, metadata=metadata)
+        return nir.IF(r=one, v_threshold=one, v_reset=zero, metadata=metadata)
+    r = 1.0 / np.maximum(1.0 - decay.astype(np.float64), SMALLEST_LOSS)
+    leak = {"tau": step_s * r, "r": r, "v_leak": zero}
+    if not fires:
+        return nir.LI(**leak, metadata=metadata)
+    return nir.LIF(**leak, v_threshold=one, v_reset=zero, metadata=metadata)
+
+
+def _raw(arrays: dict[str, NDArray[Any]], name: str) -> dict[str, NDArray[Any]]:
+    """Return the learned decays before the logistic function, where there are any."""
+    return {"raw_decay": arrays[name]} if name in arrays else {}
+
+
+# -- import ------------------------------------------------------------------------------------------
+
+
+def load_nir(path: Path, step_s: float | None = None, class_names: Sequence[str] | None = None) -> Weights:
+    """Return the network of a NIR file: of ``save_nir``, or of another program if its graph has the same form.
+
+    Parameters
+    ----------
+    path : Path
+    step_s : float, optional
+        Seconds per time step, needed where the file has no ``dt`` among its metadata.
+    class_names : sequence of str, optional
+        Names of the outputs, by default those in the file, or else their numbers.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is damaged, or holds a graph that the network cannot express; its text names
+        the node.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from None
+    try:
+        graph = nir.read(io.BytesIO(data), type_check=False)  # from_nir checks, and names the node
+    except Exception:  # a damaged file makes h5py and nir raise almost any type
+        raise InputError(f"{path} is damaged or not a NIR graph; export it again") from None
+    try:
+        return from_nir(graph, step_s, class_names)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def from_nir(graph: nir.NIRGraph, step_s: float | None = None, class_names: Sequence[str] | None = None) -> Weights:
+    """Return the network of a NIR graph; parameters and errors as for ``load_nir``."""
+    try:
+        graph.validate_structure()
+    except ValueError as error:
+        raise InputError(f"the graph is not whole: {error}") from None
+    header = _header(graph)
+    stated = graph.metadata.get("dt")
+    if step_s is None and stated is None:
+        raise InputError("the graph does not say its time step; give it in seconds (--step)")
+    if step_s is not None and stated is not None and not math.isclose(step_s, float(stated)):
+        raise InputError(f"the graph has a time step of {float(stated):g} s, not {step_s:g} s; leave --step out")
+    dt = float(stated) if step_s is None else step_s
+    if not (math.isfinite(dt) and dt > 0):
+        raise InputError(f"the time step must be a positive number of seconds, not {dt!r}")
+    chain = follow(graph)
+    w_in, b_hidden = affine(graph, chain.hidden_in)
+    w_out, b_out = affine(graph, chain.readout_in)
+    hidden = Layer.of(chain.hidden, graph.nodes[chain.hidden], dt, len(w_in))
+    readout = Layer.of(chain.readout, graph.nodes[chain.readout], dt, len(w_out))
+    w_rec, b_rec = np.zeros((hidden.size, hidden.size)), np.zeros(hidden.size)
+    if chain.recurrent is not None:
+        w_rec, b_rec = affine(graph, chain.recurrent)
+    for name, weight in ((chain.recurrent, w_rec), (chain.readout_in, w_out)):
+        if weight.shape[1] != hidden.size or (weight is w_rec and len(w_rec) != hidden.size):
+            raise InputError(
+                f"node {name!r} has weights of shape {weight.shape}, node {hidden.name!r} {hidden.size} neurons"
+            )
+    input_scale = 1.0
+    if chain.scale is not None:
+        scale = broadcast(chain.scale, graph.nodes[chain.scale].scale, w_in.shape[1])
+        if scale[0] > 0 and (scale == scale[0]).all():
+            input_scale = float(scale[0])
+        else:
+            w_in = w_in * scale
+    if readout.fires and (readout.floor, readout.reset) != (hidden.floor, hidden.reset):
+        raise InputError(f"nodes {hidden.name!r} and {readout.name!r} differ in floor or reset; make them equal")
+    found = {
+        "inputs": w_in.shape[1],
+        "hidden": hidden.size,
+        "classes": readout.size,
+        "input_scale": input_scale,
+        "floor": hidden.floor,
+        "reset": hidden.reset,
+        "readout": "spikes" if readout.fires else "membrane",
+    }
+    if header is None:
+        config = NetworkConfig(**found, **_decay_fields(hidden, readout))
+        names: Sequence[str] = [str(number) for number in range(readout.size)]
+    else:
+        try:
+            config, names = NetworkConfig(**header["network"]), header["class_names"]
+        except (KeyError, TypeError):
+            raise InputError("the metadata of the graph are damaged; export it again") from None
+        for name, value in found.items():
+            if getattr(config, name) != value:
+                raise InputError(
+                    f"the nodes of the graph give {name} = {value}, its metadata {getattr(config, name)}; "
+                    f"remove the metadata of the graph"
+                )
+    names = names if class_names is None else class_names
+    if len(names) != readout.size:
+        raise InputError(f"node {readout.name!r} has {readout.size} outputs, not {len(names)}; name as many classes")
+    state = {
+        "w_in": w_in * hidden.gain[:, None],
+        "w_rec": w_rec * hidden.gain[:, None],
+        "w_out": w_out * readout.gain[:, None],
+        "b_hidden": (b_hidden + b_rec) * hidden.gain + hidden.drive,
+        "b_out": b_out * readout.gain + readout.drive,
+    }
+    if config.learn_decay:
+        state |= {"raw_decay": hidden.logits(), "raw_output_decay": readout.logits()}
+    network = build(config, seed=0)
+    assert isinstance(network, SpikingNetwork)
+    network.load_state_dict({name: torch.from_numpy(array.astype(np.float32)) for name, array in state.items()})
+    for layer, kept in zip((hidden, readout), network.decays(), strict=True):
+        if np.abs(kept.detach().numpy() - layer.decay).max() > MAX_DECAY_ERROR:
+            raise InputError(
+                f"node {layer.name!r} has a tau that its decay in the metadata does not give; remove the metadata"
+            )
+    return Weights(network, tuple(str(name) for name in names), dt)
+
+
+def _decay_fields(hidden: Layer, readout: Layer) -> dict[str, Any]:
+    """Return the fields of NetworkConfig for decays; where those of a layer differ, they must be learned ones."""
+    differ = [layer for layer in (hidden, readout) if (layer.decay != layer.decay[0]).any()]
+    if differ:
+        for layer in (hidden, readout):
+            if (layer.decay == 1).any():
+                raise InputError(
+                    f"node {layer.name!r} has no leak, while those of {differ[0].name!r} differ; give it a long tau"
+                )
+    return {
+        "decay": float(hidden.decay[0]),
+        "output_decay": float(readout.decay[0]),
+        "learn_decay": bool(differ),
+    }
+
+
+def _header(graph: nir.NIRGraph) -> dict[str, Any] | None:
+    """Return the metadata of a graph that ``to_nir`` made, None for other graphs."""
+    if graph.metadata.get("format") != FORMAT_NAME:
+        return None
+    if (version := graph.metadata.get("format_version")) != FORMAT_VERSION:
+        raise InputError(f"the graph has format version {version}, this program reads {FORMAT_VERSION}")
+    try:
+        header = json.loads(graph.metadata["header"])
+    except (KeyError, TypeError, ValueError):
+        header = None
+    if not isinstance(header, dict):
+        raise InputError("the metadata of the graph are damaged; export it again")
+    return header

@@ -1,0 +1,166 @@
+"""What stands in a NIR graph, read as the layers of our network: neurons in discrete time with a threshold of 1.
+
+The discretisation is that of ``snn.nir_exchange``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import nir
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import InputError
+
+_LINEAR = (nir.Affine, nir.Linear)
+_FIRING = (nir.IF, nir.LIF)
+_NEURONS = (nir.IF, nir.LIF, nir.I, nir.LI)
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Names of the nodes, from the input to the output."""
+
+    scale: str | None
+    hidden_in: str
+    hidden: str
+    recurrent: str | None
+    readout_in: str
+    readout: str
+
+
+def follow(graph: nir.NIRGraph) -> Chain:
+    """Return the nodes of a graph in the order of the signal, or raise InputError where its form is another."""
+    if len(graph.inputs) != 1:
+        raise InputError(f"the graph has {len(graph.inputs)} nodes of type Input; it needs one")
+    after: dict[str, list[str]] = {name: [] for name in graph.nodes}
+    for source, target in graph.edges:
+        after[source].append(target)
+    (place,) = graph.inputs
+    seen = {place}
+
+    def advance(*types: type) -> str:
+        nonlocal place
+        forward = [name for name in after[place] if name not in seen]
+        if len(forward) != 1:
+            count = len(forward) or "no"
+            raise InputError(f"node {place!r} leads to {count} further nodes; it must lead to one")
+        place = forward[0]
+        seen.add(place)
+        node = graph.nodes[place]
+        if not isinstance(node, types):
+            wanted = " or ".join(kind.__name__ for kind in types)
+            raise InputError(f"node {place!r} is of type {type(node).__name__}, where the network has {wanted}")
+        return place
+
+    first = advance(nir.Scale, *_LINEAR)
+    scale = first if isinstance(graph.nodes[first], nir.Scale) else None
+    hidden_in = first if scale is None else advance(*_LINEAR)
+    hidden = advance(*_FIRING)
+    loops = [name for name in after[hidden] if after[name] == [hidden]]
+    if len(loops) > 1:
+        raise InputError(f"node {hidden!r} has {len(loops)} recurrent connections; the network has one")
+    for name in loops:
+        if not isinstance(graph.nodes[name], _LINEAR):
+            raise InputError(
+                f"node {name!r} is of type {type(graph.nodes[name]).__name__}, where the network has Linear or Affine"
+            )
+    seen.update(loops)
+    chain = Chain(scale, hidden_in, hidden, loops[0] if loops else None, advance(*_LINEAR), advance(*_NEURONS))
+    advance(nir.Output)
+    if unused := sorted(set(graph.nodes) - seen):
+        raise InputError(f"node {unused[0]!r} is beside the path from input to output; remove it")
+    expected = len(seen) - 1 + len(loops)
+    if len(graph.edges) != expected:
+        raise InputError(
+            f"the graph has {len(graph.edges)} edges, where the network has {expected}; remove other loops"
+        )
+    return chain
+
+
+def affine(graph: nir.NIRGraph, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return weight and bias of a linear node."""
+    node = graph.nodes[name]
+    weight = np.asarray(node.weight, np.float64)
+    if weight.ndim != 2:
+        raise InputError(f"node {name!r} has weights of shape {weight.shape}; the network has matrices")
+    bias = broadcast(name, node.bias if isinstance(node, nir.Affine) else 0.0, len(weight))
+    if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
+        raise InputError(f"node {name!r} has weights that are not finite numbers; export it again")
+    return weight, bias
+
+
+def broadcast(name: str, values: Any, size: int) -> NDArray[np.float64]:
+    """Return a parameter of a node with one value for each of its channels; some programs write a single number."""
+    try:
+        return np.broadcast_to(np.asarray(values, np.float64), size)
+    except ValueError:
+        raise InputError(f"node {name!r} has parameters of shape {np.shape(values)}, not ({size},)") from None
+
+
+@dataclass(frozen=True)
+class Layer:
+    """Neurons of a node in discrete time, scaled to a threshold of 1.
+
+    Attributes
+    ----------
+    decay, gain, drive : float64 arrays, shape (neurons,)
+        v <- decay v + gain I + drive.
+    raw : float array or None
+        Learned decays before the logistic function, where the file has them.
+    """
+
+    name: str
+    fires: bool
+    decay: NDArray[np.float64]
+    gain: NDArray[np.float64]
+    drive: NDArray[np.float64]
+    floor: float
+    reset: str
+    raw: NDArray[np.float64] | None
+
+    @property
+    def size(self) -> int:
+        return len(self.decay)
+
+    @classmethod
+    def of(cls, name: str, node: nir.NIRNode, dt: float, size: int) -> Layer:
+        """Return the neurons of a node, or raise InputError where the network has none like them."""
+        raw = None
+        if "raw_decay" in node.metadata:
+            raw = broadcast(name, node.metadata["raw_decay"], size)
+        part, leak, decay = np.ones(size), np.zeros(size), np.ones(size)
+        if isinstance(node, (nir.LIF, nir.LI)):
+            part = dt / broadcast(name, node.tau, size)
+            leak = broadcast(name, node.v_leak, size)
+            decay = 1.0 - part
+            if not ((part > 0) & ((part < 1) | ((part == 1) & (raw is not None)))).all():
+                raise InputError(f"node {name!r} has a tau that is not above {dt:g} s; choose a shorter time step")
+        threshold = np.ones(size)
+        fires = isinstance(node, _FIRING)
+        if fires:
+            threshold = broadcast(name, node.v_threshold, size)
+            if not (threshold > 0).all():
+                raise InputError(f"node {name!r} has a v_threshold that is not positive; the network needs one")
+            if np.any(node.v_reset):
+                raise InputError(f"node {name!r} has a v_reset other than 0; the network resets to 0")
+        floors = np.unique(float(node.metadata.get("floor", -math.inf)) / threshold)
+        if len(floors) > 1:
+            raise InputError(f"node {name!r} has a floor but thresholds that differ; the network has one floor")
+        return cls(
+            name=name,
+            fires=fires,
+            decay=decay,
+            gain=part * broadcast(name, node.r, size) / threshold,
+            drive=part * leak / threshold,
+            floor=float(floors[0]),
+            reset=str(node.metadata.get("reset", "zero")),
+            raw=raw,
+        )
+
+    def logits(self) -> NDArray[np.float64]:
+        """Return what the logistic function makes the decays of."""
+        return np.log(self.decay / (1.0 - self.decay)) if self.raw is None else self.raw

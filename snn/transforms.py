@@ -1,0 +1,101 @@
+"""The encoders as a transform of a torch data pipeline, in the place of ``snntorch.spikegen.delta``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.scan import quantise
+from model.taxel import encode
+
+
+@dataclass(frozen=True)
+class LevelCrossing:
+    """Signals to events, by the functional model of a taxel: every taxel alone, bit-exact.
+
+    A callable without state, so that it can be pickled, shared by the workers of a ``DataLoader`` and put into a
+    ``torchvision`` ``Compose``. No gradient flows through it.
+
+    Parameters
+    ----------
+    config : ReadoutConfig
+        Encoder and its parameters. With ``decide_every="sample"`` a taxel sends at most one event per sample, and the
+        values are -1, 0 and 1; with ``"clock"`` they are counts, since several levels may be crossed in one sample.
+    off_spike : bool
+        OFF events count; else they are left out, as in ``spikegen.delta``.
+    polarity : bool
+        ON and OFF in channels of their own, shape (time, 2, ...), ON first as in the network's channels; else OFF
+        events are negative, in the shape of the signals.
+
+    Raises
+    ------
+    InputError
+        If channels of polarity are wanted of N-LCS, which has no OFF events, or without them.
+    """
+
+    config: ReadoutConfig
+    off_spike: bool = True
+    polarity: bool = False
+
+    def __post_init__(self) -> None:
+        if self.polarity and not self.config.has_polarity:
+            raise InputError(f"encoding {self.config.encoding} has no OFF events; leave polarity out")
+        if self.polarity and not self.off_spike:
+            raise InputError("polarity needs OFF events; leave off_spike at True")
+
+    def __call__(self, data: Tensor | NDArray[Any]) -> Tensor:
+        """Return the events that follow each sample.
+
+        Parameters
+        ----------
+        data : floating-point tensor or array, shape (time, ...)
+            In full scales: the range is -1.0 to 1.0, what is outside saturates. It is rounded half to even to codes of
+            ``config.sample_bits`` bits. The reference starts at ``config.reference_reset``. For N-LCS, whose leak
+            depends on the row, the last dimensions are (..., rows, columns) or (..., taxels).
+
+        Returns
+        -------
+        Tensor, shape (time, ...) or (time, 2, ...)
+            Type and device of the data.
+
+        Raises
+        ------
+        InputError
+            If the data are not floating-point, have no time dimension, hold NaN or do not fit the array.
+        """
+        tensor = torch.as_tensor(data)
+        if not tensor.is_floating_point():
+            raise InputError(
+                f"signals must be floating-point numbers in full scales, not {tensor.dtype}; divide them by their range"
+            )
+        if tensor.ndim < 1:
+            raise InputError("signals must have the shape (time, ...), not a single number")
+        codes, _ = quantise(tensor.detach().cpu().double().numpy(), self.config.sample_bits)
+        events = torch.from_numpy(self._encode(codes)).to(tensor)
+        if self.polarity:
+            return torch.stack((events.clamp_min(0), (-events).clamp_min(0)), 1)
+        return events if self.off_spike else events.clamp_min(0)
+
+    def _encode(self, codes: NDArray[np.int32]) -> NDArray[Any]:
+        """Return the signed events of codes of shape (time, ...), in that shape."""
+        if not codes.size:
+            return np.zeros(codes.shape, np.int16)
+        flat = codes.reshape(len(codes), -1)
+        if self.config.encoding != "nlcs":
+            return encode(self.config, flat).reshape(codes.shape)
+        taxels = self.config.taxels
+        last = codes.shape[1:]
+        if not (last[-1:] == (taxels,) or last[-2:] == (self.config.rows, self.config.columns)):
+            raise InputError(
+                f"nlcs takes signals of shape (time, ..., {self.config.rows}, {self.config.columns}) or "
+                f"(time, ..., {taxels}), not {codes.shape}; change rows and columns of the configuration"
+            )
+        arrays = [encode(self.config, flat[:, at : at + taxels]) for at in range(0, flat.shape[1], taxels)]
+        return np.concatenate(arrays, 1).reshape(codes.shape)

@@ -1,0 +1,399 @@
+"""Networks as NIR graphs: run from the file alone they spike as ours do, and they come back bit for bit.
+
+``run`` is an interpreter of its own: NumPy, the equations of the NIR nodes by forward Euler, nothing of ``snn``.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import nir
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+
+from model.cli import make_app
+from model.cli import run as run_app
+from model.errors import InputError
+from snn.exchange import Weights, load_weights, save_weights
+from snn.exchange_commands import export, import_
+from snn.network import NetworkConfig, SpikingNetwork, build
+from snn.nir_exchange import from_nir, load_nir, save_nir, to_nir
+
+CLASSES = ("a", "b", "c")
+STEP_S = 0.002
+VARIANTS: dict[str, dict[str, Any]] = {
+    "paper": {},
+    "tuned": {"input_scale": 0.4, "decay": 0.8, "output_decay": 0.95, "readout": "membrane", "dropout": 0.3},
+    "learned": {"decay": 0.9, "output_decay": 0.8, "learn_decay": True, "output_scale": 0.1},
+    "subtract": {"reset": "subtract", "decay": 0.95, "floor": -0.5},
+    "no floor": {"floor": float("-inf"), "surrogate": "arctan"},
+    "no leak in the membrane": {"readout": "membrane"},
+}
+
+
+def made(**fields: Any) -> Weights:
+    """Return a network that fires, with random biases and, where learned, decays of every kind."""
+    network = build(NetworkConfig(inputs=6, classes=3, hidden=20, **fields), seed=4)
+    assert isinstance(network, SpikingNetwork)
+    generator = torch.Generator().manual_seed(1)
+    with torch.no_grad():
+        for name, tensor in network.named_parameters():
+            if name.startswith(("b_", "raw_")):
+                tensor.add_(torch.randn(tensor.shape, generator=generator), alpha=0.1)
+            else:
+                tensor.mul_(1.5)
+    return Weights(network, CLASSES, STEP_S)
+
+
+def scans() -> torch.Tensor:
+    generator = torch.Generator().manual_seed(2)
+    rates = 2 * torch.rand((1, 30, 6), generator=generator) ** 2  # each scan has channels of its own that lead
+    return torch.poisson(rates.expand(60, -1, -1), generator=generator)
+
+
+def run(graph: nir.NIRGraph, x: NDArray[Any], floors: bool = True) -> dict[str, NDArray[Any]]:
+    """Return what every neuron node gives, shape (steps, scans, neurons): spikes, or potentials if it does not fire.
+
+    A recurrent edge arrives one step later.
+    """
+    dt = graph.metadata["dt"]
+    order = ["input", "input_scale", "hidden_in", "hidden", "readout_in", "readout"]
+    order = [name for name in order if name in graph.nodes]
+    v: dict[str, Any] = {}
+    last: dict[str, Any] = {}
+    found: dict[str, list[Any]] = {"hidden": [], "readout": []}
+    for counts in x:
+        values: dict[str, Any] = {"input": counts}
+        if last:
+            values["recurrent"] = last["hidden"] @ graph.nodes["recurrent"].weight.T
+        for name in order[1:]:
+            node = graph.nodes[name]
+            current = sum(values[a] for a, b in graph.edges if b == name and a in values)
+            if isinstance(node, nir.Scale):
+                values[name] = current * node.scale
+            elif isinstance(node, nir.Affine):
+                values[name] = current @ node.weight.T + node.bias
+            else:
+                old = v.get(name, 0.0)
+                if isinstance(node, (nir.LIF, nir.LI)):
+                    new = old + dt / node.tau * (node.v_leak - old + node.r * current)
+                else:
+                    new = old + node.r * current
+                if floors and "floor" in node.metadata:
+                    new = np.maximum(new, node.metadata["floor"])
+                values[name] = new
+                if isinstance(node, (nir.LIF, nir.IF)):
+                    values[name] = (new > node.v_threshold).astype(float)
+                    after = new - node.v_threshold if node.metadata["reset"] == "subtract" else node.v_reset
+                    new = np.where(values[name] == 1, after, new)
+                v[name] = new
+                found[name].append(values[name])
+        last = values
+    return {name: np.array(values) for name, values in found.items()}
+
+
+# -- networks ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_the_file_alone_gives_the_spikes_and_predictions(tmp_path: Path, name: str) -> None:
+    weights, x = made(**VARIANTS[name]), scans()
+    save_nir(tmp_path / "net.nir", weights)
+    graph = nir.read(tmp_path / "net.nir")
+    found = run(graph, x.numpy())
+    network = weights.network.eval()
+    assert isinstance(network, SpikingNetwork)
+    with torch.no_grad():
+        spikes, logits = network.spikes(x).numpy(), network(x).logits.numpy()
+    assert 0.05 < spikes.mean() < 0.9
+    np.testing.assert_array_equal(found["hidden"], spikes)
+    total = found["readout"].sum(0) if "sum over time" in graph.metadata["logits"] else found["readout"].mean(0)
+    np.testing.assert_allclose(total * graph.metadata["output_scale"], logits, rtol=1e-4, atol=1e-4)
+    np.testing.assert_array_equal(total.argmax(1), logits.argmax(1))
+    assert len(set(logits.argmax(1))) > 1
+
+
+def test_the_floor_is_part_of_the_network() -> None:
+    weights, x = made(), scans().numpy()
+    graph = to_nir(weights)
+    assert not np.array_equal(run(graph, x, floors=False)["hidden"], run(graph, x)["hidden"])
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_a_network_comes_back_bit_exact(tmp_path: Path, name: str) -> None:
+    weights, path, x = made(**VARIANTS[name]), tmp_path / "net.nir", scans()
+    save_nir(path, weights)
+    loaded = load_nir(path)
+    assert loaded.network.config == weights.network.config
+    assert (loaded.class_names, loaded.step_s) == (CLASSES, STEP_S)
+    for key, tensor in weights.network.state_dict().items():
+        assert torch.equal(loaded.network.state_dict()[key], tensor), key
+    assert torch.equal(loaded.network.eval()(x).logits, weights.network.eval()(x).logits)
+    first = path.read_bytes()
+    save_nir(path, loaded)
+    assert path.read_bytes() == first
+
+
+def test_learned_decays_may_reach_their_ends(tmp_path: Path) -> None:
+    weights = made(**VARIANTS["learned"])
+    network = weights.network
+    assert isinstance(network, SpikingNetwork)
+    with torch.no_grad():
+        network.raw_decay[:2] = torch.tensor([60.0, -200.0])
+    assert network.decays()[0][:2].tolist() == [1.0, 0.0]
+    save_nir(tmp_path / "net.nir", weights)
+    loaded = load_nir(tmp_path / "net.nir")
+    assert torch.equal(loaded.network.eval()(scans()).logits, weights.network.eval()(scans()).logits)
+
+
+def test_the_nodes_are_those_of_the_document() -> None:
+    plain, tuned = to_nir(made()), to_nir(made(**VARIANTS["tuned"]))
+    kinds = {name: type(node).__name__ for name, node in tuned.nodes.items()}
+    assert kinds == {
+        "input": "Input",
+        "input_scale": "Scale",
+        "hidden_in": "Affine",
+        "hidden": "LIF",
+        "recurrent": "Linear",
+        "readout_in": "Affine",
+        "readout": "LI",
+        "output": "Output",
+    }
+    assert [type(plain.nodes[name]).__name__ for name in ("hidden", "readout")] == ["IF", "IF"]
+    assert type(to_nir(made(readout="membrane")).nodes["readout"]).__name__ == "I"
+    np.testing.assert_allclose(tuned.nodes["hidden"].tau, STEP_S / 0.2, rtol=1e-6)
+    np.testing.assert_allclose(tuned.nodes["hidden"].r, 1 / 0.2, rtol=1e-6)
+    assert tuned.metadata["dt"] == STEP_S
+
+
+def foreign(**changes: Any) -> nir.NIRGraph:
+    """Return a graph as another program would write it: other names, no metadata, thresholds and leaks of its own."""
+    generator = np.random.default_rng(3)
+    tau, r = np.full(5, 0.01), np.full(5, 3.0)
+    nodes = {
+        "in": nir.Input(input_type={"input": np.array([4])}),
+        "fc1": nir.Linear(weight=generator.normal(size=(5, 4))),
+        "lif1": nir.LIF(tau=tau, r=r, v_leak=np.full(5, 0.3), v_threshold=np.linspace(0.5, 2, 5)),
+        "rec": nir.Affine(weight=generator.normal(size=(5, 5)), bias=np.full(5, 0.05)),
+        "fc2": nir.Affine(weight=generator.normal(size=(2, 5)), bias=np.full(2, 0.1)),
+        "if2": nir.IF(r=np.full(2, 0.5), v_threshold=np.full(2, 0.7)),
+        "out": nir.Output(output_type={"output": np.array([2])}),
+    } | changes
+    edges = [("in", "fc1"), ("fc1", "lif1"), ("lif1", "rec"), ("rec", "lif1")]
+    edges += [("lif1", "fc2"), ("fc2", "if2"), ("if2", "out")]
+    return nir.NIRGraph(nodes, edges, type_check=False)
+
+
+def run_foreign(graph: nir.NIRGraph, x: NDArray[Any], dt: float) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return the hidden and the output spikes of ``foreign``."""
+    n = graph.nodes
+    v, s, w = np.zeros((x.shape[1], 5)), np.zeros((x.shape[1], 5)), np.zeros((x.shape[1], 2))
+    hidden, output = [], []
+    for counts in x:
+        current = counts @ n["fc1"].weight.T + s @ n["rec"].weight.T + n["rec"].bias
+        v = v + dt / n["lif1"].tau * (n["lif1"].v_leak - v + n["lif1"].r * current)
+        s = (v > n["lif1"].v_threshold).astype(float)
+        v = v * (1 - s)
+        w = w + n["if2"].r * (s @ n["fc2"].weight.T + n["fc2"].bias)
+        z = (w > n["if2"].v_threshold).astype(float)
+        w = w * (1 - z)
+        hidden.append(s)
+        output.append(z)
+    return np.array(hidden), np.array(output)
+
+
+def test_a_graph_of_another_program_is_run_as_it_says(tmp_path: Path) -> None:
+    nir.write(tmp_path / "other.nir", foreign())
+    with pytest.raises(InputError, match="does not say its time step; give it in seconds"):
+        load_nir(tmp_path / "other.nir")
+    loaded = load_nir(tmp_path / "other.nir", step_s=0.001, class_names=("x", "y"))
+    x = torch.poisson(torch.full((80, 6, 4), 0.8), generator=torch.Generator().manual_seed(5))
+    hidden, output = run_foreign(foreign(), x.numpy(), 0.001)
+    assert 0.02 < hidden.mean() < 0.9
+    assert output.sum() > 20
+    network = loaded.network.eval()
+    assert isinstance(network, SpikingNetwork)
+    np.testing.assert_array_equal(network.spikes(x).detach().numpy(), hidden)
+    np.testing.assert_array_equal(network(x).logits.detach().numpy(), output.sum(0))
+    assert (loaded.class_names, loaded.step_s) == (("x", "y"), 0.001)
+    assert network.config.floor == float("-inf")
+
+
+def test_numbers_for_whole_layers_and_scales_of_channels_are_taken() -> None:
+    scale = np.array([1.0, 2.0, 0.5, 0.0])
+    graph = foreign(lif1=nir.LIF(tau=np.array(0.01), r=np.array(3.0), v_leak=np.array(0.0), v_threshold=np.array(1.0)))
+    graph.nodes["scale"] = nir.Scale(scale=scale)
+    graph.edges = [e for e in graph.edges if e != ("in", "fc1")] + [("in", "scale"), ("scale", "fc1")]
+    network = from_nir(graph, step_s=0.001).network
+    expected = graph.nodes["fc1"].weight * scale * 0.3
+    np.testing.assert_allclose(network.state_dict()["w_in"].numpy(), expected, rtol=1e-6)
+
+
+def lif(**changes: Any) -> nir.LIF:
+    fields = {"tau": 0.01, "r": 1.0, "v_leak": 0.0, "v_threshold": 1.0, "v_reset": 0.0} | changes
+    return nir.LIF(**{name: np.full(5, value) for name, value in fields.items()})
+
+
+REFUSED: dict[str, tuple[dict[str, Any], str]] = {
+    "CubaLIF": (
+        {"lif1": nir.CubaLIF(*[np.ones(5)] * 5)},
+        "node 'lif1' is of type CubaLIF, where the network has IF or LIF",
+    ),
+    "reset": ({"lif1": lif(v_reset=0.2)}, "node 'lif1' has a v_reset other than 0"),
+    "threshold": ({"lif1": lif(v_threshold=0.0)}, "node 'lif1' has a v_threshold that is not positive"),
+    "tau": ({"lif1": lif(tau=0.0005)}, "node 'lif1' has a tau that is not above 0.001 s"),
+    "size": (
+        {"rec": nir.Linear(weight=np.ones((4, 4)))},
+        r"node 'rec' has weights of shape \(4, 4\), node 'lif1' 5 neurons",
+    ),
+    "floor": (
+        {"lif1": nir.LIF(*[np.ones(5)] * 3, v_threshold=np.linspace(0.5, 2, 5), metadata={"floor": -1.0})},
+        "node 'lif1' has a floor but thresholds that differ",
+    ),
+    "weights": ({"fc2": nir.Linear(weight=np.full((2, 5), np.nan))}, "node 'fc2' has weights that are not finite"),
+    "no leak": (
+        {"if2": nir.LIF(*[np.array([0.01, 0.02])] + [np.ones(2)] * 3), "lif1": nir.IF(np.ones(5), np.ones(5))},
+        "node 'lif1' has no leak, while those of 'if2' differ",
+    ),
+    "layer": ({"fc2": nir.Flatten(input_type={"input": np.array([5])})}, "node 'fc2' is of type Flatten"),
+    "parameters": (
+        {"if2": nir.IF(r=np.ones(3), v_threshold=np.ones(3))},
+        r"node 'if2' has parameters of shape \(3,\), not \(2,\)",
+    ),
+    "beside": ({"more": nir.Linear(weight=np.ones((2, 2)))}, "node 'more' is beside the path"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_the_network_cannot_express_is_refused_by_the_name_of_its_node(name: str) -> None:
+    changes, message = REFUSED[name]
+    with pytest.raises(InputError, match=message):
+        from_nir(foreign(**changes), step_s=0.001)
+
+
+def test_other_forms_and_broken_files_are_refused(tmp_path: Path) -> None:
+    graph = foreign()
+    graph.edges = [*graph.edges, ("if2", "fc2")]
+    with pytest.raises(InputError, match="the graph has 8 edges, where the network has 7; remove other loops"):
+        from_nir(graph, step_s=0.001)
+    graph.edges = [*foreign().edges, ("in", "fc2")]
+    with pytest.raises(InputError, match="node 'in' leads to 2 further nodes; it must lead to one"):
+        from_nir(graph, step_s=0.001)
+    graph.edges = [*foreign().edges, ("lif1", "twice"), ("twice", "lif1")]
+    graph.nodes["twice"] = graph.nodes["rec"]
+    with pytest.raises(InputError, match="node 'lif1' has 2 recurrent connections; the network has one"):
+        from_nir(graph, step_s=0.001)
+    graph.edges = [*foreign().edges, ("in", "nowhere")]
+    with pytest.raises(InputError, match="the graph is not whole"):
+        from_nir(graph, step_s=0.001)
+    with pytest.raises(InputError, match=r"export it as \.npz"):
+        to_nir(Weights(build(NetworkConfig(inputs=6, classes=3, hidden=5, kind="gru"), seed=0), CLASSES, STEP_S))
+    with pytest.raises(InputError, match=r"NIR files end in \.nir, net\.h5 does not"):
+        save_nir(tmp_path / "net.h5", made())
+    with pytest.raises(InputError, match="cannot read"):
+        load_nir(tmp_path / "none.nir")
+    path = tmp_path / "net.nir"
+    save_nir(path, made())
+    path.write_bytes(path.read_bytes()[:5000])
+    with pytest.raises(InputError, match="is damaged or not a NIR graph"):
+        load_nir(path)
+
+
+def test_metadata_that_contradict_the_nodes_are_refused() -> None:
+    graph = to_nir(made(**VARIANTS["tuned"]))
+    graph.nodes["hidden"].tau = graph.nodes["hidden"].tau * 1.1
+    graph.nodes["hidden"].r = graph.nodes["hidden"].r * 1.1
+    with pytest.raises(InputError, match="node 'hidden' has a tau that its decay in the metadata does not give"):
+        from_nir(graph)
+    graph = to_nir(made())
+    for name in ("hidden", "readout"):
+        graph.nodes[name].metadata["reset"] = "subtract"
+    with pytest.raises(InputError, match="the nodes of the graph give reset = subtract, its metadata zero"):
+        from_nir(graph)
+    graph.nodes["readout"].metadata["reset"] = "zero"
+    with pytest.raises(InputError, match="nodes 'hidden' and 'readout' differ in floor or reset"):
+        from_nir(graph)
+    with pytest.raises(InputError, match=r"a time step of 0\.002 s, not 0\.001 s"):
+        from_nir(to_nir(made()), step_s=0.001)
+    graph = to_nir(made())
+    graph.metadata["header"] = "{"
+    with pytest.raises(InputError, match="the metadata of the graph are damaged"):
+        from_nir(graph)
+
+
+# -- commands ----------------------------------------------------------------------------------------
+
+app = make_app("test")
+app.command()(export)
+app.command("import")(import_)
+
+
+def call(line: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
+    with pytest.raises(SystemExit) as left:
+        run_app(app, "python -m snn", line.split())
+    assert isinstance(left.value.code, int)
+    out, err = capsys.readouterr()
+    return left.value.code, out + err
+
+
+def test_networks_go_out_and_come_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    weights, x = made(), scans()
+    save_weights(Path("w.npz"), weights)
+    code, text = call("export w.npz -o net.nir", capsys)
+    assert (code, text.startswith("net.nir: 3 classes, 0.002 s per step")) == (0, True), text
+    code, text = call("import net.nir -o back.npz", capsys)
+    assert (code, text) == (0, "back.npz: 6 inputs, 20 hidden neurons, classes a, b, c\n")
+    assert Path("back.npz").read_bytes() == Path("w.npz").read_bytes()
+    assert call("export w.npz -o small.npz --eight-bits", capsys)[0] == 0
+    assert Path("small.npz").stat().st_size < Path("w.npz").stat().st_size
+    small = load_weights(Path("small.npz")).network.eval()(x).logits
+    assert not torch.equal(small, weights.network.eval()(x).logits)
+    nir.write("other.nir", foreign())
+    assert call("import other.nir -o other.npz --step 0.001 --classes x,y", capsys)[0] == 0
+    assert load_weights(Path("other.npz")).class_names == ("x", "y")
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with one file of every kind."""
+    folder = tmp_path_factory.mktemp("files")
+    gru = build(NetworkConfig(inputs=6, classes=3, hidden=5, kind="gru"), seed=0)
+    save_weights(folder / "w.npz", made())
+    save_weights(folder / "gru.npz", Weights(gru, CLASSES, STEP_S))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("export w.npz -o net.onnx", "networks are written as .nir or .npz, not net.onnx; rename the output"),
+        ("export w.npz -o net.nir --eight-bits", "NIR has no 8-bit weights; write an .npz, or leave --eight-bits out"),
+        ("export none.npz -o net.nir", "cannot read none.npz: No such file or directory"),
+        ("export gru.npz -o net.nir", "a network of kind gru has no neurons that NIR knows; export it as .npz"),
+        ("export none.npz -o none/net.nir", "cannot write none/net.nir: the folder none does not exist"),
+        ("import w.npz -o back.npz", "w.npz is damaged or not a NIR graph; export it again"),
+        ("import net.nir -o back.nir", "weight files end in .npz, back.nir does not; rename the output"),
+    ],
+)
+def test_wrong_commands_are_one_sentence_and_leave_nothing(
+    files: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], line: str, message: str
+) -> None:
+    monkeypatch.chdir(files)
+    before = {path.name: path.read_bytes() for path in files.iterdir()}
+    code, text = call(line, capsys)
+    assert code == 2
+    assert text.startswith(f"error: {message}")
+    assert text.count("\n") == 1
+    assert {path.name: path.read_bytes() for path in files.iterdir()} == before
+
+
+def test_the_header_is_plain_json() -> None:
+    header = json.loads(to_nir(made()).metadata["header"])
+    assert set(header) == {"network", "class_names", "step_s"}

@@ -1,0 +1,163 @@
+"""Recordings as NIRData and as the arrays of event tools: every event, clock and channel comes back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import nir
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from model.cli import make_app, run
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.events import EVENT_DTYPE, Recording, make_events
+from snn.dataset import BinConfig, bin_recording
+from snn.exchange import Weights
+from snn.exchange_commands import convert
+from snn.network import NetworkConfig, build
+from snn.nir_data import from_nir_data, load_nir_data, save_nir_data, to_events_array, to_nir_data
+from snn.nir_exchange import to_nir
+
+READOUT = ReadoutConfig(rows=2, columns=3, sample_rate_hz=17_001.0)
+
+
+def recording(config: ReadoutConfig = READOUT, offset: int = 0) -> Recording:
+    generator = np.random.default_rng(7)
+    t = np.sort(generator.integers(0, 300_000, 500)) + offset
+    polarity = generator.random(500) < 0.5 if config.has_polarity else True
+    events = make_events(t, generator.integers(0, 2, 500), generator.integers(0, 3, 500), polarity)
+    return Recording(events, config, 300_000 + offset, metadata={"name": "brick", "class": "stone"})
+
+
+@pytest.mark.parametrize("encoding", ["lcs", "nlcs"])
+def test_events_come_back_from_nir_data(tmp_path: Path, encoding: str) -> None:
+    original = recording(READOUT.replace(encoding=encoding))
+    save_nir_data(tmp_path / "events.nir", original)
+    data = nir.read_data(tmp_path / "events.nir")
+    events = data.nodes["input"].observables["spikes"]
+    assert (events.n_samples, events.n_neurons) == (1, 12 if encoding == "lcs" else 6)
+    assert events.t_max == original.duration_s
+    assert from_nir_data(data, original.config, original.metadata) == original
+    assert load_nir_data(tmp_path / "events.nir") == original
+
+
+def test_channels_and_times_are_those_of_the_counts() -> None:
+    original, bins = recording(), BinConfig(bin_s=0.01)
+    events = to_nir_data(original).nodes["input"].observables["spikes"]
+    counts = bin_recording(original, bins).dense()
+    found = np.zeros_like(counts)
+    step = np.floor(events.time[0] / 0.01).astype(int)
+    np.add.at(found, (step[step < len(counts)], events.idx[0][step < len(counts)]), 1)
+    np.testing.assert_array_equal(found, counts)
+
+
+def test_counts_and_events_fit_the_graph_of_a_network(tmp_path: Path) -> None:
+    original, bins = recording(), BinConfig(bin_s=0.01)
+    graph = to_nir(Weights(build(NetworkConfig(inputs=12, classes=3, hidden=5), seed=0), ("a", "b", "c"), 0.01))
+    to_nir_data(original).check_nodes(graph)
+    save_nir_data(tmp_path / "counts.nir", original, bins)
+    data = nir.read_data(tmp_path / "counts.nir")
+    data.check_nodes(graph)
+    grid = data.nodes["input"].observables["spikes"]
+    np.testing.assert_array_equal(grid.data[0], bin_recording(original, bins).dense())
+    assert grid.dt == 0.01
+    with pytest.raises(InputError, match="must have the observable 'spikes' of type EventData, not TimeGriddedData"):
+        load_nir_data(tmp_path / "counts.nir")
+
+
+@given(
+    st.lists(st.integers(0, 2**51 - 1), min_size=1, max_size=20),
+    st.floats(1e-3, 1e9),
+    st.integers(1, 2**24),
+)
+def test_every_clock_below_2_to_the_51_survives_the_seconds(t: list[int], rate: float, clocks: int) -> None:
+    config = ReadoutConfig(rows=1, columns=1, sample_rate_hz=rate, clocks_per_sample=clocks)
+    original = Recording(make_events(sorted(t), 0, 0), config, 2**51)
+    assert from_nir_data(to_nir_data(original), config) == original
+
+
+def test_limits_of_nir_data() -> None:
+    assert from_nir_data(to_nir_data(recording(offset=2**40)), READOUT).events["t"].max() >= 2**40
+    with pytest.raises(InputError, match=r"more than 2\*\*51; split it"):
+        to_nir_data(Recording(make_events(0, 0, 0), READOUT, 2**51 + 1))
+    data = to_nir_data(recording())
+    with pytest.raises(InputError, match="the data have 12 channels, the readout 2"):
+        from_nir_data(data, READOUT.replace(rows=1, columns=1))
+    events = data.nodes["input"].observables["spikes"]
+    events.idx[0, 3] = 12
+    with pytest.raises(InputError, match="event 3 has channel 12"):
+        from_nir_data(data, READOUT)
+    events.idx[0, 3], events.time[0, 3] = -1, np.inf
+    assert len(from_nir_data(data, READOUT).events) == 499
+
+
+def test_the_array_of_event_tools() -> None:
+    original = recording()
+    array = to_events_array(original)
+    assert array.dtype == EVENT_DTYPE
+    assert array.dtype.names == ("t", "x", "y", "p")
+    expected = [round(int(t) / original.clock_hz * 1e6) for t in original.events["t"]]
+    assert array["t"].tolist() == expected
+    assert np.array_equal(array[["x", "y", "p"]], original.events[["x", "y", "p"]])
+    assert np.array_equal(to_events_array(original, "clocks"), original.events)
+    with pytest.raises(InputError, match="time_unit must be us or clocks, not 's'"):
+        to_events_array(original, "s")  # type: ignore[arg-type]
+
+
+# -- command -----------------------------------------------------------------------------------------
+
+app = make_app("test")
+app.command()(convert)
+
+
+def call(line: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
+    with pytest.raises(SystemExit) as left:
+        run(app, "python -m snn", line.split())
+    assert isinstance(left.value.code, int)
+    out, err = capsys.readouterr()
+    return left.value.code, out + err
+
+
+def test_events_go_out_and_come_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    original = recording()
+    original.save(Path("e.npz"))
+    assert call("convert e.npz -o e.nir", capsys) == (0, "e.nir: 500 events in 0.275719 s\n")
+    assert call("convert e.nir -o back.npz", capsys)[0] == 0
+    assert Path("back.npz").read_bytes() == Path("e.npz").read_bytes()
+    assert call("convert e.npz -o counts.nir --bin 0.01", capsys)[0] == 0
+    assert nir.read_data("counts.nir").nodes["input"].observables["spikes"].n_time_steps == 27
+    assert call("convert e.npz -o e.npy", capsys)[0] == 0
+    assert np.array_equal(np.load("e.npy"), to_events_array(original))
+    assert call("convert e.npz -o e.npy --unit clocks", capsys)[0] == 0
+    assert np.array_equal(np.load("e.npy"), original.events)
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("convert none.npz -o e.npy", "cannot read none.npz: No such file or directory"),
+        ("convert e.npz -o e.aedat", "events are written as .nir, .npy or .npz, not e.aedat; rename the output"),
+        ("convert e.npz -o e.npy --bin 0.01", "--bin belongs to .nir, not to e.npy; leave it out"),
+        ("convert e.npz -o e.nir --unit us", "--unit belongs to .npy, not to e.nir; leave it out"),
+        ("convert e.npz -o e.npy --unit ms", "--unit must be us or clocks, not 'ms'"),
+        ("convert e.txt -o e.npy", "e.txt is of unknown kind; give an event file (.npz) or NIRData (.nir)"),
+        ("convert broken.nir -o e.npz", "broken.nir is damaged or not NIRData; convert its event file again"),
+    ],
+)
+def test_wrong_commands_are_one_sentence_and_leave_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], line: str, message: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    recording().save(Path("e.npz"))
+    Path("broken.nir").write_bytes(b"no HDF5")
+    code, text = call(line, capsys)
+    assert code == 2
+    assert text.startswith(f"error: {message}")
+    assert text.count("\n") == 1
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["broken.nir", "e.npz"]
