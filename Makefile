@@ -18,7 +18,7 @@ config = $(call options,$(CONFIG_VARIABLES))
 flag = $(if $(filter 1 yes true,$($(1))),--$(2))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup programs sim test verilog replay rates train crossval power fig6 fig7 sensitivity explore gates frames report bench lint format clean
+.PHONY: help setup programs sim test verilog replay rates train crossval sweep predict power fig6 fig7 fig8 fig9 sensitivity explore gates frames report bench lint format clean
 
 help: ## list the targets
 	@echo "make TARGET [VARIABLE=value ...]"
@@ -66,12 +66,26 @@ train: $(STAMP) ## train one network on the events [DATASET= PRESET= ENCODING= R
 crossval: $(STAMP) ## folds x seeds of one configuration, resumable [as train, and FOLDS= SEEDS= WORKERS=]
 	@$(RUN) -m snn crossval $(call options,DATASET PRESET ENCODING RESOLUTION EPOCHS FOLDS SEEDS WORKERS RECIPE OUT)
 
+predict: $(STAMP) ## classify recordings; RTL spikes against model spikes [WEIGHTS= EVENTS= CHECK_MODEL=1 DATASET= OUT=]
+	@$(RUN) -m snn predict '$(or $(WEIGHTS),out/train/weights.npz)' --events '$(or $(EVENTS),out/replay)' \
+	$(call options,DATASET OUT) $(call flag,CHECK_MODEL,check-model)
+
+sweep: $(STAMP) ## accuracy by data rate: many points, resumable [POINTS= SCHEDULER= FRAME_RECIPE=, and as crossval]
+	@$(RUN) -m snn sweep $(call options,POINTS DATASET PRESET BIN EPOCHS FOLDS SEEDS START_ROWS WORKERS SCHEDULER RECIPE \
+	FRAME_RECIPE OUT)
+
 power: $(STAMP) ## power of the three readouts [MODE= RESOLUTION= NOISE= TAU= CROSSOVER=1 SYNTHESIS= DATASET= PRESET=]
 	@$(RUN) -m model power $(call options,MODE RESOLUTION NOISE TAU CORRECT WITHOUT SYNTHESIS DATASET PRESET RATES) \
 	$(call flag,CROSSOVER,crossover)
 
 fig6 fig7 sensitivity: $(STAMP) ## the power figures in both modes, data and picture [OUT= SYNTHESIS=]
 	@$(RUN) -m model $@ $(call options,OUT DATA SYNTHESIS)
+
+fig8: $(STAMP) ## one scan through a trained network, texture to class [WEIGHTS= RESULT= IMAGE= DATASET= OUT=]
+	@$(RUN) -m snn fig8 $(call options,WEIGHTS RESULT IMAGE DATASET OUT DATA)
+
+fig9: $(STAMP) ## accuracy against data rate and confusion, published and ours [SWEEP= READING= CONFUSION= OUT=]
+	@$(RUN) -m snn fig9 $(call options,SWEEP READING CONFUSION OUT DATA)
 
 explore: $(STAMP) ## cheapest readout for your sensor [ROWS= COLUMNS= BANDWIDTH= NOISE= SUPPLY= EVENT_RATE= ...]
 	@$(RUN) -m model explore $(call options,ROWS COLUMNS BANDWIDTH NOISE SUPPLY PADS_VOLTAGE PADS_TOGGLE TAU EVENT_RATE \

@@ -1,4 +1,4 @@
-"""``python -m snn``: train the classifier, and cross-validate it.
+"""``python -m snn``: train the classifier, cross-validate, sweep, predict, draw, exchange.
 
 torch and the models are imported only inside functions, so that ``--help`` and errors come at once.
 """
@@ -7,11 +7,16 @@ from __future__ import annotations
 
 from model.cli import make_app, run
 from snn.commands import crossval, train
+from snn.exchange_commands import convert, export, import_
+from snn.figure_commands import fig8, fig9
+from snn.predict_commands import predict
+from snn.sweep_command import sweep
 
 app = make_app("Classifier of the spiking e-skin readout: from address events to texture class.")
 
-for command in (train, crossval):
+for command in (train, crossval, sweep, predict, fig8, fig9, export, convert):
     app.command()(command)
+app.command("import")(import_)
 
 
 def main() -> None:

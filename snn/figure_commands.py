@@ -1,0 +1,64 @@
+"""The commands fig8 and fig9 (docs/classifier.md)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from model.errors import InputError
+from model.power_options import DEFAULT_OUT, DataOption, OutOption
+
+
+def fig9(
+    sweep: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="FILE|DIR", help="sweep, repeatable [docs/data/classifier/*.json]"),
+    ] = None,
+    reading: Annotated[str, typer.Option(metavar="last|selected", help="epoch that counts")] = "last",
+    confusion: Annotated[
+        str | None, typer.Option(metavar="NAME", help="points of the confusion matrices [best spiking of each preset]")
+    ] = None,
+    out: OutOption = DEFAULT_OUT,
+    data_out: DataOption = None,
+) -> None:
+    """Draw figure 9, accuracy against data rate beside the published points, and confusion matrices."""
+    from model.power_options import write_results
+    from snn.figures import READINGS, confusion_data, fig9_data, load_sweeps, plot_confusion, plot_fig9
+
+    if reading not in READINGS:
+        raise InputError(f"reading must be one of {', '.join(READINGS)}, not {reading!r}")
+    sweeps = load_sweeps(sweep or [])
+    matrices = confusion_data(sweeps, reading, confusion)
+    data = fig9_data(sweeps, reading)
+    write_results(out, "fig9", data, plot_fig9, data_out)
+    if matrices["points"]:
+        write_results(out, "confusion", matrices, plot_confusion, data_out)
+    for point in data["left_out"]:
+        print(f"left out, as no seed is finished: {point}")
+
+
+def fig8(
+    weights: Annotated[Path, typer.Option(metavar="FILE", help="of python -m snn train")] = Path(
+        "out/train/weights.npz"
+    ),
+    result: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="of the same training [result.json beside the weights]")
+    ] = None,
+    dataset: Annotated[
+        str | None, typer.Option(metavar="DIR|embedded", help="textures, if they are elsewhere than in training")
+    ] = None,
+    image: Annotated[
+        str | None, typer.Option(metavar="NAME", help="texture, as brick/brick-00 [first test image of the fold]")
+    ] = None,
+    out: OutOption = DEFAULT_OUT,
+    data_out: DataOption = None,
+) -> None:
+    """Draw figure 8: one scan from the texture over events and hidden spikes to the evidence for each class."""
+    from model.power_options import write_results
+    from snn.scan_figure import play, plot_fig8
+
+    played = play(weights, result or weights.parent / "result.json", dataset, image)
+    write_results(out, "fig8", played.to_dict(), lambda _, path: plot_fig8(played, path), data_out)
+    print(f"{played.texture.name}: true {played.texture.class_name}, predicted {played.predicted}")

@@ -1,0 +1,428 @@
+"""Fig. 9 and confusion matrices: sweeps in, data of the pictures out, pictures made from those data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from model.errors import InputError
+from model.power import READOUT_NAMES
+from model.power_plots import READOUT_COLOURS, READOUT_MARKERS, _dress, _figure, _save
+from model.report_data import read_json
+from model.texture import PRESETS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+Data = dict[str, Any]
+
+_DATA = Path(__file__).resolve().parents[1] / "docs" / "data"
+PUBLISHED = _DATA / "published_fig9.json"
+"""The points of the paper's Fig. 9; nowhere else."""
+
+KEPT = _DATA / "classifier"
+"""Sweeps that come with the project."""
+
+READINGS = {"last": "last epoch", "selected": "epoch selected by inner validation"}
+NAMES = READOUT_NAMES | {"cw-lcs": "CW-LCS"}
+COLOURS = READOUT_COLOURS | {"cw-lcs": "#cc79a7"}
+MARKERS = READOUT_MARKERS | {"cw-lcs": "D"}
+STYLES = (("-", "full"), ("--", "left"), ("-.", "bottom"), (":", "right"))
+"""Line and filling of the marks of each sweep, in turn."""
+
+PUBLISHED_NAME = "published"
+_GREY = "#555555"
+
+
+# -- sweeps ------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """What ``python -m snn sweep`` wrote.
+
+    Attributes
+    ----------
+    name : str
+        Of the folder, or of the file that was kept.
+    path : Path
+        The JSON file.
+    command : str
+        That made it.
+    points : list of dict
+        As in the file, all valid.
+    class_names : tuple of str
+        Empty where only the points' own results have them.
+    """
+
+    name: str
+    path: Path
+    command: str
+    points: list[Data]
+    class_names: tuple[str, ...]
+
+    def classes(self, point: Data) -> list[str]:
+        """Return the class names of a point: of the sweep, else of the result in the point's folder."""
+        names: Any = list(self.class_names)
+        if not names:
+            file = self.path.parent / point["name"] / "result.json"
+            result = read_json(file, "the class names of the sweep, the result")
+            names = result.get("class_names") if isinstance(result, dict) else None
+        if not isinstance(names, list) or len(names) != len(point["last"]["confusion"]):
+            raise InputError(f"{self.path}: point {point['name']} has no name for each class; run the sweep again")
+        return [str(name) for name in names]
+
+
+def load_sweeps(paths: Sequence[Path]) -> list[Sweep]:
+    """Return the sweeps of some files or folders; without any, those that come with the project."""
+    files = list(paths) or [file for file in sorted(KEPT.glob("*.json")) if "points" in read_json(file, "the result")]
+    if not files:
+        raise InputError(f"there is no sweep in {KEPT}; make one with python -m snn sweep and name it with --sweep")
+    sweeps = [load_sweep(path) for path in files]
+    names = [sweep.name for sweep in sweeps]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise InputError(f"two sweeps are called {twice[0]}; rename one of them")
+    return sweeps
+
+
+def load_sweep(path: Path) -> Sweep:
+    """Return the sweep of a file, or of a folder that holds ``sweep.json``.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or a point lacks what the figures need.
+    """
+    file = path / "sweep.json" if path.is_dir() else path
+    content = read_json(file, "the sweep")
+    points = content.get("points") if isinstance(content, dict) else None
+    if not isinstance(points, list) or not points:
+        raise InputError(f"{file} holds no points of a sweep; make it with python -m snn sweep")
+    points = [_counted(point) for point in points]
+    for number, point in enumerate(points):
+        _check_point(point, f"{file}: point {number}")
+    name = file.resolve().parent.name if file.name == "sweep.json" else file.stem
+    classes = content.get("class_names")
+    return Sweep(
+        name, file, str(content.get("command", "")), points, tuple(classes if isinstance(classes, list) else ())
+    )
+
+
+def _counted(point: Any) -> Any:
+    """Return a point with its cells as plain numbers; ``sweep.json`` may also count whole seeds."""
+    if isinstance(point, dict) and isinstance(point.get("cells"), dict):
+        return point | {"cells": point["cells"].get("done"), "of": point["cells"].get("of")}
+    return point
+
+
+def _measured(point: Data) -> bool:
+    """Return whether a point has results: a sweep gives them from the first whole seed on."""
+    return point.get("last") is not None or point.get("selected") is not None
+
+
+def _check_point(point: Any, where: str) -> None:
+    """Refuse a point that cannot be drawn, in one sentence."""
+
+    def number(value: Any, low: float, high: float = math.inf) -> bool:
+        return isinstance(value, (int, float)) and not isinstance(value, bool) and low <= value <= high
+
+    def need(good: bool, what: str, value: Any) -> None:
+        if not good:
+            raise InputError(f"{where} needs {what}, not {value!r}; run the sweep again")
+
+    need(isinstance(point, dict), "the fields of a point", point)
+    get = point.get
+    need(isinstance(get("name"), str), "a name", get("name"))
+    where += f" ({get('name')})"
+    need(get("readout") in NAMES, f"readout, one of {', '.join(NAMES)}", get("readout"))
+    need(get("preset") in PRESETS, f"preset, one of {', '.join(PRESETS)}", get("preset"))
+    for key, least in (("of", 1), ("cells", 0)):
+        need(type(get(key)) is int and get(key) >= least, f"{key}, a number of cells", get(key))
+    if not _measured(point):
+        return
+    for key in ("data_rate_bps", "normalised_rate"):
+        need(number(get(key), 0) and 0 < get(key) < math.inf, f"{key}, a positive number", get(key))
+    for reading in READINGS:
+        found = get(reading)
+        need(isinstance(found, dict), f"the results of the {READINGS[reading]}", found)
+        need(number(found.get("accuracy"), 0, 1), "accuracy in 0..1", found.get("accuracy"))
+        for key in ("wilson_95", "bootstrap_95"):
+            ends = found.get(key)
+            good = isinstance(ends, list) and len(ends) == 2 and all(number(end, 0, 1) for end in ends)
+            need(good, f"{key}, [low, high] in 0..1", ends)
+        need(number(found.get("images"), 1), "images, their number", found.get("images"))
+        seeds = found.get("accuracy_of_seeds")
+        need(isinstance(seeds, list) and bool(seeds), "accuracy_of_seeds, a list", seeds)
+        rows = found.get("confusion")
+        square = isinstance(rows, list) and bool(rows) and all(
+            isinstance(row, list) and len(row) == len(rows) and all(number(n, 0) for n in row) for row in rows
+        )  # fmt: skip
+        need(square, "confusion, a square table of numbers", rows)
+
+
+# -- Fig. 9, data ------------------------------------------------------------------------------------
+
+
+def fig9_data(sweeps: Sequence[Sweep], reading: str) -> Data:
+    """Return published and own points in the format of the report (docs/report.md).
+
+    Points without results are left out, and named in ``left_out``.
+    """
+    published = read_json(PUBLISHED, "the published points")
+    points = [
+        point
+        | {
+            "readout": f"{point['readout']}, {PUBLISHED_NAME}",
+            "label": f"{NAMES[point['readout']]} {_detail(point)}, {PUBLISHED_NAME}",
+            "sweep": PUBLISHED_NAME,
+            "preset": published["preset"],
+            "classes": published["classes"],
+            "data_rate_bps": point["normalised_rate"] * published["reference_bps"],
+        }
+        for point in published["points"]
+    ]
+    left_out = []
+    for sweep in sweeps:
+        for point in sweep.points:
+            if _measured(point):
+                points.append(_own_point(sweep, point, reading))
+            else:
+                left_out.append(f"{sweep.name}: {point['name']}")
+    named: dict[str, list[str]] = {}
+    for sweep in sweeps:
+        named.setdefault(_protocol(sweep, reading), []).append(sweep.name)
+    words = "; ".join(f"{', '.join(names)}: {protocol}" for protocol, names in named.items())
+    return {
+        "source": f"Published: {published['source']}. Here: {words}; intervals are Wilson's, 95 %.",
+        "commands": {sweep.name: sweep.command for sweep in sweeps},
+        "reading": reading,
+        "protocol": list(named),
+        "reference_bps": published["reference_bps"],
+        "left_out": left_out,
+        "points": points,
+    }
+
+
+def _own_point(sweep: Sweep, point: Data, reading: str) -> Data:
+    """Return a point of a sweep as the figure takes it."""
+    found = point[reading]
+    label = f"{NAMES[point['readout']]} {_detail(point)}, {sweep.name}"
+    if point["preset"] != "paper" and point["preset"] not in sweep.name:
+        label += f", {point['preset']}"
+    if _partial(point):
+        label += f", {point['cells']} of {point['of']} cells"
+    return {
+        "readout": point["readout"],
+        "label": label,
+        "sweep": sweep.name,
+        **{key: point.get(key) for key in ("name", "preset", "resolution", "cells", "of")},
+        **{key: point[key] for key in ("data_rate_bps", "normalised_rate")},
+        "classes": len(found["confusion"]),
+        **{key: found.get(key) for key in ("accuracy", "sd_over_folds", "sd_over_seeds", "wilson_95", "bootstrap_95")},
+        "images": found["images"],
+    }
+
+
+def _detail(point: Data) -> str:
+    """Return what tells the points of a readout apart: the resolution, or what is left of the name of frames."""
+    kind = str(point.get("name", "")).removeprefix("frame").strip("-")
+    if not point["readout"].startswith("frame") or not kind:
+        return f"{point['resolution']} b"
+    return f"{kind} a step" if kind.isdigit() else kind
+
+
+def _protocol(sweep: Sweep, reading: str) -> str:
+    """Return images, folds, seeds and epoch in words, as the finished points have them."""
+    found = []
+    for point in sweep.points:
+        if not _partial(point):
+            seeds = len(point[reading]["accuracy_of_seeds"])
+            found.append(f"{point[reading]['images']} images, {point['of'] // seeds} folds x {seeds} seeds")
+    return f"{' or '.join(dict.fromkeys(found)) or 'no point is finished'}, {READINGS[reading]}"
+
+
+# -- Fig. 9, picture ---------------------------------------------------------------------------------
+
+
+def plot_fig9(data: Data, path: Path) -> None:
+    """Draw accuracy against data rate; see :func:`draw_fig9`."""
+    _save(draw_fig9(data), path)
+
+
+def draw_fig9(data: Data) -> Figure:
+    """Return accuracy against normalised data rate, one panel for each preset.
+
+    Published points are hollow, with their standard deviation over folds where it is known; own ones are filled,
+    with Wilson's interval. Points of unfinished cross-validations are ringed.
+    """
+    presets = [preset for preset in PRESETS if any(point["preset"] == preset for point in data["points"])]
+    sweeps = list(data["commands"])
+    figure = _figure(1.6 + 4.6 * len(presets), 5.2, "Accuracy against data rate")
+    panels = figure.subplots(1, len(presets), sharex=True, sharey=True, squeeze=False)[0]
+    for panel, preset in zip(panels, presets, strict=True):
+        _dress(panel, f"{preset} scan")
+        points = [point for point in data["points"] if point["preset"] == preset]
+        for sweep, readout, series in _series(points, [PUBLISHED_NAME, *sweeps]):
+            _draw_series(panel, series, readout, _style(sweep, sweeps))
+        _label_points(panel, points)
+        for classes in sorted({point["classes"] for point in points}):
+            panel.axhline(100 / classes, color=_GREY, lw=0.9, ls=(0, (1, 2)), zorder=0)
+            panel.text(0.005, 100 / classes + 0.8, "chance", fontsize=7.5, color=_GREY,
+                       transform=panel.get_yaxis_transform())  # fmt: skip
+        panel.set_xscale("log")
+        panel.set_xlabel(f"data rate / ({data['reference_bps'] / 1e3:g} kb/s)", fontsize=8.5)
+        panel.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
+    rates = [point["normalised_rate"] for point in data["points"]]
+    panels[0].set_xlim(0.6 * min(rates), 1.8 * max(rates))
+    panels[0].set_ylim(0, 108)
+    panels[0].set_yticks(range(0, 101, 20))
+    panels[0].set_ylabel("accuracy (%)", fontsize=8.5)
+    words = " or ".join(data["protocol"]) + "; bars: Wilson's 95 % interval, of published points the sd over folds"
+    legend = figure.legend(handles=_keys(data, sweeps), loc="outside lower left", ncols=5, fontsize=8, frameon=False,
+                           title=words, title_fontsize=8, alignment="left")  # fmt: skip
+    legend.get_title().set_color(_GREY)
+    return figure
+
+
+def _series(points: list[Data], sweeps: list[str]) -> Iterator[tuple[str, str, list[Data]]]:
+    """Give the points of every sweep and readout, by rising data rate."""
+    for sweep in sweeps:
+        for readout in NAMES:
+            chosen = [p for p in points if p["sweep"] == sweep and p["readout"].split(",")[0] == readout]
+            if chosen:
+                yield sweep, readout, sorted(chosen, key=lambda p: p["normalised_rate"])
+
+
+def _style(sweep: str, sweeps: list[str]) -> Data:
+    """Return line and filling of a sweep; published points are hollow and thin."""
+    if sweep == PUBLISHED_NAME:
+        return {"ls": "-", "lw": 0.7, "fillstyle": "none", "ms": 6}
+    line, filling = STYLES[sweeps.index(sweep) % len(STYLES)]
+    return {"ls": line, "lw": 1.5, "fillstyle": filling, "ms": 7, "markerfacecoloralt": "white"}
+
+
+def _draw_series(panel: Axes, points: list[Data], readout: str, style: Data) -> None:
+    """Draw points with their bars, joined by a line; frames, which differ in more than the rate, are not joined."""
+    if readout == "frame":
+        style = style | {"ls": ""}
+    x, y = ([p["normalised_rate"] for p in points], [100 * p["accuracy"] for p in points])
+    panel.plot(x, y, color=COLOURS[readout], marker=MARKERS[readout], **style)
+    for point in points:
+        at, ends = point["normalised_rate"], _ends(point)
+        if ends[1] > ends[0]:
+            panel.plot([at, at], [100 * end for end in ends], color=COLOURS[readout], lw=style["lw"], marker="_",
+                       ms=5, alpha=0.75, zorder=1.5)  # fmt: skip
+        if _partial(point):
+            panel.plot(point["normalised_rate"], 100 * point["accuracy"], "o", ms=15, mfc="none", mec=_GREY, mew=1)
+
+
+def _ends(point: Data) -> tuple[float, float]:
+    """Return the ends of a bar: Wilson's interval, else the standard deviation over folds, else the point itself."""
+    if "wilson_95" in point:
+        low, high = point["wilson_95"]
+        return low, high
+    deviation = point.get("sd_over_folds", 0.0)
+    return point["accuracy"] - deviation, point["accuracy"] + deviation
+
+
+def _partial(point: Data) -> bool:
+    return bool(point.get("cells", 0) < point.get("of", 0))
+
+
+def _label_points(panel: Axes, points: list[Data]) -> None:
+    """Name every resolution once, above the highest (LCS) or below the lowest of its points, and networks on frames."""
+    from matplotlib.patheffects import withStroke
+
+    halo = [withStroke(linewidth=2, foreground="white")]
+    groups: dict[tuple[str, str], list[Data]] = {}
+    for point in points:
+        readout = point["readout"].split(",")[0]
+        if readout != "frame":
+            groups.setdefault((readout, _detail(point)), []).append(point)
+    for (readout, text), group in groups.items():
+        side = 1 if readout == "lcs" else 0
+        outer: Data = (max if side else min)(group, key=lambda point: _ends(point)[side])
+        place = _ends(outer)[side]
+        gap = 7 if place == outer["accuracy"] else 3  # clear of the mark, or of the bar's end
+        panel.annotate(text, (outer["normalised_rate"], 100 * place), xytext=(2, gap) if side else (4, -gap),
+                       textcoords="offset points", ha="right" if side else "left", va="bottom" if side else "top",
+                       fontsize=7.5, color=COLOURS[readout], path_effects=halo)  # fmt: skip
+    lowest = -math.inf
+    for point in sorted((p for p in points if p["readout"].startswith("frame")), key=lambda p: p["accuracy"]):
+        lowest = max(100 * point["accuracy"], lowest + 3.5)  # no label on another
+        panel.annotate(_detail(point), (point["normalised_rate"], lowest), xytext=(7, 0), textcoords="offset points",
+                       va="center", fontsize=7.5, color=COLOURS["frame"], path_effects=halo)  # fmt: skip
+
+
+def _keys(data: Data, sweeps: list[str]) -> list[Line2D]:
+    """Return the legend: readouts by colour and mark, sweeps by line and filling."""
+    from matplotlib.lines import Line2D
+
+    there = {point["readout"].split(",")[0] for point in data["points"]}
+    keys = [Line2D([], [], color=COLOURS[r], marker=MARKERS[r], ls="", label=NAMES[r]) for r in NAMES if r in there]
+    for sweep in (PUBLISHED_NAME, *sweeps):
+        keys.append(Line2D([], [], color=_GREY, marker="o", label=sweep, **_style(sweep, sweeps)))
+    if any(_partial(point) for point in data["points"]):
+        keys.append(Line2D([], [], ls="", marker="o", ms=11, mfc="none", mec=_GREY, label="not all cells finished"))
+    return keys
+
+
+# -- confusion matrices ------------------------------------------------------------------------------
+
+
+def confusion_data(sweeps: Sequence[Sweep], reading: str, name: str | None = None) -> Data:
+    """Return the confusion matrices of the points of a name, or of the best finished spiking point of each preset."""
+    candidates = [(sweep, point) for sweep in sweeps for point in sweep.points if _measured(point)]
+    if name is not None:
+        chosen = [(sweep, point) for sweep, point in candidates if point["name"] == name]
+        if not chosen:
+            known = dict.fromkeys(point["name"] for _, point in candidates)
+            raise InputError(f"no point is called {name!r}; there are {', '.join(known) or 'none with results'}")
+    else:
+        chosen = []
+        for preset in PRESETS:
+            finished = [(sweep, point) for sweep, point in candidates if not _partial(point)]
+            spiking = [c for c in finished if c[1]["preset"] == preset and c[1]["readout"] != "frame"]
+            if spiking:
+                chosen.append(max(spiking, key=lambda c: c[1][reading]["accuracy"]))
+    return {
+        "reading": reading,
+        "points": [
+            _own_point(sweep, point, reading)
+            | {"class_names": sweep.classes(point), "confusion": point[reading]["confusion"]}
+            for sweep, point in chosen
+        ],
+    }
+
+
+def plot_confusion(data: Data, path: Path) -> None:
+    """Draw confusion matrices; see :func:`draw_confusion`."""
+    _save(draw_confusion(data), path)
+
+
+def draw_confusion(data: Data) -> Figure:
+    """Return one matrix for each point: rows true classes, columns predicted ones, percent of the row."""
+    points = data["points"]
+    figure = _figure(4.3 * len(points) + 0.4, 4.3, f"Confusion, {READINGS[data['reading']]}")
+    panels = figure.subplots(1, len(points), squeeze=False)[0]
+    for panel, point in zip(panels, points, strict=True):
+        names = point["class_names"]
+        shares = [[100 * n / sum(row) if sum(row) else 0.0 for n in row] for row in point["confusion"]]
+        panel.imshow(shares, cmap="Blues", vmin=0, vmax=100)
+        for i, row in enumerate(shares):
+            for j, share in enumerate(row):
+                colour = "white" if share > 55 else "black" if share else "#aaaaaa"
+                panel.text(j, i, f"{share:.1f}", ha="center", va="center", fontsize=7.5, color=colour)
+        panel.set_xticks(range(len(names)), names, rotation=35, ha="right", rotation_mode="anchor", fontsize=8)
+        panel.set_yticks(range(len(names)), names, fontsize=8)
+        panel.spines[:].set_visible(False)
+        panel.tick_params(length=0)
+        panel.set_xlabel("predicted (% of the true class)", fontsize=8.5)
+        panel.set_ylabel("true", fontsize=8.5)
+        panel.set_title(f"{point['label']}: {100 * point['accuracy']:.1f} %", fontsize=8.5, loc="left")
+    return figure

@@ -1,0 +1,468 @@
+"""Fig. 8, Fig. 9 and confusion matrices show the numbers of their files, and bad files get one sentence."""
+
+from __future__ import annotations
+
+import copy
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from matplotlib.figure import Figure
+
+from model.cli import make_app, run
+from model.config import ReadoutConfig
+from model.dataset import open_dataset
+from model.report_data import fig9_data as report_data
+from snn import figures, scan_figure
+from snn.crossval import summarise
+from snn.dataset import BinConfig, collect
+from snn.exchange import Weights, save_weights
+from snn.experiment import Experiment, stratified_folds
+from snn.figure_commands import fig8, fig9
+from snn.network import NetworkConfig, SpikingNetwork, build
+from snn.scan_figure import draw_fig8, evidence, play
+from snn.scans import record
+
+Call = Callable[..., tuple[int, str, str]]
+
+# shared/physics.md, section 3: normalised data rate and accuracy in per cent.
+PUBLISHED = {
+    ("lcs", 2): (0.027, 56.25),
+    ("lcs", 4): (0.222, 77.08),
+    ("lcs", 6): (1.084, 87.92),
+    ("lcs", 8): (4.38, 68.75),
+    ("nlcs", 4): (0.028, 59.58),
+    ("nlcs", 6): (0.116, 68.33),
+    ("nlcs", 8): (0.465, 76.25),
+    ("nlcs", 10): (1.87, 71.67),
+    ("frame", 10): (64 * 5000 * 10 / 640e3, 74.58),
+}
+PUBLISHED_SD = {("lcs", 6): 7.0, ("lcs", 8): 17.9}
+CLASSES = ["canvas", "sand", "stone"]
+
+
+def some_results(accuracy: float, cells: int = 6, seed: int = 0) -> dict[str, Any]:
+    """Return what ``summarise`` makes of the first cells of 3 folds x 2 seeds on 30 images."""
+    generator = np.random.default_rng(seed)
+    labels = np.repeat(np.arange(3), 10)
+    made = []
+    for number in range(cells):
+        images = np.arange(number % 3, 30, 3)
+        cell: dict[str, Any] = {"fold": number % 3, "seed": number // 3, "test_images": images.tolist()}
+        cell["labels"] = labels[images].tolist()
+        for reading in ("last", "selected"):
+            guess = generator.integers(0, 3, len(images))
+            cell[reading] = np.where(generator.random(len(images)) < accuracy, labels[images], guess).tolist()
+        made.append(cell)
+    return summarise(made, 30, 3)
+
+
+def some_point(readout: str, resolution: int, rate: float, accuracy: float, **fields: Any) -> dict[str, Any]:
+    point = {
+        "name": f"{readout}-{resolution}b",
+        "readout": readout,
+        "resolution": resolution,
+        "preset": "paper",
+        "bits_per_event": 7,
+        "data_rate_bps": rate * 640e3,
+        "normalised_rate": rate,
+        "cells": 6,
+        "of": 6,
+    } | fields
+    found = some_results(accuracy, point["cells"]) if point["cells"] else {"last": None, "selected": None}
+    return point | found
+
+
+SWEEP = {
+    "command": "python -m snn sweep --preset paper",
+    "class_names": CLASSES,
+    "points": [
+        some_point("lcs", 4, 0.21, 0.9),
+        some_point("lcs", 6, 1.085, 0.7),
+        some_point("nlcs", 6, 0.12, 1.0, cells=3),
+        some_point("frame", 10, 5.0, 0.95, name="frame-gru"),
+        some_point("nlcs", 8, 0.5, 0.9, cells=0) | {"data_rate_bps": None, "normalised_rate": None},
+        some_point("frame", 10, 5.0, 0.6, name="frame-20"),
+    ],
+}
+PHYSICAL = {
+    "command": "python -m snn sweep --preset physical",
+    "class_names": CLASSES,
+    "points": [
+        some_point("lcs", 4, 0.9, 0.8, preset="physical"),
+        some_point("cw-lcs", 4, 0.3, 0.95, preset="physical", name="cw"),
+    ],
+}
+
+
+@pytest.fixture
+def files(folder: Path) -> list[str]:
+    """Write a sweep to a file that was kept and one to a folder; return the options."""
+    (folder / "plain.json").write_text(json.dumps(SWEEP))
+    (folder / "hand").mkdir()
+    counted = [p | {"cells": {"done": p["cells"], "of": 6, "whole_seeds": 2}, "of": None} for p in PHYSICAL["points"]]
+    (folder / "hand" / "sweep.json").write_text(json.dumps(PHYSICAL | {"points": counted}))
+    return ["--sweep", "plain.json", "--sweep", "hand"]
+
+
+@pytest.fixture
+def snn(folder: Path, capsys: pytest.CaptureFixture[str]) -> Call:
+    """Return a function that runs a command in the folder: exit code, standard output and error."""
+    app = make_app("figures")
+    for command in (fig8, fig9):
+        app.command()(command)
+
+    def snn(*words: str) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as left:
+            run(app, "python -m snn", list(words))
+        assert isinstance(left.value.code, int)
+        return left.value.code, *capsys.readouterr()
+
+    return snn
+
+
+def refused(call: Call, sentence: str, *words: str) -> None:
+    """Hold a command to one sentence on standard error and exit code 2."""
+    code, _, error = call(*words)
+    assert code == 2
+    assert error.count("\n") == 1
+    assert sentence in error
+
+
+def marks(figure: Figure, panel: int) -> dict[tuple[str, Any], list[tuple[float, float]]]:
+    """Return the points of a panel by colour and filling; bars and rings are other markers."""
+    found: dict[tuple[str, Any], list[tuple[float, float]]] = {}
+    for line in figure.axes[panel].lines:
+        if line.get_marker() in figures.MARKERS.values() and line.get_markersize() < 10:
+            points = [(float(x), float(y)) for x, y in zip(line.get_xdata(), line.get_ydata(), strict=True)]
+            found.setdefault((str(line.get_color()), line.get_fillstyle()), []).extend(points)
+    return found
+
+
+def bars(figure: Figure, panel: int) -> set[tuple[float, float, float]]:
+    """Return place and ends of all bars of a panel."""
+    lines = [line for line in figure.axes[panel].lines if line.get_marker() == "_"]
+    return {(float(line.get_xdata()[0]), *(float(y) for y in line.get_ydata())) for line in lines}  # type: ignore[index]
+
+
+# -- Fig. 9 ------------------------------------------------------------------------------------------
+
+
+def test_the_published_points_are_those_of_the_paper() -> None:
+    data = figures.fig9_data([], "last")
+    assert {(p["readout"], p["resolution"]) for p in data["points"]} == {(f"{r}, published", n) for r, n in PUBLISHED}
+    for point in data["points"]:
+        key = (point["readout"].removesuffix(", published"), point["resolution"])
+        rate, accuracy = PUBLISHED[key]
+        assert 100 * point["accuracy"] == pytest.approx(accuracy, abs=1e-9)
+        assert point["normalised_rate"] == rate
+        assert point["data_rate_bps"] == pytest.approx(rate * 640e3)
+        assert point.get("sd_over_folds") == (PUBLISHED_SD[key] / 100 if key in PUBLISHED_SD else None)
+    colour = figures.COLOURS["lcs"]
+    figure = figures.draw_fig9(data)
+    assert marks(figure, 0)[colour, "none"] == [PUBLISHED["lcs", n] for n in (2, 4, 6, 8)]
+    assert {(x, round(low, 9), round(high, 9)) for x, low, high in bars(figure, 0)} == {
+        (1.084, 80.92, 94.92),
+        (4.38, 50.85, 86.65),
+    }
+
+
+@pytest.mark.parametrize("reading", ["last", "selected"])
+def test_what_is_drawn_is_what_the_sweeps_say(snn: Call, files: list[str], folder: Path, reading: str) -> None:
+    code, out, _ = snn("fig9", *files, "--reading", reading, "-o", "pictures", "--data", "numbers")
+    assert code == 0
+    assert "left out, as no seed is finished: plain: nlcs-8b" in out
+    assert (folder / "pictures" / "fig9.png").stat().st_size > 10_000
+    data = json.loads((folder / "numbers" / "fig9.json").read_text())
+    own = {(p["sweep"], p["name"]): p for p in data["points"] if p["sweep"] != "published"}
+    measured = {("plain", p["name"]): p for p in SWEEP["points"] if p["cells"]}
+    measured |= {("hand", p["name"]): p for p in PHYSICAL["points"]}
+    assert set(own) == set(measured)
+    for key, point in measured.items():
+        for name in ("data_rate_bps", "normalised_rate", "readout", "preset", "cells", "of"):
+            assert own[key][name] == point[name]
+        for name in ("accuracy", "wilson_95", "bootstrap_95", "sd_over_folds", "sd_over_seeds"):
+            assert own[key][name] == json.loads(json.dumps(point[reading][name]))
+    figure = figures.draw_fig9(data)
+    assert [panel.get_title("left") for panel in figure.axes] == ["paper scan", "physical scan"]
+    for panel, sweep, content in ((0, "plain", SWEEP), (1, "hand", PHYSICAL)):
+        drawn = sorted(at for (_, filling), ats in marks(figure, panel).items() if filling != "none" for at in ats)
+        points = [point for point in content["points"] if point["cells"]]
+        assert drawn == sorted((p["normalised_rate"], 100 * p[reading]["accuracy"]) for p in points), sweep
+        wanted = {(p["normalised_rate"], *(100 * e for e in p[reading]["wilson_95"])) for p in points}
+        assert wanted <= bars(figure, panel)
+        levels = {float(line.get_ydata()[0]) for line in figure.axes[panel].lines if line.get_marker() == "None"}
+        assert {100 / 3} <= levels <= {100 / 3, 100 / 6}
+
+
+def test_the_report_reads_the_file(snn: Call, files: list[str], folder: Path) -> None:
+    assert snn("fig9", *files)[0] == 0
+    written = json.loads((folder / "out" / "fig9.json").read_text())
+    points = report_data(folder / "out" / "fig9.json")["points"]
+    assert len(points) == len(PUBLISHED) + 7
+    for ours, theirs in zip(written["points"], points, strict=True):
+        assert theirs["accuracy"] == ours["accuracy"]
+        assert theirs.get("interval") == ours.get("wilson_95")
+    labels = [point["label"] for point in points]
+    assert {
+        "LCS 6 b, published",
+        "LCS 6 b, plain",
+        "frame gru, plain",
+        "frame 20 a step, plain",
+        "CW-LCS 4 b, hand, physical",
+    } <= set(labels)
+
+
+def test_the_protocol_comes_from_the_points(folder: Path, files: list[str]) -> None:
+    data = figures.fig9_data(figures.load_sweeps([Path("plain.json")]), "last")
+    assert data["protocol"] == ["30 images, 3 folds x 2 seeds, last epoch"]
+    assert "plain: 30 images, 3 folds x 2 seeds, last epoch" in data["source"]
+    assert data["commands"] == {"plain": "python -m snn sweep --preset paper"}
+    legend = figures.draw_fig9(data).legends[0]
+    assert legend.get_title().get_text().startswith("30 images, 3 folds x 2 seeds, last epoch; bars: Wilson's 95 %")
+    partial = copy.deepcopy(SWEEP) | {"points": [SWEEP["points"][2]]}
+    Path("plain.json").write_text(json.dumps(partial))
+    data = figures.fig9_data(figures.load_sweeps([Path("plain.json")]), "selected")
+    assert data["protocol"] == ["no point is finished, epoch selected by inner validation"]
+
+
+def test_unfinished_points_are_ringed_and_named(folder: Path, files: list[str]) -> None:
+    data = figures.fig9_data(figures.load_sweeps([Path("plain.json")]), "last")
+    assert data["left_out"] == ["plain: nlcs-8b"]
+    partial = [point for point in data["points"] if point["label"].endswith(", 3 of 6 cells")]
+    assert [point["name"] for point in partial] == ["nlcs-6b"]
+    figure = figures.draw_fig9(data)
+    rings = [line for line in figure.axes[0].lines if line.get_markersize() == 15]
+    assert [(ring.get_xdata()[0], ring.get_ydata()[0]) for ring in rings] == [(0.12, 100 * partial[0]["accuracy"])]
+    assert "not all cells finished" in [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_the_kept_sweeps_are_the_default(
+    snn: Call, files: list[str], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(figures, "KEPT", folder)
+    (folder / "other.json").write_text('{"images": []}')  # results of another kind are kept there too
+    assert snn("fig9")[0] == 0
+    assert list(json.loads((folder / "out" / "fig9.json").read_text())["commands"]) == ["plain"]
+    monkeypatch.setattr(figures, "KEPT", folder / "nowhere")
+    refused(snn, "make one with python -m snn sweep and name it with --sweep", "fig9")
+
+
+def test_all_sweeps_that_are_kept_can_be_drawn() -> None:
+    for file in figures.KEPT.glob("*.json"):
+        if "points" not in json.loads(file.read_text()):
+            continue
+        sweep = figures.load_sweep(file)
+        for reading in figures.READINGS:
+            figures.draw_fig9(figures.fig9_data([sweep], reading))
+            figures.confusion_data([sweep], reading)
+
+
+# -- confusion ---------------------------------------------------------------------------------------
+
+
+def test_confusion_of_the_best_finished_spiking_points(snn: Call, files: list[str], folder: Path) -> None:
+    assert snn("fig9", *files)[0] == 0
+    data = json.loads((folder / "out" / "confusion.json").read_text())
+    best = max(PHYSICAL["points"], key=lambda point: point["last"]["accuracy"])
+    assert [(p["sweep"], p["name"]) for p in data["points"]] == [("plain", "lcs-4b"), ("hand", best["name"])]
+    assert (folder / "out" / "confusion.png").stat().st_size > 10_000
+    for panel, point in zip(figures.draw_confusion(data).axes, data["points"], strict=True):
+        counts = np.array(point["confusion"])
+        shares = 100 * counts / counts.sum(1, keepdims=True)  # rows are the true classes
+        assert np.asarray(panel.images[0].get_array()) == pytest.approx(shares)
+        assert [text.get_text() for text in panel.texts] == [f"{share:.1f}" for share in shares.ravel()]
+        assert [label.get_text() for label in panel.get_yticklabels()] == CLASSES
+        assert np.trace(counts) / counts.sum() == pytest.approx(point["accuracy"])
+
+
+def test_confusion_of_a_named_point(snn: Call, files: list[str], folder: Path) -> None:
+    (folder / "hand" / "sweep.json").write_text(json.dumps({k: v for k, v in PHYSICAL.items() if k != "class_names"}))
+    refused(snn, "hand/lcs-4b/result.json", "fig9", *files, "--confusion", "lcs-4b")
+    (folder / "hand" / "lcs-4b").mkdir()
+    (folder / "hand" / "lcs-4b" / "result.json").write_text(json.dumps({"class_names": ["a", "b", "c"]}))
+    assert snn("fig9", *files, "--confusion", "lcs-4b", "--reading", "selected")[0] == 0
+    points = json.loads((folder / "out" / "confusion.json").read_text())["points"]
+    assert [point["class_names"] for point in points] == [CLASSES, ["a", "b", "c"]]
+    assert points[1]["confusion"] == PHYSICAL["points"][0]["selected"]["confusion"]
+    refused(snn, "no point is called 'lcs-5b'; there are lcs-4b, lcs-6b,", "fig9", *files, "--confusion", "lcs-5b")
+
+
+# -- bad sweeps --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "the sweep bad.json is not JSON"),
+        ("[]", "bad.json holds no points of a sweep; make it with python -m snn sweep"),
+        ('{"points": []}', "bad.json holds no points of a sweep"),
+        ('{"points": [3]}', "bad.json: point 0 needs the fields of a point, not 3; run the sweep again"),
+        ('{"points": [{"name": "a", "readout": "x"}]}', "point 0 (a) needs readout, one of nlcs, lcs, frame, cw-lcs"),
+    ],
+)
+def test_files_that_are_no_sweep_get_one_sentence(snn: Call, folder: Path, text: str, sentence: str) -> None:
+    (folder / "bad.json").write_text(text)
+    refused(snn, sentence, "fig9", "--sweep", "bad.json")
+    assert not (folder / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("keys", "value", "sentence"),
+    [
+        (["name"], None, "point 0 needs a name, not None"),
+        (["preset"], "flat", "(lcs-4b) needs preset, one of paper, physical, not 'flat'"),
+        (["normalised_rate"], 0, "needs normalised_rate, a positive number, not 0"),
+        (["data_rate_bps"], float("nan"), "needs data_rate_bps, a positive number, not nan"),
+        (["cells"], "6", "needs cells, a number of cells, not '6'"),
+        (["last"], None, "needs the results of the last epoch, not None"),
+        (["selected", "accuracy"], 1.2, "needs accuracy in 0..1, not 1.2"),
+        (["last", "wilson_95"], [0.1], "needs wilson_95, [low, high] in 0..1, not [0.1]"),
+        (["last", "confusion"], [[1, 2]], "needs confusion, a square table of numbers, not [[1, 2]]"),
+        (["last", "accuracy_of_seeds"], [], "needs accuracy_of_seeds, a list, not []"),
+    ],
+)
+def test_bad_points_get_one_sentence(snn: Call, folder: Path, keys: list[str], value: Any, sentence: str) -> None:
+    content = copy.deepcopy(SWEEP)
+    place: Any = content["points"][0]
+    for key in keys[:-1]:
+        place = place[key]
+    place[keys[-1]] = value
+    (folder / "bad.json").write_text(json.dumps(content))
+    refused(snn, sentence, "fig9", "--sweep", "bad.json")
+
+
+def test_other_bad_options_get_one_sentence(snn: Call, files: list[str], folder: Path) -> None:
+    refused(snn, "cannot read the sweep nowhere.json: No such file", "fig9", "--sweep", "nowhere.json")
+    refused(snn, "cannot read the sweep sweep.json", "fig9", "--sweep", "sweep.json")
+    refused(snn, "two sweeps are called plain; rename one of them", "fig9", *files[:2], *files[:2])
+    refused(snn, "reading must be one of last, selected, not 'best'", "fig9", *files, "--reading", "best")
+
+
+# -- Fig. 8 ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {},
+        {"output_scale": 0.1, "reset": "subtract"},
+        {"readout": "membrane", "decay": 0.8, "output_decay": 0.95, "input_scale": 0.4, "dropout": 0.3},
+        {"readout": "membrane", "decay": 0.8, "output_decay": 0.9, "learn_decay": True, "output_scale": 3.0},
+    ],
+)
+def test_the_evidence_ends_in_the_logits(fields: dict[str, Any]) -> None:
+    network = build(NetworkConfig(inputs=8, classes=3, hidden=64, **fields), seed=1).eval()
+    assert isinstance(network, SpikingNetwork)
+    x = torch.from_numpy(np.random.default_rng(0).poisson(0.8, (40, 2, 8)).astype(np.float32))
+    spikes, grown = evidence(network, x)
+    assert spikes.sum() > 0
+    assert torch.equal(spikes, network.spikes(x))
+    assert grown.shape == (40, 2, 3)
+    logits = network(x).logits.detach()
+    assert logits.abs().max() > 0
+    torch.testing.assert_close(grown[-1], logits, rtol=1e-4, atol=1e-5)
+    early = network(x[:13]).logits.detach()  # the same network on the begin of the scan
+    scale = 13 / 40 if fields.get("readout") == "membrane" else 1.0
+    torch.testing.assert_close(grown[12], early * scale, rtol=1e-4, atol=1e-5)
+
+
+EXPERIMENT = Experiment(
+    dataset="embedded", readout=ReadoutConfig(rows=2, columns=3, resolution=4), bins=BinConfig(bin_s=0.004)
+)
+
+
+def trained(folder: Path, experiment: Experiment = EXPERIMENT, **fields: Any) -> list[str]:
+    """Write weights and result of a training of no epoch; return the option that names them."""
+    channels = 12 if experiment.readout.encoding == "lcs" else 6
+    network = build(NetworkConfig(inputs=channels, classes=3, hidden=32, decay=0.9, output_decay=0.9, **fields), seed=0)
+    folder.mkdir(exist_ok=True)
+    save_weights(folder / "weights.npz", Weights(network, ("brick", "grass", "gravel"), experiment.bins.bin_s))
+    result = {"experiment": experiment.to_dict(), "fold": 1, "folds": 6, "seed": 0}
+    (folder / "result.json").write_text(json.dumps(result))
+    return ["--weights", str(folder / "weights.npz")]
+
+
+@pytest.mark.parametrize("readout", ["spikes", "membrane"])
+def test_fig8_shows_the_first_test_image_and_its_logits(snn: Call, folder: Path, readout: str) -> None:
+    options = trained(folder / "train", readout=readout)
+    code, out, _ = snn("fig8", *options)
+    assert code == 0
+    assert (folder / "out" / "fig8.png").stat().st_size > 30_000
+    data = json.loads((folder / "out" / "fig8.json").read_text())
+    textures = open_dataset("embedded")
+    test = stratified_folds(textures.labels, 6)[1]
+    assert data["image"] == textures[int(test[0])].name
+    assert data["of_the_test_fold"]
+    played = play(folder / "train" / "weights.npz", folder / "train" / "result.json")
+    recording = record(textures[int(test[0])], "embedded", played.scan, EXPERIMENT.readout)
+    assert np.array_equal(played.recording.events, recording.events)
+    scan = collect([recording], EXPERIMENT.bins, textures.class_names)
+    network = scan_figure.load_weights(folder / "train" / "weights.npz").network.eval()
+    logits = network(scan.batch([0])).logits[0].detach().numpy()
+    assert data["evidence"][-1] == pytest.approx(logits, rel=1e-4, abs=1e-5)
+    assert len(data["hidden_spikes"]) == int(network.spikes(scan.batch([0])).sum()) > 0
+    assert data["predicted"] == textures.class_names[int(logits.argmax())]
+    assert f"predicted {data['predicted']}" in out
+
+    figure = draw_fig8(played)
+    verdict = "right" if data["predicted"] == data["true"] else "wrong"
+    title = figure.get_suptitle()
+    assert title == (f"{data['image']} (test image): true {data['true']}, predicted {data['predicted']}, {verdict}")
+    panels = {panel.get_title("left"): panel for panel in figure.axes}
+    lines = {str(line.get_label()): line for line in panels["evidence for each class"].lines}
+    for name, value in zip(textures.class_names, logits, strict=True):
+        assert lines[name].get_ydata()[-1] == pytest.approx(value, rel=1e-4, abs=1e-5)
+    widths = {name: line.get_linewidth() for name, line in lines.items()}
+    assert max(widths, key=lambda name: widths[name]) == data["predicted"]
+    drawn = sum(len(line.get_xdata()) for line in panels["address events"].lines)
+    assert drawn == len(recording.events)
+    assert len(panels["hidden neurons"].lines[0].get_xdata()) == len(data["hidden_spikes"])
+
+
+def test_fig8_of_the_paper_scan_counts_from_where_events_count(folder: Path) -> None:
+    config = ReadoutConfig(rows=2, columns=3, resolution=5, encoding="nlcs")
+    trained(folder / "train", Experiment(dataset="embedded", preset="paper", readout=config, bins=EXPERIMENT.bins))
+    played = play(folder / "train" / "weights.npz", folder / "train" / "result.json", image="grass/grass-03")
+    assert played.start_s == pytest.approx(0.1, abs=1e-3)
+    assert played.ends_ms[-1] <= 1e3 * played.recording.duration_s
+    assert not played.tested
+    assert "grass/grass-03 (training image): true grass" in draw_fig8(played).get_suptitle()
+
+
+def test_fig8_refuses_what_does_not_belong_together(snn: Call, folder: Path) -> None:
+    refused(snn, "cannot read out/train/weights.npz", "fig8")
+    options = trained(folder / "train")
+    refused(snn, "no image is called 'x'; there are 48, from brick/brick-00 to", "fig8", *options, "--image", "x")
+    refused(snn, "nowhere.json does not exist, and only the result of the training says", "fig8", *options,
+            "--result", "nowhere.json")  # fmt: skip
+    (folder / "other.json").write_text('{"experiment": {}}')
+    refused(snn, "other.json is not the result of python -m snn train", "fig8", *options, "--result", "other.json")
+
+    result = json.loads((folder / "train" / "result.json").read_text())
+    for change, sentence in (
+        ({"bins": {"bin_s": 0.002}}, "has time bins of 0.002 s"),
+        ({"events": "replay"}, "is of a training on event files or frames; fig8 needs one on textures"),
+        ({"dataset": str(folder / "cloth")}, "the textures are cloth, wool; give the textures of the training"),
+        ({"readout": {"rows": 2, "columns": 2}}, "the network takes 12 channels, the scans have 8"),
+        ({"preset": "flat"}, "preset must be one of paper, physical, not 'flat'"),
+    ):
+        (folder / "other.json").write_text(json.dumps(result | {"experiment": result["experiment"] | change}))
+        write_textures(folder / "cloth", ("cloth", "wool"))
+        refused(snn, sentence, "fig8", *options, "--result", "other.json")
+    refused(snn, "holds a baseline for frames; fig8 needs a spiking network", "fig8",
+            *trained(folder / "gru", kind="gru"))  # fmt: skip
+    assert not (folder / "out").exists()
+
+
+def write_textures(folder: Path, classes: tuple[str, ...]) -> None:
+    """Write a dataset of one image for each class."""
+    from PIL import Image
+
+    for name in classes:
+        (folder / name).mkdir(parents=True, exist_ok=True)
+        Image.fromarray(np.zeros((64, 256), np.uint8)).save(folder / name / "a.png")
