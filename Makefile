@@ -70,9 +70,8 @@ predict: $(STAMP) ## classify recordings; RTL spikes against model spikes [WEIGH
 	@$(RUN) -m snn predict '$(or $(WEIGHTS),out/train/weights.npz)' --events '$(or $(EVENTS),out/replay)' \
 	$(call options,DATASET OUT) $(call flag,CHECK_MODEL,check-model)
 
-sweep: $(STAMP) ## accuracy by data rate: many points, resumable [POINTS= SCHEDULER= FRAME_RECIPE=, and as crossval]
-	@$(RUN) -m snn sweep $(call options,POINTS DATASET PRESET BIN EPOCHS FOLDS SEEDS START_ROWS WORKERS SCHEDULER RECIPE \
-	FRAME_RECIPE OUT)
+sweep: $(STAMP) ## accuracy by data rate: many points, resumable [POINTS= SCHEDULER=, and as crossval]
+	@$(RUN) -m snn sweep $(call options,POINTS DATASET PRESET BIN EPOCHS FOLDS SEEDS START_ROWS WORKERS SCHEDULER RECIPE OUT)
 
 power: $(STAMP) ## power of the three readouts [MODE= RESOLUTION= NOISE= TAU= CROSSOVER=1 SYNTHESIS= DATASET= PRESET=]
 	@$(RUN) -m model power $(call options,MODE RESOLUTION NOISE TAU CORRECT WITHOUT SYNTHESIS DATASET PRESET RATES) \

@@ -5,52 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from model.files import atomic_write
+from model.plots import READOUT_COLOURS, READOUT_MARKERS, dress, new_figure, save_figure
 from model.power import READOUT_NAMES, READOUTS, SPIKING
-from model.raster import DPI, check_picture_path
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    pass
 
 Data = dict[str, Any]
 
-# Okabe-Ito, as in model.raster; the readouts have one colour each in all pictures.
+# Okabe-Ito, as in model.raster.
 PART_COLOURS = {"afe": "#0072b2", "converter": "#e69f00", "io": "#009e73"}
 PART_NAMES = {"afe": "AFE", "converter": "converter", "io": "I/O"}
-READOUT_COLOURS = {"nlcs": "#d55e00", "lcs": "#0072b2", "frame": "#000000"}
-READOUT_MARKERS = {"nlcs": "^", "lcs": "o", "frame": "s"}
 TAU_COLOURS = ("#d55e00", "#e69f00", "#cc79a7")
 _GREY = "#555555"
-
-
-def _figure(width_in: float, height_in: float, title: str) -> Figure:
-    """Return an empty figure with a title."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width_in, height_in), layout="constrained")
-    FigureCanvasAgg(figure)
-    figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
-    return figure
-
-
-def _dress(panel: Axes, title: str = "") -> None:
-    panel.spines[["top", "right"]].set_visible(False)
-    panel.tick_params(labelsize=8, length=3)
-    panel.grid(axis="y", color="#e5e5e5", lw=0.6)
-    panel.set_axisbelow(True)
-    panel.set_title(title, loc="left", fontsize=9.5, fontweight="bold", pad=4)
-
-
-def _save(figure: Figure, path: Path) -> None:
-    """Write a figure; the same data give the same bytes."""
-    import matplotlib
-
-    check_picture_path(path)
-    undated: dict[str, Any] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}[path.suffix.lower()]
-    with matplotlib.rc_context({"svg.hashsalt": "power"}), atomic_write(path) as file:
-        figure.savefig(file, format=path.suffix[1:].lower(), dpi=DPI, metadata=undated)
 
 
 def watts(value: float) -> str:
@@ -65,12 +32,12 @@ def plot_fig6(data: Data, path: Path) -> None:
     """Draw stacked bars of AFE, converter and I/O at the noise targets, one panel for each mode."""
     modes = data["modes"]
     title = f"Power of the readouts, N = {data['resolution']}, {data['rows']} x {data['columns']} taxels"
-    figure = _figure(5.2 * len(modes), 4.0, title)
+    figure = new_figure(5.2 * len(modes), 4.0, title)
     panels = figure.subplots(1, len(modes), sharey=True, squeeze=False)[0]
     totals = [entry[r]["total"] for mode in modes.values() for entry in mode for r in READOUTS]
     floor = 10 ** -(9 if min(totals) < 1e-7 else 8 if min(totals) < 1e-6 else 7)
     for panel, (mode, entries) in zip(panels, modes.items(), strict=True):
-        _dress(panel, f"{mode} mode")
+        dress(panel, f"{mode} mode")
         positions, names = [], []
         for group, (noise, entry) in enumerate(zip(data["noise_v_rms"], entries, strict=True)):
             for k, readout in enumerate(READOUTS):
@@ -91,7 +58,7 @@ def plot_fig6(data: Data, path: Path) -> None:
     panels[0].set_ylabel("power (W)", fontsize=8.5)
     handles, labels = panels[0].get_legend_handles_labels()
     panels[-1].legend(handles[: len(PART_COLOURS)], labels[: len(PART_COLOURS)], fontsize=8, frameon=False)
-    _save(figure, path)
+    save_figure(figure, path)
 
 
 def plot_fig7(data: Data, path: Path) -> None:
@@ -100,10 +67,10 @@ def plot_fig7(data: Data, path: Path) -> None:
     Lines end where there is no crossover; a mode in which there is none gets the ranges in words.
     """
     modes = data["modes"]
-    figure = _figure(4.4 * (len(modes) + 1), 3.8, "AFE noise at which spikes cost what frames cost")
+    figure = new_figure(4.4 * (len(modes) + 1), 3.8, "AFE noise at which spikes cost what frames cost")
     panels = figure.subplots(1, len(modes) + 1, sharex=True, squeeze=False)[0]
     for panel, (mode, entry) in zip(panels[:-1], modes.items(), strict=True):
-        _dress(panel, f"{mode} mode")
+        dress(panel, f"{mode} mode")
         panel.sharey(panels[0])
         notes = []
         for (label, style), values, sides in zip(
@@ -123,7 +90,7 @@ def plot_fig7(data: Data, path: Path) -> None:
             panel.legend(fontsize=8, frameon=False, loc="upper left")
         panel.set_ylabel("AFE output noise (V rms)", fontsize=8.5)
     mode, entry = list(modes.items())[-1]
-    _dress(panels[-1], f"{mode} mode, {data['ratio_noise_v_rms'] * 1e3:g} mV")
+    dress(panels[-1], f"{mode} mode, {data['ratio_noise_v_rms'] * 1e3:g} mV")
     for (label, style), ratios in zip(_lines(entry["ratio"]), _values(entry["ratio"]), strict=True):
         panels[-1].plot(data["resolution"], ratios, label=label, **style)
     panels[-1].axhline(1.0, color="#000000", lw=0.8)
@@ -133,7 +100,7 @@ def plot_fig7(data: Data, path: Path) -> None:
     for panel in panels:
         panel.set_xticks(data["resolution"])
         panel.set_xlabel("resolution N (bit)", fontsize=8.5)
-    _save(figure, path)
+    save_figure(figure, path)
 
 
 def _lines(entry: Data) -> list[tuple[str, dict[str, Any]]]:
@@ -164,11 +131,11 @@ def _ranges(resolutions: list[int], sides: list[str]) -> str:
 def plot_sensitivity(data: Data, path: Path) -> None:
     """Draw spiking / frame power of every case, one panel for each noise target."""
     rows = data["rows"]
-    figure = _figure(11, 0.235 * len(rows) + 1.3, f"Spiking power / frame power, N = {data['resolution']}")
+    figure = new_figure(11, 0.235 * len(rows) + 1.3, f"Spiking power / frame power, N = {data['resolution']}")
     panels = figure.subplots(1, len(data["noise_v_rms"]), sharey=True, sharex=True, squeeze=False)[0]
     heights = list(range(len(rows)))
     for k, (panel, noise) in enumerate(zip(panels, data["noise_v_rms"], strict=True)):
-        _dress(panel, f"{noise * 1e3:.3g} mV rms")
+        dress(panel, f"{noise * 1e3:.3g} mV rms")
         panel.axvline(1.0, color="#000000", lw=0.8)
         for readout in SPIKING:
             panel.plot(
@@ -188,7 +155,7 @@ def plot_sensitivity(data: Data, path: Path) -> None:
     panels[0].set_yticks(heights, [row["case"] for row in rows], fontsize=8)
     panels[0].invert_yaxis()
     panels[0].legend(fontsize=8, frameon=False, loc="best")
-    _save(figure, path)
+    save_figure(figure, path)
 
 
 def plot_explore(data: Data, path: Path) -> None:
@@ -196,14 +163,14 @@ def plot_explore(data: Data, path: Path) -> None:
     table = data["table"]
     resolutions = [row["resolution"] for row in table]
     sensor = data["sensor"]
-    figure = _figure(
+    figure = new_figure(
         6.4,
         4.0,
         f"{sensor['rows']} x {sensor['columns']} taxels, {sensor['bandwidth_hz']:g} Hz, "
         f"{sensor['noise_v_rms'] * 1e3:g} mV",
     )
     panel = figure.subplots()
-    _dress(panel)
+    dress(panel)
     for readout in READOUTS:
         panel.plot(
             resolutions,
@@ -226,4 +193,4 @@ def plot_explore(data: Data, path: Path) -> None:
     panel.set_xlabel("resolution N (bit)", fontsize=8.5)
     panel.set_ylabel("power (W)", fontsize=8.5)
     panel.legend(fontsize=8, frameon=False)
-    _save(figure, path)
+    save_figure(figure, path)

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from model.errors import InputError
+from model.plots import READOUT_COLOURS, READOUT_MARKERS, dress, new_figure, save_figure
 from model.power import READOUT_NAMES
-from model.power_plots import READOUT_COLOURS, READOUT_MARKERS, _dress, _figure, _save
 from model.report_data import read_json
 from model.texture import PRESETS
 
@@ -229,11 +229,9 @@ def _own_point(sweep: Sweep, point: Data, reading: str) -> Data:
 
 
 def _detail(point: Data) -> str:
-    """Return what tells the points of a readout apart: the resolution, or what is left of the name of frames."""
-    kind = str(point.get("name", "")).removeprefix("frame").strip("-")
-    if not point["readout"].startswith("frame") or not kind:
-        return f"{point['resolution']} b"
-    return f"{kind} a step" if kind.isdigit() else kind
+    """Return what tells the points of a readout apart: the resolution, or of frames the network."""
+    name = str(point.get("name", "")).removeprefix("frame").strip("-")
+    return name if point["readout"].startswith("frame") and name else f"{point['resolution']} b"
 
 
 def _protocol(sweep: Sweep, reading: str) -> str:
@@ -251,7 +249,7 @@ def _protocol(sweep: Sweep, reading: str) -> str:
 
 def plot_fig9(data: Data, path: Path) -> None:
     """Draw accuracy against data rate; see :func:`draw_fig9`."""
-    _save(draw_fig9(data), path)
+    save_figure(draw_fig9(data), path)
 
 
 def draw_fig9(data: Data) -> Figure:
@@ -262,10 +260,10 @@ def draw_fig9(data: Data) -> Figure:
     """
     presets = [preset for preset in PRESETS if any(point["preset"] == preset for point in data["points"])]
     sweeps = list(data["commands"])
-    figure = _figure(1.6 + 4.6 * len(presets), 5.2, "Accuracy against data rate")
+    figure = new_figure(1.6 + 4.6 * len(presets), 5.2, "Accuracy against data rate")
     panels = figure.subplots(1, len(presets), sharex=True, sharey=True, squeeze=False)[0]
     for panel, preset in zip(panels, presets, strict=True):
-        _dress(panel, f"{preset} scan")
+        dress(panel, f"{preset} scan")
         points = [point for point in data["points"] if point["preset"] == preset]
         for sweep, readout, series in _series(points, [PUBLISHED_NAME, *sweeps]):
             _draw_series(panel, series, readout, _style(sweep, sweeps))
@@ -402,13 +400,13 @@ def confusion_data(sweeps: Sequence[Sweep], reading: str, name: str | None = Non
 
 def plot_confusion(data: Data, path: Path) -> None:
     """Draw confusion matrices; see :func:`draw_confusion`."""
-    _save(draw_confusion(data), path)
+    save_figure(draw_confusion(data), path)
 
 
 def draw_confusion(data: Data) -> Figure:
     """Return one matrix for each point: rows true classes, columns predicted ones, percent of the row."""
     points = data["points"]
-    figure = _figure(4.3 * len(points) + 0.4, 4.3, f"Confusion, {READINGS[data['reading']]}")
+    figure = new_figure(4.3 * len(points) + 0.4, 4.3, f"Confusion, {READINGS[data['reading']]}")
     panels = figure.subplots(1, len(points), squeeze=False)[0]
     for panel, point in zip(panels, points, strict=True):
         names = point["class_names"]

@@ -44,15 +44,13 @@ Workers = Annotated[int | None, typer.Option(min=1, help="processes of one threa
 DEFAULT_RESOLUTION = 4
 
 
-def build_experiment(options: dict[str, Any], base: dict[str, Any] | None = None) -> Experiment:
+def build_experiment(options: dict[str, Any]) -> Experiment:
     """Return the experiment that the options of a command describe.
 
     Parameters
     ----------
     options : dict
         Values by name of the parameter: those of the command ``train`` down to ``settings``.
-    base : dict, optional
-        Fields of NetworkConfig that hold where neither recipe nor ``--set`` say otherwise.
 
     Raises
     ------
@@ -72,7 +70,7 @@ def build_experiment(options: dict[str, Any], base: dict[str, Any] | None = None
         readout = readout.replace(resolution=DEFAULT_RESOLUTION)
     if options["tau"] is not None and readout.encoding != "nlcs":
         raise InputError(f"--tau is the leak of encoding nlcs, not of {readout.encoding}; add --encoding nlcs")
-    fields = (base or {}) | RECIPES[options["recipe"]] | parse_settings(options["settings"] or [])
+    fields = RECIPES[options["recipe"]] | parse_settings(options["settings"] or [])
     of_training = {field.name for field in dataclasses.fields(TrainConfig)}
     training = {name: value for name, value in fields.items() if name in of_training}
     return Experiment(

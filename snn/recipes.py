@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+BASELINES = ("rnn", "gru", "cnn")
+"""Recipes that are made for frames."""
+
 _FRAMES: dict[str, Any] = {"input_rms": 1.0, "input_center": True, "cosine": True}
 
 RECIPES: dict[str, dict[str, Any]] = {

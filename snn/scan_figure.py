@@ -16,7 +16,7 @@ from model.config import ReadoutConfig
 from model.dataset import Texture, open_dataset
 from model.errors import InputError
 from model.events import Recording
-from model.power_plots import _dress, _figure, _save
+from model.plots import dress, new_figure, save_figure
 from model.raster import OFF_COLOUR, ON_COLOUR
 from model.rates import PAPER_TAU_S
 from model.report_data import read_json
@@ -239,7 +239,7 @@ def _played(
 
 def plot_fig8(played: Played, path: Path) -> None:
     """Draw a scan on its way through the network; see :func:`draw_fig8`."""
-    _save(draw_fig8(played), path)
+    save_figure(draw_fig8(played), path)
 
 
 def draw_fig8(played: Played) -> Figure:
@@ -247,7 +247,7 @@ def draw_fig8(played: Played) -> Figure:
     true, predicted = played.texture.class_name, played.predicted
     verdict = "right" if true == predicted else "wrong"
     learned = "test image" if played.tested else "training image"
-    figure = _figure(12, 8.4, f"{played.texture.name} ({learned}): true {true}, predicted {predicted}, {verdict}")
+    figure = new_figure(12, 8.4, f"{played.texture.name} ({learned}): true {true}, predicted {predicted}, {verdict}")
     grid = figure.add_gridspec(4, 2, width_ratios=(1, 2.9), height_ratios=(1.5, 1.3, 1.5, 1.4))
     _draw_texture(figure.add_subplot(grid[:2, 0]), played)
     _draw_zoom(figure.add_subplot(grid[2, 0]), played)
@@ -274,7 +274,7 @@ def _draw_texture(panel: Axes, played: Played) -> None:
     rightwards = isinstance(scan, PhysicalScan) or width > height  # the paper's scan follows the longer side
     if rightwards and not isinstance(scan, PhysicalScan):
         across, down = down, across
-    _dress(panel, "texture and scan")
+    dress(panel, "texture and scan")
     panel.grid(visible=False)
     panel.imshow(pixels, cmap="gray", vmin=0, vmax=255)
     way = (width, down) if rightwards else (across, height)
@@ -297,7 +297,7 @@ def _draw_signals(panel: Axes, played: Played) -> None:
     kinds = len(set(labels))
     panel.legend(handles[:kinds], labels[:kinds], loc="lower right", bbox_to_anchor=(1, 1), ncols=2, frameon=False,
                  fontsize=8, handletextpad=0.1, markerscale=2.5, borderaxespad=0.1)  # fmt: skip
-    _dress(panel, "pressure signals and their events")
+    dress(panel, "pressure signals and their events")
     panel.set_title(f"lanes {gap:.2g} full scales apart", fontsize=8, color=_GREY, pad=4)
 
 
@@ -308,7 +308,7 @@ def _draw_zoom(panel: Axes, played: Played) -> None:
     shown = _shown(played)
     taxel = int(shown[len(shown) // 2])
     _draw_taxel(panel, played, taxel, 0.0, 5.0, slice(first, max(last, first + 2)))
-    _dress(panel, f"taxel {taxel}, the grey part")
+    dress(panel, f"taxel {taxel}, the grey part")
     panel.grid(visible=False)
     panel.set_xlabel("time (ms)", fontsize=8.5)
     panel.set_ylabel("full scales", fontsize=8.5)
@@ -352,7 +352,7 @@ def _draw_events(panel: Axes, played: Played) -> None:
                    color=colour, alpha=0.8, rasterized=True)  # fmt: skip
     panel.set_ylim(config.taxels - 0.5, -0.5)
     panel.set_ylabel("taxel", fontsize=8.5)
-    _dress(panel, "address events")
+    dress(panel, "address events")
     panel.set_title(f"{len(events):,} events of {config.taxels} taxels", fontsize=8, color=_GREY, pad=4)
 
 
@@ -366,7 +366,7 @@ def _draw_hidden(panel: Axes, played: Played) -> None:
         panel.axvspan(0, 1e3 * played.start_s, color="#eeeeee", zorder=0)
         panel.text(500 * played.start_s, played.spikes.shape[1] / 2, "events do not\ncount yet", fontsize=8,
                    color=_GREY, ha="center", va="center", clip_on=True)  # fmt: skip
-    _dress(panel, "hidden neurons")
+    dress(panel, "hidden neurons")
     panel.set_title(f"{played.spikes.sum():,.0f} spikes of {played.spikes.shape[1]} neurons, steps of "
                     f"{1e3 * played.step_s:g} ms", fontsize=8, color=_GREY, pad=4)  # fmt: skip
 
@@ -378,7 +378,7 @@ def _draw_evidence(panel: Axes, played: Played) -> None:
         won = label == winner
         panel.plot(played.ends_ms, played.evidence[:, label], color=_colour(label), lw=2.4 if won else 1.1,
                    zorder=3 if won else 2, label=name)  # fmt: skip
-    _dress(panel, "evidence for each class")
+    dress(panel, "evidence for each class")
     panel.set_title(played.meaning, fontsize=8, color=_GREY, pad=4)
     panel.set_ylabel("logit", fontsize=8.5)
     for label in {winner, played.texture.label}:
@@ -403,7 +403,7 @@ def _draw_final(panel: Axes, played: Played) -> None:
     for label, share in enumerate(shares):
         mark = ", wins" if label == int(shares.argmax()) else ""
         panel.text(share + 1, label, f"{share:.0f} %{mark}", va="center", fontsize=8)
-    _dress(panel, "SoftMax at the end (%)")
+    dress(panel, "SoftMax at the end (%)")
     panel.grid(visible=False)
 
 

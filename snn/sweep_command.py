@@ -29,6 +29,7 @@ from snn.options import (
     Workers,
     build_experiment,
 )
+from snn.recipes import BASELINES
 
 if TYPE_CHECKING:
     from snn.sweep import PointRun, SweepPoint
@@ -43,7 +44,8 @@ OF_THIS_RUN = {"out", "workers", "scheduler"}
 def sweep(
     context: typer.Context,
     points: Annotated[
-        str, typer.Option(metavar="ENCODER:N,...", help="resolution N by encoder, or frame:K, K side by side in a step")
+        str,
+        typer.Option(metavar="ENCODER:N,...", help="N bits; rnn:K, gru:K, cnn:K for frames, K side by side in a step"),
     ] = DEFAULT_POINTS,
     preset: Preset = "physical",
     tau: Tau = None,
@@ -52,7 +54,6 @@ def sweep(
     start_rows: StartRows = 1,
     bin_s: BinSeconds = 0.004,
     recipe: Recipe = "tuned",
-    frame_recipe: Annotated[str, typer.Option(metavar="rnn|gru|cnn", help="recipe of frame points")] = "rnn",
     epochs: Epochs = 60,
     settings: Settings = None,
     folds: Folds = 6,
@@ -88,21 +89,21 @@ def sweep(
 
 
 def parse_points(text: str) -> list[tuple[str, int]]:
-    """Return encoder and resolution, or "frame" and frames per step, of every point.
+    """Return encoder and resolution, or baseline and frames per step, of every point.
 
     Raises
     ------
     InputError
         If the text is not ``encoder:number``, with commas between, or a point is there twice.
     """
-    readouts = (*get_args(Encoding), "frame")
+    readouts = (*get_args(Encoding), *BASELINES)
     found = []
     for part in text.split(","):
         readout, _, number = part.strip().partition(":")
         if readout not in readouts or not (number.isascii() and number.isdigit()):
             raise InputError(
-                f"--points takes ENCODER:RESOLUTION with an encoder of {', '.join(get_args(Encoding))}, or "
-                f"frame:FRAMES_PER_STEP, with commas between, not {part.strip()!r}"
+                f"--points takes ENCODER:RESOLUTION with an encoder of {', '.join(get_args(Encoding))}, or BASELINE:"
+                f"FRAMES_PER_STEP with one of {', '.join(BASELINES)}, with commas between, not {part.strip()!r}"
             )
         if (readout, int(number)) in found:
             raise InputError(f"--points has {readout}:{int(number)} twice; leave one out")
@@ -116,16 +117,14 @@ def _point(readout: str, number: int, options: dict[str, Any]) -> SweepPoint:
     from snn.sweep import SweepPoint
 
     options = options | {"encoding": None, "resolution": None, "events": None, "frames": 0}
-    base = {}
     try:
-        if readout == "frame":
-            options |= {"frames": FrameConfig(frames_per_step=number).frames_per_step}
-            options |= {"recipe": options["frame_recipe"], "tau": None}
-            base = {"kind": "rnn"}
+        if readout in BASELINES:
+            frames = FrameConfig(frames_per_step=number).frames_per_step
+            options |= {"frames": frames, "recipe": readout, "tau": None}
         else:
             options |= {"encoding": readout, "resolution": number}
             options |= {"tau": options["tau"] if readout == "nlcs" else None}
-        return SweepPoint(f"{readout}-{number}", build_experiment(options, base))
+        return SweepPoint(f"{readout}-{number}", build_experiment(options))
     except InputError as error:
         raise InputError(f"point {readout}:{number}: {error}") from None
 

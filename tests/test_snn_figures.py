@@ -84,9 +84,9 @@ SWEEP = {
         some_point("lcs", 4, 0.21, 0.9),
         some_point("lcs", 6, 1.085, 0.7),
         some_point("nlcs", 6, 0.12, 1.0, cells=3),
-        some_point("frame", 10, 5.0, 0.95, name="frame-gru"),
+        some_point("frame", 10, 5.0, 0.95, name="gru-20"),
         some_point("nlcs", 8, 0.5, 0.9, cells=0) | {"data_rate_bps": None, "normalised_rate": None},
-        some_point("frame", 10, 5.0, 0.6, name="frame-20"),
+        some_point("frame", 10, 5.0, 0.6, name="rnn-20"),
     ],
 }
 PHYSICAL = {
@@ -211,8 +211,8 @@ def test_the_report_reads_the_file(snn: Call, files: list[str], folder: Path) ->
     assert {
         "LCS 6 b, published",
         "LCS 6 b, plain",
-        "frame gru, plain",
-        "frame 20 a step, plain",
+        "frame gru-20, plain",
+        "frame rnn-20, plain",
         "CW-LCS 4 b, hand, physical",
     } <= set(labels)
 

@@ -119,7 +119,7 @@ def command(folder: Path) -> list[str]:
     """Return the options of a small sweep over the embedded textures."""
     (folder / "small.json").write_text(json.dumps({"rows": 1, "columns": 2}))
     options = ["sweep", "--dataset", "embedded", "--config", str(folder / "small.json"), "--bin", "0.01"]
-    return [*options, "--points", "lcs:4,frame:100", "--set", "hidden=16", "--folds", "2", "--seeds", "2"]
+    return [*options, "--points", "lcs:4,rnn:100", "--set", "hidden=16", "--folds", "2", "--seeds", "2"]
 
 
 def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path) -> None:
@@ -142,28 +142,27 @@ def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path) -> No
         assert result.exit_code == 0, result.output
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
     assert files(tmp_path / "killed") == files(tmp_path / "whole")
-    assert "frame-100" in result.output
+    assert "rnn-100" in result.output
     summary = json.loads((tmp_path / "whole" / "sweep.json").read_text())
     assert summary["command"] == (
-        f"python -m snn sweep --points lcs:4,frame:100 --config {tmp_path}/small.json --dataset embedded --bin 0.01 "
+        f"python -m snn sweep --points lcs:4,rnn:100 --config {tmp_path}/small.json --dataset embedded --bin 0.01 "
         f"--epochs 2 --set hidden=16 --folds 2 --seeds 2"
     )
     assert [point["cells"] for point in summary["points"]] == [{"done": 4, "of": 4, "whole_seeds": 2}] * 2
-    frame = json.loads((tmp_path / "whole" / "frame-100" / "result.json").read_text())
-    assert frame["experiment"]["network"] == {"kind": "rnn", "hidden": 16}
+    frame = json.loads((tmp_path / "whole" / "rnn-100" / "result.json").read_text())
+    assert frame["experiment"]["network"] == {"kind": "rnn", "input_rms": 1.0, "input_center": True, "hidden": 16}
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ("--points lcs", "--points takes ENCODER:RESOLUTION with an encoder of lcs, cw-lcs, nlcs, or frame:"),
+        ("--points lcs", "--points takes ENCODER:RESOLUTION with an encoder of lcs, cw-lcs, nlcs, or BASELINE:"),
         ("--points lcs:4,,nlcs:6", "--points takes ENCODER:RESOLUTION"),
         ("--points ann:4", "--points takes ENCODER:RESOLUTION"),
         ("--points lcs:4,lcs:04", "--points has lcs:4 twice; leave one out"),
         ("--points lcs:99", "point lcs:99: resolution must be"),
-        ("--points frame:0", "point frame:0: frames_per_step must be at least 1, not 0"),
+        ("--points rnn:0", "point rnn:0: frames_per_step must be at least 1, not 0"),
         ("--points lcs:4 --tau 0.1", "--tau is the leak of nlcs, but --points has no nlcs point; leave it out"),
-        ("--frame-recipe best --points frame:5", "point frame:5: recipe must be one of "),
         ("--workers 2 --scheduler tcp://a:1", "--workers counts processes of this machine"),
     ],
 )
@@ -174,7 +173,7 @@ def test_bad_options_get_one_sentence(options: str, message: str, tmp_path: Path
 
 
 def test_points_are_encoder_and_number() -> None:
-    assert parse_points("lcs:2, cw-lcs:4,frame:20") == [("lcs", 2), ("cw-lcs", 4), ("frame", 20)]
+    assert parse_points("lcs:2, cw-lcs:4,gru:20") == [("lcs", 2), ("cw-lcs", 4), ("gru", 20)]
 
 
 # -- a Dask cluster ----------------------------------------------------------------------------------
