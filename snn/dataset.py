@@ -172,6 +172,11 @@ class ScanData:
         return int(self.values.shape[2])
 
     @property
+    def frames(self) -> bool:
+        """Whether the values are those of frames and not counts."""
+        return self.values.dtype.kind == "f"
+
+    @property
     def image_labels(self) -> NDArray[np.int64]:
         """Label of every image, shape (len(names),)."""
         labels = np.zeros(len(self.names), np.int64)
@@ -289,7 +294,8 @@ class AugmentConfig:
     Parameters
     ----------
     shift_steps : int
-        The scan moves by -shift_steps..shift_steps steps; what enters is empty, what leaves is lost.
+        The scan moves by -shift_steps..shift_steps steps. What leaves is lost; the steps that enter have no events, or
+        repeat the frame at the edge.
     speed_spread : float
         The scan runs 1 - speed_spread .. 1 + speed_spread times as fast: its events move in time, and none is split
         or made up (``at_speed``).
@@ -310,7 +316,9 @@ class AugmentConfig:
             raise InputError(f"drop_taxels must be a probability below 1, not {self.drop_taxels!r}")
 
 
-def augment(batch: Tensor, taxels: int, config: AugmentConfig, generator: np.random.Generator) -> Tensor:
+def augment(
+    batch: Tensor, taxels: int, config: AugmentConfig, generator: np.random.Generator, frames: bool = False
+) -> Tensor:
     """Return a changed copy of a batch, shape (steps, scans, channels); the same numbers for the same generator."""
     import torch
 
@@ -321,9 +329,9 @@ def augment(batch: Tensor, taxels: int, config: AugmentConfig, generator: np.ran
     if config.shift_steps:
         shifts = generator.integers(-config.shift_steps, config.shift_steps + 1, scans)
         source = torch.arange(steps)[:, None] - torch.from_numpy(shifts)[None, :]
-        inside = ((source >= 0) & (source < steps)).to(batch)
+        inside = (source >= 0) & (source < steps) | frames
         batch = batch.gather(0, source.clamp(0, steps - 1).to(batch.device)[:, :, None].expand(batch.shape))
-        batch = batch * inside[:, :, None]
+        batch = batch * inside.to(batch)[:, :, None]
     if config.drop_taxels:
         kept = torch.from_numpy(generator.random((scans, taxels)) >= config.drop_taxels).to(batch)
         batch = batch * kept.repeat(1, channels // taxels)
@@ -333,9 +341,9 @@ def augment(batch: Tensor, taxels: int, config: AugmentConfig, generator: np.ran
 def at_speed(batch: Tensor, speed: Tensor) -> Tensor:
     """Return the counts of scans at other speeds, shape (steps, scans, channels).
 
-    Events count as evenly spread over their bin. Bin t of a scan at speed v holds the whole events between v t and
-    v (t + 1) bins of the original: those up to a time, rounded down, less those before. Events in later bins than the
-    last are lost, and a faster scan ends early.
+    Event k of the n in a bin stands at (k - 1/2) / n of it. Bin t of a scan at speed v holds the events between v t
+    and v (t + 1) bins of the original; what comes after the last bin is lost, and a faster scan ends early. Plain level
+    crossing would send these events at that speed; a leak or a closing window, which have their own pace, others.
 
     Parameters
     ----------
@@ -353,5 +361,4 @@ def at_speed(batch: Tensor, speed: Tensor) -> Tensor:
     part = (place - lower)[:, :, None]
     index = lower[:, :, None].expand(-1, -1, batch.shape[2])
     below = until.gather(0, index)
-    now = (below + part * (until.gather(0, index + 1) - below) + 1e-4).floor()  # a sum of floats may lack a little
-    return now.diff(dim=0)
+    return (below + part * (until.gather(0, index + 1) - below) + 0.5).floor().diff(dim=0)

@@ -7,7 +7,7 @@ from typing import Any
 BASELINES = ("rnn", "gru", "cnn")
 """Recipes that are made for frames."""
 
-_FRAMES: dict[str, Any] = {"input_rms": 1.0, "input_center": True, "cosine": True}
+_FRAMES: dict[str, Any] = {"input_rms": 1.0, "input_center": True, "cosine": True, "shift_steps": 10}
 
 RECIPES: dict[str, dict[str, Any]] = {
     "plain": {},

@@ -248,7 +248,7 @@ def _epoch(
     seen = torch.zeros(len(data.class_names), device=device)
     for start in range(0, len(order), config.batch):
         chosen = order[start : start + config.batch]
-        batch = augment(data.batch(chosen), data.taxels, config.augmentation, generator).to(device)
+        batch = augment(data.batch(chosen), data.taxels, config.augmentation, generator, data.frames).to(device)
         labels = torch.from_numpy(data.labels[chosen]).to(device)
         output: Output = network(batch)
         loss = functional.cross_entropy(output.logits, labels) + output.penalty

@@ -143,9 +143,23 @@ def test_scans_at_other_speeds_keep_their_events() -> None:
     assert not faster[20:].any(), "and over in half the time"
     slower = at_speed(counts, torch.full((6,), 0.5))
     assert torch.equal(slower[0::2] + slower[1::2], counts[:20]), "half as fast: a bin in two"
+    lone = torch.zeros(40, 6, 4)
+    lone[10] = 1.0
+    moved = at_speed(lone, torch.tensor([0.98, 0.999, 1.0, 1.001, 1.02, 1.1])).argmax(0)[:, 0]
+    assert moved.tolist() == [int(10.5 / v) for v in (0.98, 0.999, 1.0, 1.001, 1.02, 1.1)], "from the middle of its bin"
     mixed = at_speed(counts, torch.tensor([0.7, 0.9, 1.0, 1.1, 1.3, 1.9]))
     assert torch.equal(mixed, mixed.round().clamp_min(0)), "whole numbers"
     assert torch.equal(mixed[:, 3:].sum(0), counts[:, 3:].sum(0)), "no event of a faster scan is lost"
+
+
+def test_frames_that_enter_repeat_the_edge() -> None:
+    import torch
+
+    frames = torch.arange(40.0)[:, None, None].expand(40, 8, 4)
+    shifted = augment(frames, 4, AugmentConfig(shift_steps=5), np.random.default_rng(0), frames=True)
+    shifts = np.random.default_rng(0).integers(-5, 6, 8)
+    for scan, shift in enumerate(shifts):
+        assert shifted[:, scan, 0].tolist() == np.clip(np.arange(40) - shift, 0, 39).tolist()
 
 
 def test_the_speed_of_every_scan_is_drawn_anew() -> None:
