@@ -9,12 +9,14 @@ STAMP := $(VENV)/.installed
 
 CONFIG_VARIABLES := ROWS COLUMNS ENCODING SAMPLE_BITS RESOLUTION DECIDE_EVERY REFERENCE_RESET CLOSING_SHIFT \
   WINDOW_PERIOD LEAK_SHIFT LEAK_PERIOD FRACTION_BITS LINK FRONTEND RESET SAMPLE_RATE CLOCKS_PER_SAMPLE TAU CONFIG
+SCANS := DATASET PRESET ENCODING RESOLUTION TAU CONFIG EVENTS FRAMES START_ROWS BIN
 # Or programs would take the number of taxel columns for the width of their window.
 unexport COLUMNS
 # Only what was typed behind make counts: a shell may export COLUMNS, the width of its window.
 typed = $(filter command,$(origin $(1)))
 options = $(foreach v,$(1),$(if $(call typed,$(v)),--$(shell echo $(v) | tr A-Z_ a-z-) '$($(v))'))
 config = $(call options,$(CONFIG_VARIABLES))
+settings = $(if $(call typed,SET),$(foreach s,$(SET),--set '$(s)'))
 flag = $(if $(filter 1 yes true,$($(1))),--$(2))
 
 .DEFAULT_GOAL := help
@@ -60,18 +62,19 @@ replay: $(STAMP) ## drive a whole dataset through RTL and model [DATASET= PRESET
 rates: $(STAMP) ## mean population event rate over a dataset [DATASET= PRESET= LIMIT= START_ROW=]
 	@$(RUN) -m model rates $(config) $(call options,DATASET PRESET LIMIT START_ROW)
 
-train: $(STAMP) ## train one network on the events [DATASET= PRESET= ENCODING= RESOLUTION= EPOCHS= SEED= FOLD= RECIPE= OUT=]
-	@$(RUN) -m snn train $(call options,DATASET PRESET ENCODING RESOLUTION EPOCHS SEED FOLD RECIPE OUT)
+train: $(STAMP) ## train one network [RECIPE= FRAMES= SET="NAME=VALUE ..." EPOCHS= FOLD= SEED= DEVICE= OUT=, scan as crossval]
+	@$(RUN) -m snn train $(call options,$(SCANS) EPOCHS SEED FOLD FOLDS RECIPE DEVICE OUT) $(settings)
 
-crossval: $(STAMP) ## folds x seeds of one configuration, resumable [as train, and FOLDS= SEEDS= WORKERS=]
-	@$(RUN) -m snn crossval $(call options,DATASET PRESET ENCODING RESOLUTION EPOCHS FOLDS SEEDS WORKERS RECIPE OUT)
+crossval: $(STAMP) ## folds x seeds, resumable [DATASET= PRESET= ENCODING= RESOLUTION= TAU= BIN= START_ROWS= FOLDS= SEEDS= ...]
+	@$(RUN) -m snn crossval $(call options,$(SCANS) EPOCHS FOLDS SEEDS WORKERS RECIPE OUT) $(settings)
 
 predict: $(STAMP) ## classify recordings; RTL spikes against model spikes [WEIGHTS= EVENTS= CHECK_MODEL=1 DATASET= OUT=]
 	@$(RUN) -m snn predict '$(or $(WEIGHTS),out/train/weights.npz)' --events '$(or $(EVENTS),out/replay)' \
 	$(call options,DATASET OUT) $(call flag,CHECK_MODEL,check-model)
 
 sweep: $(STAMP) ## accuracy by data rate: many points, resumable [POINTS= SCHEDULER=, and as crossval]
-	@$(RUN) -m snn sweep $(call options,POINTS DATASET PRESET BIN EPOCHS FOLDS SEEDS START_ROWS WORKERS SCHEDULER RECIPE OUT)
+	@$(RUN) -m snn sweep $(call options,POINTS DATASET PRESET TAU CONFIG BIN EPOCHS FOLDS SEEDS START_ROWS WORKERS SCHEDULER RECIPE OUT) \
+	$(settings)
 
 power: $(STAMP) ## power of the three readouts [MODE= RESOLUTION= NOISE= TAU= CROSSOVER=1 SYNTHESIS= DATASET= PRESET=]
 	@$(RUN) -m model power $(call options,MODE RESOLUTION NOISE TAU CORRECT WITHOUT SYNTHESIS DATASET PRESET RATES) \

@@ -21,19 +21,17 @@ from model.power import (
     TaxelRates,
 )
 from model.power_options import (
-    DEFAULT_OUT,
     DatasetOption,
     JsonOption,
-    OutOption,
     PresetOption,
     RatesOption,
     SettingsOption,
     SynthesisOption,
     rate_table,
-    write_results,
 )
 from model.power_parameters import MAX_RESOLUTION, MIN_RESOLUTION, PowerParameters
 from model.power_study import RESOLUTIONS, breakdowns
+from model.results import DEFAULT_OUT, OutOption, write_results
 
 
 @dataclass(frozen=True)

@@ -43,5 +43,5 @@ def save_figure(figure: Figure, path: Path) -> None:
 
     check_picture_path(path)
     undated: dict[str, Any] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}[path.suffix.lower()]
-    with matplotlib.rc_context({"svg.hashsalt": "power"}), atomic_write(path) as file:
+    with matplotlib.rc_context({"svg.hashsalt": "figure"}), atomic_write(path) as file:
         figure.savefig(file, format=path.suffix[1:].lower(), dpi=DPI, metadata=undated)

@@ -9,11 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from model.power_options import (
-    DEFAULT_OUT,
-    DataOption,
     DatasetOption,
     JsonOption,
-    OutOption,
     PresetOption,
     RatesOption,
     SettingsOption,
@@ -22,9 +19,9 @@ from model.power_options import (
     build_model,
     chosen_corrections,
     rate_table,
-    write_results,
 )
 from model.power_parameters import PowerParameters
+from model.results import DEFAULT_OUT, DataOption, OutOption, write_results
 
 if TYPE_CHECKING:
     from model.power import PowerModel

@@ -1,11 +1,10 @@
-"""What the commands of the power model share: their options, the model that these name, and the output files."""
+"""What the commands of the power model share: their options, and the model that these name."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args
+from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 
@@ -15,8 +14,6 @@ from model.power_parameters import PowerParameters
 if TYPE_CHECKING:
     from model.event_rates import RateTable
     from model.power import PowerModel
-
-DEFAULT_OUT = Path("out")
 
 SettingsOption = Annotated[
     list[str] | None, typer.Option("--set", metavar="NAME=NUMBER", help="change a parameter, repeatable")
@@ -33,10 +30,6 @@ PresetOption = Annotated[
 ]
 RatesOption = Annotated[
     Path | None, typer.Option("--rates", metavar="FILE", help="event rates, from python -m model event-rates")
-]
-OutOption = Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="folder for data and picture")]
-DataOption = Annotated[
-    Path | None, typer.Option("--data", metavar="DIR", help="folder for the data, if another", show_default=False)
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="print one JSON object")]
 
@@ -129,33 +122,3 @@ def both_modes(
         "paper": build_model(frozenset(), settings, None, table),
         "consistent": build_model(frozenset(CORRECTIONS), settings, synthesis, table),
     }
-
-
-def write_results(
-    out: Path,
-    name: str,
-    data: dict[str, Any],
-    plot: Callable[[dict[str, Any], Path], None],
-    data_out: Path | None = None,
-    quiet: bool = False,
-) -> None:
-    """Write the data as ``name``.json, then the picture that is made from them as ``name``.png.
-
-    Parameters
-    ----------
-    out, data_out : Path
-        Folders of the picture and of the data; made if they are not there.
-    """
-    from model.files import atomic_write
-
-    data_out = data_out or out
-    for folder in (out, data_out):
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"cannot make the folder {folder}: {error.strerror}; choose another --out") from None
-    with atomic_write(data_out / f"{name}.json") as file:
-        file.write(json.dumps(data, indent=1).encode() + b"\n")
-    plot(data, out / f"{name}.png")
-    if not quiet:
-        print(f"wrote {data_out / name}.json and {out / name}.png")

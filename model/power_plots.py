@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from model.plots import READOUT_COLOURS, READOUT_MARKERS, dress, new_figure, save_figure
 from model.power import READOUT_NAMES, READOUTS, SPIKING
-
-if TYPE_CHECKING:
-    pass
 
 Data = dict[str, Any]
 

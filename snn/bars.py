@@ -1,16 +1,19 @@
-"""Progress of the commands on standard error."""
+"""Progress of the commands: bars on standard error; without a terminal, lines on standard output."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from snn.sweep import PointRun
 
 
 @contextmanager
 def bar(text: str, total: int | None = None) -> Iterator[Any]:
-    """Give a function to call after each piece of work; a bar on standard error if that is a terminal."""
+    """Give a function to call after each piece of work; without a terminal nothing is shown."""
     if not sys.stderr.isatty():
         yield lambda: None
         return
@@ -25,7 +28,10 @@ def bar(text: str, total: int | None = None) -> Iterator[Any]:
 
 @contextmanager
 def epoch_bar(epochs: int) -> Iterator[tuple[Any, Any]]:
-    """Give functions to show an epoch and to say a sentence; without a terminal every tenth epoch is a line."""
+    """Give functions to show an epoch and to say a sentence; without a terminal every tenth epoch is a line.
+
+    Sentences are warnings, and go to standard error always.
+    """
     if not sys.stderr.isatty():
 
         def line(epoch: Any) -> None:
@@ -47,3 +53,35 @@ def epoch_bar(epochs: int) -> Iterator[tuple[Any, Any]]:
             lambda epoch: shown.update(task, completed=epoch.number, loss=epoch.loss, accuracy=epoch.accuracy),
             lambda text: console.print(f"warning: {text}"),
         )
+
+
+@contextmanager
+def cell_bar(total: int) -> Iterator[Any]:
+    """Give the ``progress`` of a sweep: without a terminal a line per cell that was run."""
+    if not sys.stderr.isatty():
+
+        def line(run: PointRun, result: dict[str, Any] | None) -> None:
+            if result is not None:
+                cell = f"fold {result['fold']}, seed {result['seed']}"
+                print(f"{run.point.name}, {cell}: {_state(run)}", flush=True)
+
+        yield line
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
+    done: dict[str, int] = {}
+    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+        task = shown.add_task("", total=total)
+
+        def show(run: PointRun, result: dict[str, Any] | None) -> None:
+            done[run.point.name] = len(run.done)
+            words = f"{run.point.name}: {_state(run)}" if run.ready else f"recording the scans of {run.point.name}"
+            shown.update(task, completed=sum(done.values()), description=words)
+
+        yield show
+
+
+def _state(run: PointRun) -> str:
+    return f"{len(run.done)} of {len(run.paths)} cells done, accuracy so far {run.accuracy:.1%}"

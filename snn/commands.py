@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -29,11 +29,20 @@ from snn.options import (
     Workers,
     build_experiment,
     check_device,
+    output_folder,
 )
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from snn.dataset import ScanData
+    from snn.experiment import Experiment
+    from snn.train import Epoch, Training
 
 
 def train(
-    preset: Preset = "physical",
+    preset: Preset = None,
     encoding: Encoding = None,
     resolution: Resolution = None,
     tau: Tau = None,
@@ -41,14 +50,14 @@ def train(
     dataset: DatasetName = None,
     events: EventFolder = None,
     frames: Frames = 0,
-    start_rows: StartRows = 1,
-    bin_s: BinSeconds = 0.004,
+    start_rows: StartRows = None,
+    bin_s: BinSeconds = None,
     recipe: Recipe = "tuned",
     epochs: Epochs = 60,
     settings: Settings = None,
     folds: Folds = 6,
     fold: Annotated[int, typer.Option(min=0, help="the fold that is tested, from 0")] = 0,
-    seed: Annotated[int, typer.Option(min=0, help="of weights, order and augmentation")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="of weights, order and augmentation")] = 0,
     checkpoint_every: Annotated[int, typer.Option(min=1, help="epochs between checkpoints")] = 5,
     threads: Annotated[int, typer.Option(min=1, help="threads of torch")] = 1,
     device: Annotated[str, typer.Option(help="as torch names it")] = "cpu",
@@ -59,20 +68,19 @@ def train(
 
     made = build_experiment(locals())
     check_device(device, threads)
+    if fold >= folds:
+        raise InputError(f"fold must be in 0..{folds - 1}, not {fold}")
+    output_folder(out, "checkpoint.pt", "result.json", "weights.npz")
     with bar("recording scans") as step:
         data = made.data(step)
     from snn import kernel
     from snn.crossval import write_json
     from snn.exchange import Weights, save_weights
     from snn.experiment import stratified_folds
-    from snn.train import Epoch, predict
-    from snn.train import train as learn
+    from snn.train import predict
 
     labels = data.image_labels
-    parts = stratified_folds(labels, folds)
-    if fold >= folds:
-        raise InputError(f"fold must be in 0..{folds - 1}, not {fold}")
-    test = parts[fold]
+    test = stratified_folds(labels, folds)[fold]
     images = np.setdiff1d(np.arange(len(labels)), test)
     print(
         f"{len(images)} images to learn ({len(data.scans_of(images))} scans), {len(test)} to test, "
@@ -80,26 +88,11 @@ def train(
     )
     if not kernel.available():
         print("no C++ compiler was found: the dense torch path is used, about five times slower")
-    out.mkdir(parents=True, exist_ok=True)
-    told: set[str] = set()
-    network = made.network_config(data)
-    with epoch_bar(made.train.epochs) as (show, say):
-
-        def progress(epoch: Epoch) -> None:
-            show(epoch)
-            for warning in epoch.warnings(network.kind == "spiking", network.classes):
-                kind = warning.split("(")[0][:20]
-                if kind not in told:
-                    told.add(kind)
-                    say(f"epoch {epoch.number}: {warning}")
-
-        training = learn(
-            data, images, network, made.train, seed,
-            checkpoint=out / "checkpoint.pt", checkpoint_every=checkpoint_every, device=device, progress=progress,
-        )  # fmt: skip
+    training = _learn(
+        made, data, images, seed, checkpoint=out / "checkpoint.pt", checkpoint_every=checkpoint_every, device=device
+    )
     predicted = predict(training.network, data, test, device)
     accuracy = float((predicted == labels[test]).mean())
-    last = training.history[-1]
     result = {
         "experiment": made.to_dict(),
         "fold": fold,
@@ -113,13 +106,33 @@ def train(
     }
     write_json(out / "result.json", result)
     save_weights(out / "weights.npz", Weights(training.network, data.class_names, data.step_s))
+    last = training.history[-1]
     print(f"after epoch {last.number}: loss {last.loss:.3f}, accuracy of the training scans {last.accuracy:.1%}")
     print(f"test accuracy {accuracy:.1%} ({(predicted == labels[test]).sum()} of {len(test)} images), last epoch")
     print(f"result: {out / 'result.json'}, weights: {out / 'weights.npz'}")
 
 
+def _learn(made: Experiment, data: ScanData, images: NDArray[np.int64], seed: int, **options: Any) -> Training:
+    """Train with a bar of epochs; every sign of divergence is told once."""
+    from snn.train import train as learn
+
+    network = made.network_config(data)
+    told: set[str] = set()
+    with epoch_bar(made.train.epochs) as (show, say):
+
+        def progress(epoch: Epoch) -> None:
+            show(epoch)
+            for warning in epoch.warnings(network.kind == "spiking", network.classes):
+                kind = warning.split("(")[0][:20]
+                if kind not in told:
+                    told.add(kind)
+                    say(f"epoch {epoch.number}: {warning}")
+
+        return learn(data, images, network, made.train, seed, progress=progress, **options)
+
+
 def crossval(
-    preset: Preset = "physical",
+    preset: Preset = None,
     encoding: Encoding = None,
     resolution: Resolution = None,
     tau: Tau = None,
@@ -127,8 +140,8 @@ def crossval(
     dataset: DatasetName = None,
     events: EventFolder = None,
     frames: Frames = 0,
-    start_rows: StartRows = 1,
-    bin_s: BinSeconds = 0.004,
+    start_rows: StartRows = None,
+    bin_s: BinSeconds = None,
     recipe: Recipe = "tuned",
     epochs: Epochs = 60,
     settings: Settings = None,
@@ -142,6 +155,7 @@ def crossval(
     """Cross-validate a network: folds x seeds; stopped, it goes on with the cells that are missing."""
     made = build_experiment(locals())
     check_device("cpu", 1)
+    output_folder(out, "result.json")
     with bar("recording scans") as step:
         data = made.data(step)
     from snn.sweep import cross_validate
@@ -152,10 +166,9 @@ def crossval(
         )
     for reading, words in (("last", "last epoch"), ("selected", "epoch selected by inner validation")):
         found = report[reading]
-        low, high = found["wilson_95"]
-        deviation = found["sd_over_folds"]
+        low, high = found["bootstrap_95"]
         print(
-            f"{words}: {found['accuracy']:.1%}, standard deviation over folds {deviation:.1%}, "
-            f"95 % interval {low:.1%} to {high:.1%} ({found['images']} images, {seeds} seeds)"
+            f"{words}: {found['accuracy']:.1%}, 95 % interval over images and seeds {low:.1%} to {high:.1%} "
+            f"({found['images']} images, {seeds} seeds), standard deviation over cells {found['sd_over_cells']:.1%}"
         )
     print(f"result: {out / 'result.json'}")

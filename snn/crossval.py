@@ -7,7 +7,6 @@ epoch that counts. Test images select nothing.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 from pathlib import Path
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 from model.errors import InputError
 from model.files import atomic_write
 from snn.dataset import ScanData
-from snn.experiment import Experiment, stratified_folds
+from snn.experiment import Experiment, plain, stratified_folds
 
 INNER_FOLDS = 5
 """One of so many parts of the training images is the inner validation."""
@@ -28,7 +27,10 @@ BOOTSTRAPS = 10_000
 
 
 def wilson(successes: float, trials: int, z: float = 1.959964) -> tuple[float, float]:
-    """Return the Wilson score interval of a proportion; by default 95 %."""
+    """Return the Wilson score interval of a proportion; by default 95 %.
+
+    Of an accuracy it says what new images would give with these same seeds: the variance over seeds is not in it.
+    """
     p = successes / trials
     centre = p + z * z / (2 * trials)
     spread = z * math.sqrt(p * (1 - p) / trials + z * z / (4 * trials * trials))
@@ -37,17 +39,36 @@ def wilson(successes: float, trials: int, z: float = 1.959964) -> tuple[float, f
 
 
 def bootstrap(correct: NDArray[np.float64], seed: int = 0) -> tuple[float, float]:
-    """Return the 95 % bootstrap interval of the mean over images, drawn anew with all their seeds together.
+    """Return the 95 % bootstrap interval of the mean over images and seeds, both drawn anew and crossed.
+
+    It says what new images and new seeds would give; with one seed, what new images would. Of two or three seeds the
+    spread is not well known, so that the part of the seeds is a lower bound; where all is right, the interval is empty.
 
     Parameters
     ----------
-    correct : shape (images,)
-        Part of the seeds that classify each image rightly.
+    correct : shape (images, seeds)
+        1 where the network of a seed classifies an image rightly, else 0.
     """
+    images, seeds = correct.shape
     generator = np.random.default_rng(seed)
-    means = [correct[generator.integers(0, len(correct), len(correct))].mean() for _ in range(BOOTSTRAPS)]
+    rows = generator.multinomial(images, np.full(images, 1 / images), BOOTSTRAPS)  # how often each one is drawn
+    columns = generator.multinomial(seeds, np.full(seeds, 1 / seeds), BOOTSTRAPS)
+    means = (rows @ correct * columns).sum(1) / correct.size
     low, high = np.percentile(means, [2.5, 97.5])
     return float(low), float(high)
+
+
+def check_folds(data: ScanData, folds: int, fold_seed: int) -> None:
+    """Refuse folds for which a class has too few images, also for the inner validation of every fold."""
+    labels = data.image_labels
+    for fold, test in enumerate(stratified_folds(labels, folds, fold_seed)):
+        left = np.bincount(labels) - np.bincount(labels[test], minlength=int(labels.max()) + 1)
+        for label in np.unique(labels):
+            if left[label] < INNER_FOLDS:
+                raise InputError(
+                    f"inner validation needs {INNER_FOLDS} training images of each class, fold {fold} leaves "
+                    f"{left[label]} of {data.class_names[label]}; take more images or other folds"
+                )
 
 
 def run_cell(
@@ -60,8 +81,8 @@ def run_cell(
     test = stratified_folds(labels, folds, fold_seed)[fold]
     images = np.setdiff1d(np.arange(len(labels)), test)
     network = experiment.network_config(data)
-    whole = train(data, images, network, experiment.train, seed)
     inner = stratified_folds(labels[images], INNER_FOLDS, fold_seed + 1)[seed % INNER_FOLDS]
+    whole = train(data, images, network, experiment.train, seed)
     held_out = images[inner]
     part = train(data, np.setdiff1d(images, held_out), network, experiment.train, seed, held_out=held_out, test=test)
     return {
@@ -80,37 +101,35 @@ def run_cell(
 
 
 def summarise(cells: list[dict[str, Any]], images: int, classes: int) -> dict[str, Any]:
-    """Return means, deviations, intervals and confusion of both readings over all cells.
+    """Return means, deviations, intervals and confusion of both readings over the cells of whole seeds.
 
-    Wilson's interval takes every image once, with its mean over the seeds; the patches of a class come from one
-    surface, so both intervals are too narrow for another surface (docs/classifier.md).
+    ``wilson_95`` takes every image once, with its mean over these seeds; ``bootstrap_95`` is over images and seeds.
+    The patches of a class come from one surface, so both are too narrow for another surface (docs/classifier.md).
+    ``sd_over_cells``, over single trainings, is what compares with a published deviation over folds.
     """
     result: dict[str, Any] = {}
     for reading in ("last", "selected"):
         seeds = sorted({cell["seed"] for cell in cells})
-        correct, seen = np.zeros(images), np.zeros(images)
+        correct = np.zeros((images, len(seeds)))
         confusion = np.zeros((classes, classes), np.int64)
         by_cell = {}
         for cell in cells:
             labels, predicted = np.array(cell["labels"]), np.array(cell[reading])
-            correct[cell["test_images"]] += labels == predicted
-            seen[cell["test_images"]] += 1
+            correct[cell["test_images"], seeds.index(cell["seed"])] = labels == predicted
             np.add.at(confusion, (labels, predicted), 1)
             by_cell[cell["fold"], cell["seed"]] = float((labels == predicted).mean())
-        tested = seen > 0
-        per_image = correct[tested] / seen[tested]
         folds = sorted({fold for fold, _ in by_cell})
         of_folds = [np.mean([by_cell[fold, seed] for seed in seeds if (fold, seed) in by_cell]) for fold in folds]
         of_seeds = [np.mean([by_cell[fold, seed] for fold in folds if (fold, seed) in by_cell]) for seed in seeds]
-        accuracy = float(per_image.mean())
+        accuracy = float(correct.mean())
         result[reading] = {
             "accuracy": accuracy,
             "sd_over_folds": float(np.std(of_folds, ddof=1)) if len(of_folds) > 1 else None,
             "sd_over_seeds": float(np.std(of_seeds, ddof=1)) if len(of_seeds) > 1 else None,
             "sd_over_cells": float(np.std(list(by_cell.values()), ddof=1)) if len(by_cell) > 1 else None,
-            "wilson_95": wilson(accuracy * len(per_image), len(per_image)),
-            "bootstrap_95": bootstrap(per_image),
-            "images": int(tested.sum()),
+            "wilson_95": wilson(accuracy * images, images),
+            "bootstrap_95": bootstrap(correct),
+            "images": images,
             "accuracy_of_seeds": [float(value) for value in of_seeds],
             "confusion": confusion.tolist(),
         }
@@ -118,13 +137,6 @@ def summarise(cells: list[dict[str, Any]], images: int, classes: int) -> dict[st
 
 
 # -- the files of cells ----------------------------------------------------------------------------
-
-
-def digest(data: ScanData) -> str:
-    """Return a text that is the same only for the same scans of the same images."""
-    found = hashlib.sha256(np.ascontiguousarray(data.values).tobytes())
-    found.update(data.labels.tobytes() + data.images.tobytes())
-    return found.hexdigest()
 
 
 def read_cell(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -141,7 +153,7 @@ def read_cell(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
 
 def check_same(path: Path, found: dict[str, Any], key: dict[str, Any]) -> None:
     """Refuse a cell that was run with something else than ``key``, as far as that goes."""
-    wanted = json.loads(json.dumps(key))
+    found, wanted = plain(found), plain(key)
     if names := [name for name in wanted if found.get(name) != wanted[name]]:
         raise InputError(
             f"{path} is of another experiment (different: {', '.join(names)}); remove the folder or choose another"
@@ -149,6 +161,6 @@ def check_same(path: Path, found: dict[str, Any], key: dict[str, Any]) -> None:
 
 
 def write_json(path: Path, content: dict[str, Any]) -> None:
-    """Write a JSON file, whole or not at all."""
+    """Write a JSON file, whole or not at all; floats that are no finite numbers become texts."""
     with atomic_write(path) as file:
-        file.write((json.dumps(content, indent=1) + "\n").encode())
+        file.write((json.dumps(plain(content), indent=1, allow_nan=False) + "\n").encode())

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from model.config import ReadoutConfig
 from model.dataset import open_dataset
 from model.errors import InputError
 from model.rates import PAPER_TAU_S
-from model.texture import PhysicalScan, preset
+from model.texture import PhysicalScan, Scan, preset
 from snn.dataset import BinConfig, ScanData, load_recordings
 from snn.network import NetworkConfig
 from snn.scans import FrameConfig, Progress, frame_dataset, record_dataset
@@ -35,7 +36,7 @@ class Experiment:
     readout : ReadoutConfig
         Before the preset sets its fields.
     tau_s : float or None
-        N-LCS: time constant in seconds.
+        N-LCS: time constant in seconds; without it the leak of ``readout``, or 0.2 s where that has the default leak.
     frames : FrameConfig or None
         Frames instead of events.
     start_rows : int
@@ -65,15 +66,20 @@ class Experiment:
             raise InputError("frames are made from textures, not from event files; give one of the two")
         if self.frames is not None and self.train.speed_spread:
             raise InputError("speed_spread moves events in time and cannot be used for frames; set it to 0")
-        NetworkConfig(inputs=1, classes=1, **self.network)
+        kind = NetworkConfig(inputs=1, classes=1, **self.network).kind
+        if (kind == "spiking") != (self.frames is None):
+            takes, found = ("events", "frames") if kind == "spiking" else ("frames", "events")
+            raise InputError(
+                f"a network of kind {kind} is for {takes}, not for {found}; frames need both --frames 20 and --recipe "
+                f"rnn, gru or cnn, events neither"
+            )
 
     def data(self, progress: Progress | None = None) -> ScanData:
         """Return the scans; the model's take a few hundredths of a second each."""
         if self.events is not None:
             return load_recordings(Path(self.events), self.bins)
-        textures, scan = open_dataset(self.dataset), preset(self.preset)
-        tau_s = (self.tau_s or PAPER_TAU_S) if self.readout.encoding == "nlcs" else None
-        config = scan.configure(self.readout, tau_s)
+        scan, config = self.scan_and_config()
+        textures = open_dataset(self.dataset)
         rows = [0.0]
         if self.start_rows != 1:
             if not isinstance(scan, PhysicalScan):
@@ -83,13 +89,58 @@ class Experiment:
             return frame_dataset(textures, scan, config, self.frames, rows, progress)
         return record_dataset(textures, scan, config, self.bins, rows, progress)
 
+    def scan_and_config(self) -> tuple[Scan, ReadoutConfig]:
+        """Return the scan of the preset, and the readout with the fields that the preset and ``tau_s`` set."""
+        scan, tau_s = preset(self.preset), None
+        if self.readout.encoding == "nlcs":
+            tau_s = PAPER_TAU_S if self.tau_s is None and has_default_leak(self.readout) else self.tau_s
+        return scan, scan.configure(self.readout, tau_s)
+
     def network_config(self, data: ScanData) -> NetworkConfig:
         """Return the network for these scans."""
         return NetworkConfig(inputs=data.channels, classes=len(data.class_names), **self.network)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything as plain values."""
-        return dataclasses.asdict(self)
+        """Return everything as plain values; of event files None for preset and readout, which they say themselves."""
+        fields: dict[str, Any] = plain(dataclasses.asdict(self))
+        return fields if self.events is None else fields | {"preset": None, "readout": None}
+
+    @classmethod
+    def from_dict(cls, fields: dict[str, Any]) -> Experiment:
+        """Return the experiment of what ``to_dict`` gave, also from a JSON file.
+
+        Raises
+        ------
+        KeyError, TypeError or ValueError
+            If the fields are not those of an experiment.
+        """
+        hints = get_type_hints(NetworkConfig)
+        network = {name: float(v) if hints.get(name) is float else v for name, v in fields["network"].items()}
+        made: dict[str, Any] = {
+            "frames": None if fields["frames"] is None else FrameConfig(**fields["frames"]),
+            "bins": BinConfig(**fields["bins"]),
+            "network": network,
+            "train": TrainConfig(**fields["train"]),
+        }
+        kept = {name: value for name, value in fields.items() if name not in ("preset", "readout")}
+        if fields["events"] is None:
+            made |= {"preset": fields["preset"], "readout": ReadoutConfig.from_dict(fields["readout"])}
+        return cls(**(kept | made))
+
+
+def has_default_leak(readout: ReadoutConfig) -> bool:
+    """Return whether the leak is that of a readout of which nothing was said, and the paper's tau is meant."""
+    default = ReadoutConfig()
+    return (readout.leak_shift, readout.leak_period) == (default.leak_shift, default.leak_period)
+
+
+def plain(content: Any) -> Any:
+    """Return JSON content in which a float that is no finite number, which JSON has not, is a text such as "-inf"."""
+    if isinstance(content, dict):
+        return {name: plain(value) for name, value in content.items()}
+    if isinstance(content, (list, tuple)):
+        return [plain(value) for value in content]
+    return str(content) if isinstance(content, float) and not math.isfinite(content) else content
 
 
 def stratified_folds(labels: NDArray[np.int64], folds: int, seed: int = 0) -> list[NDArray[np.int64]]:

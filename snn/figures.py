@@ -1,4 +1,4 @@
-"""Fig. 9 and confusion matrices: sweeps in, data of the pictures out, pictures made from those data."""
+"""Fig. 9: sweeps in, data of the picture out, the picture made from those data."""
 
 from __future__ import annotations
 
@@ -26,7 +26,10 @@ PUBLISHED = _DATA / "published_fig9.json"
 """The points of the paper's Fig. 9; nowhere else."""
 
 KEPT = _DATA / "classifier"
-"""Sweeps that come with the project."""
+"""Sweeps that come with the project: copies of ``sweep.json``, each with a name of its own."""
+
+LATEST = Path("out/sweep/sweep.json")
+"""Where ``python -m snn sweep`` writes unless told otherwise."""
 
 READINGS = {"last": "last epoch", "selected": "epoch selected by inner validation"}
 NAMES = READOUT_NAMES | {"cw-lcs": "CW-LCS"}
@@ -36,6 +39,7 @@ STYLES = (("-", "full"), ("--", "left"), ("-.", "bottom"), (":", "right"))
 """Line and filling of the marks of each sweep, in turn."""
 
 PUBLISHED_NAME = "published"
+BARS = "bars: 95 % interval over images and seeds; of published points, standard deviation over folds"
 _GREY = "#555555"
 
 
@@ -50,44 +54,32 @@ class Sweep:
     ----------
     name : str
         Of the folder, or of the file that was kept.
-    path : Path
-        The JSON file.
     command : str
         That made it.
     points : list of dict
         As in the file, all valid.
-    class_names : tuple of str
-        Empty where only the points' own results have them.
     """
 
     name: str
-    path: Path
     command: str
     points: list[Data]
-    class_names: tuple[str, ...]
-
-    def classes(self, point: Data) -> list[str]:
-        """Return the class names of a point: of the sweep, else of the result in the point's folder."""
-        names: Any = list(self.class_names)
-        if not names:
-            file = self.path.parent / point["name"] / "result.json"
-            result = read_json(file, "the class names of the sweep, the result")
-            names = result.get("class_names") if isinstance(result, dict) else None
-        if not isinstance(names, list) or len(names) != len(point["last"]["confusion"]):
-            raise InputError(f"{self.path}: point {point['name']} has no name for each class; run the sweep again")
-        return [str(name) for name in names]
 
 
 def load_sweeps(paths: Sequence[Path]) -> list[Sweep]:
-    """Return the sweeps of some files or folders; without any, those that come with the project."""
-    files = list(paths) or [file for file in sorted(KEPT.glob("*.json")) if "points" in read_json(file, "the result")]
+    """Return the sweeps of some files or folders; without any, those that come with the project and the latest."""
+    files = list(paths) or kept_sweeps() + ([LATEST] if LATEST.is_file() else [])
     if not files:
-        raise InputError(f"there is no sweep in {KEPT}; make one with python -m snn sweep and name it with --sweep")
+        raise InputError(f"there is no sweep in {KEPT}, nor {LATEST}; make one with python -m snn sweep")
     sweeps = [load_sweep(path) for path in files]
     names = [sweep.name for sweep in sweeps]
     if twice := [name for name in names if names.count(name) > 1]:
         raise InputError(f"two sweeps are called {twice[0]}; rename one of them")
     return sweeps
+
+
+def kept_sweeps() -> list[Path]:
+    """Return the files of the sweeps that come with the project; results of another kind lie beside them."""
+    return [file for file in sorted(KEPT.glob("*.json")) if "points" in read_json(file, "the result")]
 
 
 def load_sweep(path: Path) -> Sweep:
@@ -103,26 +95,20 @@ def load_sweep(path: Path) -> Sweep:
     points = content.get("points") if isinstance(content, dict) else None
     if not isinstance(points, list) or not points:
         raise InputError(f"{file} holds no points of a sweep; make it with python -m snn sweep")
-    points = [_counted(point) for point in points]
     for number, point in enumerate(points):
         _check_point(point, f"{file}: point {number}")
     name = file.resolve().parent.name if file.name == "sweep.json" else file.stem
-    classes = content.get("class_names")
-    return Sweep(
-        name, file, str(content.get("command", "")), points, tuple(classes if isinstance(classes, list) else ())
-    )
+    return Sweep(name, str(content.get("command", "")), points)
 
 
-def _counted(point: Any) -> Any:
-    """Return a point with its cells as plain numbers; ``sweep.json`` may also count whole seeds."""
-    if isinstance(point, dict) and isinstance(point.get("cells"), dict):
-        return point | {"cells": point["cells"].get("done"), "of": point["cells"].get("of")}
-    return point
-
-
-def _measured(point: Data) -> bool:
+def measured(point: Data) -> bool:
     """Return whether a point has results: a sweep gives them from the first whole seed on."""
     return point.get("last") is not None or point.get("selected") is not None
+
+
+def partial(point: Data) -> bool:
+    """Return whether cells of a point are still to be run."""
+    return "cells" in point and bool(point["cells"]["done"] < point["cells"]["of"])
 
 
 def _check_point(point: Any, where: str) -> None:
@@ -141,9 +127,12 @@ def _check_point(point: Any, where: str) -> None:
     where += f" ({get('name')})"
     need(get("readout") in NAMES, f"readout, one of {', '.join(NAMES)}", get("readout"))
     need(get("preset") in PRESETS, f"preset, one of {', '.join(PRESETS)}", get("preset"))
-    for key, least in (("of", 1), ("cells", 0)):
-        need(type(get(key)) is int and get(key) >= least, f"{key}, a number of cells", get(key))
-    if not _measured(point):
+    cells = get("cells")
+    need(isinstance(cells, dict), "cells, their numbers", cells)
+    least = {"done": 0, "of": 1, "whole_seeds": int(measured(point))}
+    for key, low in least.items():
+        need(type(cells.get(key)) is int and cells[key] >= low, f"cells.{key}, at least {low}", cells.get(key))
+    if not measured(point):
         return
     for key in ("data_rate_bps", "normalised_rate"):
         need(number(get(key), 0) and 0 < get(key) < math.inf, f"{key}, a positive number", get(key))
@@ -156,13 +145,14 @@ def _check_point(point: Any, where: str) -> None:
             good = isinstance(ends, list) and len(ends) == 2 and all(number(end, 0, 1) for end in ends)
             need(good, f"{key}, [low, high] in 0..1", ends)
         need(number(found.get("images"), 1), "images, their number", found.get("images"))
-        seeds = found.get("accuracy_of_seeds")
-        need(isinstance(seeds, list) and bool(seeds), "accuracy_of_seeds, a list", seeds)
         rows = found.get("confusion")
         square = isinstance(rows, list) and bool(rows) and all(
             isinstance(row, list) and len(row) == len(rows) and all(number(n, 0) for n in row) for row in rows
         )  # fmt: skip
         need(square, "confusion, a square table of numbers", rows)
+        names = get("class_names")
+        good = isinstance(names, list) and len(names) == len(rows) and all(isinstance(name, str) for name in names)
+        need(good, f"class_names, {len(rows)} names", names)
 
 
 # -- Fig. 9, data ------------------------------------------------------------------------------------
@@ -189,8 +179,8 @@ def fig9_data(sweeps: Sequence[Sweep], reading: str) -> Data:
     left_out = []
     for sweep in sweeps:
         for point in sweep.points:
-            if _measured(point):
-                points.append(_own_point(sweep, point, reading))
+            if measured(point):
+                points.append(own_point(sweep, point, reading))
             else:
                 left_out.append(f"{sweep.name}: {point['name']}")
     named: dict[str, list[str]] = {}
@@ -198,7 +188,7 @@ def fig9_data(sweeps: Sequence[Sweep], reading: str) -> Data:
         named.setdefault(_protocol(sweep, reading), []).append(sweep.name)
     words = "; ".join(f"{', '.join(names)}: {protocol}" for protocol, names in named.items())
     return {
-        "source": f"Published: {published['source']}. Here: {words}; intervals are Wilson's, 95 %.",
+        "source": f"Published: {published['source']}. Here: {words}; intervals are of 95 %, over images and seeds.",
         "commands": {sweep.name: sweep.command for sweep in sweeps},
         "reading": reading,
         "protocol": list(named),
@@ -208,22 +198,24 @@ def fig9_data(sweeps: Sequence[Sweep], reading: str) -> Data:
     }
 
 
-def _own_point(sweep: Sweep, point: Data, reading: str) -> Data:
-    """Return a point of a sweep as the figure takes it."""
+def own_point(sweep: Sweep, point: Data, reading: str) -> Data:
+    """Return a point of a sweep as the figures take it; the interval is the one over images and seeds."""
     found = point[reading]
     label = f"{NAMES[point['readout']]} {_detail(point)}, {sweep.name}"
     if point["preset"] != "paper" and point["preset"] not in sweep.name:
         label += f", {point['preset']}"
-    if _partial(point):
-        label += f", {point['cells']} of {point['of']} cells"
+    if partial(point):
+        label += f", {point['cells']['done']} of {point['cells']['of']} cells"
     return {
         "readout": point["readout"],
         "label": label,
         "sweep": sweep.name,
-        **{key: point.get(key) for key in ("name", "preset", "resolution", "cells", "of")},
+        **{key: point.get(key) for key in ("name", "preset", "resolution", "cells")},
         **{key: point[key] for key in ("data_rate_bps", "normalised_rate")},
         "classes": len(found["confusion"]),
-        **{key: found.get(key) for key in ("accuracy", "sd_over_folds", "sd_over_seeds", "wilson_95", "bootstrap_95")},
+        "accuracy": found["accuracy"],
+        "interval": found["bootstrap_95"],
+        **{key: found.get(key) for key in ("wilson_95", "sd_over_cells", "sd_over_folds", "sd_over_seeds")},
         "images": found["images"],
     }
 
@@ -238,9 +230,9 @@ def _protocol(sweep: Sweep, reading: str) -> str:
     """Return images, folds, seeds and epoch in words, as the finished points have them."""
     found = []
     for point in sweep.points:
-        if not _partial(point):
-            seeds = len(point[reading]["accuracy_of_seeds"])
-            found.append(f"{point[reading]['images']} images, {point['of'] // seeds} folds x {seeds} seeds")
+        if measured(point) and not partial(point):
+            of, seeds = point["cells"]["of"], point["cells"]["whole_seeds"]
+            found.append(f"{point[reading]['images']} images, {of // seeds} folds x {seeds} seeds")
     return f"{' or '.join(dict.fromkeys(found)) or 'no point is finished'}, {READINGS[reading]}"
 
 
@@ -256,8 +248,10 @@ def draw_fig9(data: Data) -> Figure:
     """Return accuracy against normalised data rate, one panel for each preset.
 
     Published points are hollow, with their standard deviation over folds where it is known; own ones are filled,
-    with Wilson's interval. Points of unfinished cross-validations are ringed.
+    with the interval over images and seeds. Points of unfinished cross-validations are ringed.
     """
+    from matplotlib.ticker import LogLocator, NullFormatter
+
     presets = [preset for preset in PRESETS if any(point["preset"] == preset for point in data["points"])]
     sweeps = list(data["commands"])
     figure = new_figure(1.6 + 4.6 * len(presets), 5.2, "Accuracy against data rate")
@@ -274,15 +268,18 @@ def draw_fig9(data: Data) -> Figure:
                        transform=panel.get_yaxis_transform())  # fmt: skip
         panel.set_xscale("log")
         panel.set_xlabel(f"data rate / ({data['reference_bps'] / 1e3:g} kb/s)", fontsize=8.5)
+        panel.xaxis.set_major_locator(LogLocator(subs=(1, 3)))
+        panel.xaxis.set_minor_locator(LogLocator(subs="all"))
         panel.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
+        panel.xaxis.set_minor_formatter(NullFormatter())
     rates = [point["normalised_rate"] for point in data["points"]]
-    panels[0].set_xlim(0.6 * min(rates), 1.8 * max(rates))
+    panels[0].set_xlim(0.6 * min(rates), 2.2 * max(rates))
     panels[0].set_ylim(0, 108)
     panels[0].set_yticks(range(0, 101, 20))
     panels[0].set_ylabel("accuracy (%)", fontsize=8.5)
-    words = " or ".join(data["protocol"]) + "; bars: Wilson's 95 % interval, of published points the sd over folds"
-    legend = figure.legend(handles=_keys(data, sweeps), loc="outside lower left", ncols=5, fontsize=8, frameon=False,
-                           title=words, title_fontsize=8, alignment="left")  # fmt: skip
+    legend = figure.legend(handles=_keys(data, sweeps), loc="outside lower left", ncols=3 + 2 * len(presets),
+                           title="\n".join([*data["protocol"], BARS]), title_fontsize=8, fontsize=8, frameon=False,
+                           alignment="left", columnspacing=1.4)  # fmt: skip
     legend.get_title().set_color(_GREY)
     return figure
 
@@ -299,9 +296,9 @@ def _series(points: list[Data], sweeps: list[str]) -> Iterator[tuple[str, str, l
 def _style(sweep: str, sweeps: list[str]) -> Data:
     """Return line and filling of a sweep; published points are hollow and thin."""
     if sweep == PUBLISHED_NAME:
-        return {"ls": "-", "lw": 0.7, "fillstyle": "none", "ms": 6}
+        return {"ls": "-", "lw": 0.7, "fillstyle": "none", "ms": 6, "zorder": 1.8}
     line, filling = STYLES[sweeps.index(sweep) % len(STYLES)]
-    return {"ls": line, "lw": 1.5, "fillstyle": filling, "ms": 7, "markerfacecoloralt": "white"}
+    return {"ls": line, "lw": 1.5, "fillstyle": filling, "ms": 7, "markerfacecoloralt": "white", "zorder": 2}
 
 
 def _draw_series(panel: Axes, points: list[Data], readout: str, style: Data) -> None:
@@ -313,23 +310,20 @@ def _draw_series(panel: Axes, points: list[Data], readout: str, style: Data) -> 
     for point in points:
         at, ends = point["normalised_rate"], _ends(point)
         if ends[1] > ends[0]:
+            caps = 11 if point["sweep"] == PUBLISHED_NAME else 5  # a published bar shows beside one of the same rate
             panel.plot([at, at], [100 * end for end in ends], color=COLOURS[readout], lw=style["lw"], marker="_",
-                       ms=5, alpha=0.75, zorder=1.5)  # fmt: skip
-        if _partial(point):
-            panel.plot(point["normalised_rate"], 100 * point["accuracy"], "o", ms=15, mfc="none", mec=_GREY, mew=1)
+                       ms=caps, mew=style["lw"], alpha=0.75, zorder=1.5)  # fmt: skip
+        if partial(point):
+            panel.plot(at, 100 * point["accuracy"], "o", ms=15, mfc="none", mec=_GREY, mew=1)
 
 
 def _ends(point: Data) -> tuple[float, float]:
-    """Return the ends of a bar: Wilson's interval, else the standard deviation over folds, else the point itself."""
-    if "wilson_95" in point:
-        low, high = point["wilson_95"]
+    """Return the ends of a bar: the interval, else the standard deviation over folds, else the point itself."""
+    if "interval" in point:
+        low, high = point["interval"]
         return low, high
     deviation = point.get("sd_over_folds", 0.0)
     return point["accuracy"] - deviation, point["accuracy"] + deviation
-
-
-def _partial(point: Data) -> bool:
-    return bool(point.get("cells", 0) < point.get("of", 0))
 
 
 def _label_points(panel: Axes, points: list[Data]) -> None:
@@ -365,62 +359,6 @@ def _keys(data: Data, sweeps: list[str]) -> list[Line2D]:
     keys = [Line2D([], [], color=COLOURS[r], marker=MARKERS[r], ls="", label=NAMES[r]) for r in NAMES if r in there]
     for sweep in (PUBLISHED_NAME, *sweeps):
         keys.append(Line2D([], [], color=_GREY, marker="o", label=sweep, **_style(sweep, sweeps)))
-    if any(_partial(point) for point in data["points"]):
+    if any(partial(point) for point in data["points"]):
         keys.append(Line2D([], [], ls="", marker="o", ms=11, mfc="none", mec=_GREY, label="not all cells finished"))
     return keys
-
-
-# -- confusion matrices ------------------------------------------------------------------------------
-
-
-def confusion_data(sweeps: Sequence[Sweep], reading: str, name: str | None = None) -> Data:
-    """Return the confusion matrices of the points of a name, or of the best finished spiking point of each preset."""
-    candidates = [(sweep, point) for sweep in sweeps for point in sweep.points if _measured(point)]
-    if name is not None:
-        chosen = [(sweep, point) for sweep, point in candidates if point["name"] == name]
-        if not chosen:
-            known = dict.fromkeys(point["name"] for _, point in candidates)
-            raise InputError(f"no point is called {name!r}; there are {', '.join(known) or 'none with results'}")
-    else:
-        chosen = []
-        for preset in PRESETS:
-            finished = [(sweep, point) for sweep, point in candidates if not _partial(point)]
-            spiking = [c for c in finished if c[1]["preset"] == preset and c[1]["readout"] != "frame"]
-            if spiking:
-                chosen.append(max(spiking, key=lambda c: c[1][reading]["accuracy"]))
-    return {
-        "reading": reading,
-        "points": [
-            _own_point(sweep, point, reading)
-            | {"class_names": sweep.classes(point), "confusion": point[reading]["confusion"]}
-            for sweep, point in chosen
-        ],
-    }
-
-
-def plot_confusion(data: Data, path: Path) -> None:
-    """Draw confusion matrices; see :func:`draw_confusion`."""
-    save_figure(draw_confusion(data), path)
-
-
-def draw_confusion(data: Data) -> Figure:
-    """Return one matrix for each point: rows true classes, columns predicted ones, percent of the row."""
-    points = data["points"]
-    figure = new_figure(4.3 * len(points) + 0.4, 4.3, f"Confusion, {READINGS[data['reading']]}")
-    panels = figure.subplots(1, len(points), squeeze=False)[0]
-    for panel, point in zip(panels, points, strict=True):
-        names = point["class_names"]
-        shares = [[100 * n / sum(row) if sum(row) else 0.0 for n in row] for row in point["confusion"]]
-        panel.imshow(shares, cmap="Blues", vmin=0, vmax=100)
-        for i, row in enumerate(shares):
-            for j, share in enumerate(row):
-                colour = "white" if share > 55 else "black" if share else "#aaaaaa"
-                panel.text(j, i, f"{share:.1f}", ha="center", va="center", fontsize=7.5, color=colour)
-        panel.set_xticks(range(len(names)), names, rotation=35, ha="right", rotation_mode="anchor", fontsize=8)
-        panel.set_yticks(range(len(names)), names, fontsize=8)
-        panel.spines[:].set_visible(False)
-        panel.tick_params(length=0)
-        panel.set_xlabel("predicted (% of the true class)", fontsize=8.5)
-        panel.set_ylabel("true", fontsize=8.5)
-        panel.set_title(f"{point['label']}: {100 * point['accuracy']:.1f} %", fontsize=8.5, loc="left")
-    return figure

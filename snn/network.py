@@ -151,12 +151,21 @@ class Output(NamedTuple):
 
 
 def build(config: NetworkConfig, seed: int, backend: Backend = "auto") -> nn.Module:
-    """Return a network with weights drawn from a seed; the global generator is left as it was."""
+    """Return a network with weights drawn from a seed; the global generator is left as it was.
+
+    Raises
+    ------
+    MemoryError
+        If the network is too large.
+    """
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        if config.kind == "spiking":
-            return SpikingNetwork(config, backend)
-        return ConvolutionalNetwork(config) if config.kind == "cnn" else RecurrentBaseline(config)
+        try:
+            if config.kind == "spiking":
+                return SpikingNetwork(config, backend)
+            return ConvolutionalNetwork(config) if config.kind == "cnn" else RecurrentBaseline(config)
+        except RuntimeError:  # torch cannot hold its tensors
+            raise MemoryError(f"a network with hidden={config.hidden} is too large; take fewer") from None
 
 
 class SpikingNetwork(nn.Module):

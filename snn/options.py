@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
@@ -10,12 +11,13 @@ import typer
 
 from model.cli import build_config
 from model.errors import InputError
+from model.files import check_writable
 from snn.recipes import RECIPES
 
 if TYPE_CHECKING:
     from snn.experiment import Experiment
 
-Preset = Annotated[str, typer.Option("--preset", metavar="paper|physical", help="constants of the texture scan")]
+Preset = Annotated[str | None, typer.Option(metavar="paper|physical", help="constants of the texture scan [physical]")]
 Encoding = Annotated[str | None, typer.Option(metavar="lcs|cw-lcs|nlcs", help="encoder [lcs]", show_default=False)]
 Resolution = Annotated[int | None, typer.Option(metavar="N", help="LSB = 2**-N of full scale [4]", show_default=False)]
 Tau = Annotated[float | None, typer.Option(metavar="SECONDS", help="nlcs: time constant [0.2]", show_default=False)]
@@ -29,19 +31,27 @@ EventFolder = Annotated[
     Path | None, typer.Option(metavar="DIR", help="event files, as of a replay, instead of textures")
 ]
 Frames = Annotated[int, typer.Option(metavar="K", help="frames instead of events, K side by side in a step [0: no]")]
-StartRows = Annotated[int, typer.Option(min=1, help="scans per image (physical)")]
-BinSeconds = Annotated[float, typer.Option("--bin", metavar="SECONDS", help="time bin")]
+StartRows = Annotated[int | None, typer.Option(min=1, help="scans per image (physical) [1]")]
+BinSeconds = Annotated[float | None, typer.Option("--bin", metavar="SECONDS", help="time bin [0.004]")]
 Epochs = Annotated[int, typer.Option(min=1, help="passes over the training scans")]
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="field of NetworkConfig or TrainConfig, repeatable"),
 ]
 Recipe = Annotated[str, typer.Option(metavar="|".join(RECIPES), help="fields to start from: docs/classifier.md")]
-Folds = Annotated[int, typer.Option(help="stratified folds")]
+Folds = Annotated[int, typer.Option(min=2, help="stratified folds")]
 Seeds = Annotated[int, typer.Option(min=1, help="seeds per fold")]
-Workers = Annotated[int | None, typer.Option(min=1, help="processes of one thread [one per core]")]
+Workers = Annotated[int | None, typer.Option(min=1, help="processes of one thread [one per usable core]")]
 
 DEFAULT_RESOLUTION = 4
+
+WITHOUT_EFFECT = {
+    "frames": ("encoding", "resolution", "tau", "bin_s"),
+    "events": ("preset", "encoding", "resolution", "tau", "config_file", "dataset", "start_rows"),
+}
+"""Parameters that mean nothing beside another: frames have no encoder, and recordings were scanned before."""
+
+_NAMES = {"bin_s": "bin", "config_file": "config", "start_rows": "start-rows"}
 
 
 def build_experiment(options: dict[str, Any]) -> Experiment:
@@ -58,32 +68,37 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
         If an option has no meaning, or fits no other.
     """
     from snn.dataset import BinConfig
-    from snn.experiment import Experiment
+    from snn.experiment import Experiment, has_default_leak
     from snn.scans import FrameConfig
     from snn.train import TrainConfig
 
     if options["recipe"] not in RECIPES:
         raise InputError(f"recipe must be one of {', '.join(RECIPES)}, not {options['recipe']!r}")
+    for other, names in WITHOUT_EFFECT.items():
+        if idle := [_NAMES.get(name, name) for name in names if options[other] and options[name] is not None]:
+            raise InputError(f"--{idle[0]} has no effect with --{other}; leave one of the two out")
     explicit = {name: options[name] for name in ("encoding", "resolution") if options[name] is not None}
     readout, given = build_config(explicit, None, options["config_file"])
     if "resolution" not in given:
         readout = readout.replace(resolution=DEFAULT_RESOLUTION)
-    if options["tau"] is not None and readout.encoding != "nlcs":
+    tau_s = options["tau"]
+    if tau_s is not None and readout.encoding != "nlcs":
         raise InputError(f"--tau is the leak of encoding nlcs, not of {readout.encoding}; add --encoding nlcs")
+    if tau_s is None and readout.encoding == "nlcs" and given & {"leak_shift", "leak_period"}:
+        tau_s = readout.tau_s if has_default_leak(readout) else None  # else the experiment takes the paper's
     fields = RECIPES[options["recipe"]] | parse_settings(options["settings"] or [])
     of_training = {field.name for field in dataclasses.fields(TrainConfig)}
     training = {name: value for name, value in fields.items() if name in of_training}
     return Experiment(
         dataset=options["dataset"],
         events=None if options["events"] is None else str(options["events"]),
-        preset=options["preset"],
         readout=readout,
-        tau_s=options["tau"],
+        tau_s=tau_s,
         frames=FrameConfig(frames_per_step=options["frames"]) if options["frames"] else None,
-        start_rows=options["start_rows"],
-        bins=BinConfig(bin_s=options["bin_s"]),
+        bins=BinConfig() if options["bin_s"] is None else BinConfig(bin_s=options["bin_s"]),
         network={name: value for name, value in fields.items() if name not in of_training},
         train=TrainConfig(**(training | {"epochs": options["epochs"]})),
+        **{name: options[name] for name in ("preset", "start_rows") if options[name] is not None},
     )
 
 
@@ -118,6 +133,15 @@ def check_device(device: str, threads: int) -> None:
 
     torch.set_num_threads(threads)
     try:
-        torch.zeros(1, device=device)
+        float(torch.zeros(1, device=device))
     except (RuntimeError, AssertionError, NotImplementedError):
-        raise InputError(f"device {device} is not available here; use cpu") from None
+        raise InputError(f"device {device!r} is not available here; use cpu") from None
+
+
+def output_folder(folder: Path, *names: str) -> None:
+    """Make a folder, and refuse one in which these files cannot be written, before any work is done."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in names:
+        check_writable(folder / name)
+    if not os.access(folder, os.W_OK):
+        raise InputError(f"cannot write into {folder}; choose another folder with --out")

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,127 +14,20 @@ from numpy.typing import NDArray
 from torch import nn
 
 from model.compare import first_difference
-from model.config import ReadoutConfig
 from model.dataset import EMBEDDED, Texture, open_dataset
 from model.errors import InputError
 from model.events import Recording
-from model.rates import PAPER_TAU_S
 from model.readout import Stimulus, simulate
 from model.texture import preset
-from snn.dataset import BinConfig, ScanData, bin_recording, collect, load_recordings
-from snn.exchange import Weights, config_of, load_weights
-from snn.experiment import stratified_folds
+from snn.dataset import BinConfig, ScanData, bin_recording, collect
+from snn.exchange import config_of
 from snn.train import check_fits
+from snn.trained import OTHER, TEST, TRAINING, Trained
 
 Progress = Callable[[], object]
 
-TEST, TRAINING, OTHER = "test", "training", "other"
-"""Part of a recording: of the fold that was left out, of the images that were learned, or of neither."""
-
 LEVELS = ("events", "tensors", "logits", "predictions")
 """What ``check_model`` compares, in the order in which one follows from the other."""
-
-
-@dataclass(frozen=True)
-class Trained:
-    """A network from a file, with what the result of its training says about it.
-
-    Attributes
-    ----------
-    weights : Weights
-    bins : BinConfig
-        Of the training; without its result the defaults with the step of the weights.
-    parts : dict
-        TEST or TRAINING by name of the image; empty where that is not known.
-    dataset : str or None
-        Name of the dataset of these images, None if they came from event files.
-    unknown : str
-        Why ``parts`` is empty.
-    readout : ReadoutConfig or None
-        That of the training, where it is known.
-    """
-
-    weights: Weights
-    bins: BinConfig
-    parts: dict[str, str] = field(default_factory=dict)
-    dataset: str | None = None
-    unknown: str = ""
-    readout: ReadoutConfig | None = None
-
-    def other_fields(self, config: ReadoutConfig) -> list[str]:
-        """Return the fields in which a readout is not that of the training, in words."""
-        if self.readout is None:
-            return []
-        learned = self.readout.to_dict()
-        return [
-            f"{name} {value}, in training {learned[name]}"
-            for name, value in config.to_dict().items()
-            if value != learned[name]
-        ]
-
-    def part_of(self, recording: Recording) -> str:
-        """Return TEST, TRAINING or OTHER."""
-        metadata = recording.metadata
-        if self.dataset is not None and metadata.get("dataset") != self.dataset:
-            return OTHER
-        return self.parts.get(str(metadata.get("name")), OTHER)
-
-
-def load_trained(path: Path) -> Trained:
-    """Return the network of a weight file, and what ``result.json`` beside it says about bins and folds.
-
-    Raises
-    ------
-    InputError
-        If a file is damaged, the two do not belong together, or the network takes frames.
-    """
-    weights = load_weights(path)
-    note = path.parent / "result.json"
-    if not note.exists():
-        bins = BinConfig(bin_s=weights.step_s)
-        return Trained(weights, bins, unknown=f"there is no {note.name} of the training beside {path.name}")
-    try:
-        result = json.loads(note.read_text())
-        experiment = result["experiment"]
-        frames, classes = experiment["frames"], tuple(result["class_names"])
-        fold, folds, labels = int(result["fold"]), int(result["folds"]), list(result["labels"])
-        bins = BinConfig(**experiment["bins"])
-        place, events, readout = experiment["dataset"], experiment["events"], None
-        if events is None:
-            config = ReadoutConfig.from_dict(experiment["readout"])
-            tau_s = (experiment["tau_s"] or PAPER_TAU_S) if config.encoding == "nlcs" else None
-            readout = preset(experiment["preset"]).configure(config, tau_s)
-    except (OSError, KeyError, TypeError, ValueError):
-        raise InputError(f"{note} is damaged or not the result of a training; remove it or train again") from None
-    if frames is not None:
-        raise InputError(f"{path} was trained on frames and cannot classify events; train it without --frames")
-    if classes != weights.class_names or bins.bin_s != weights.step_s:
-        raise InputError(f"{note} has other classes or time bins than {path.name}; keep only what belongs together")
-    try:
-        names, found, dataset = _images_of(place, events, bins, classes)
-        test = stratified_folds(found, folds)[fold]
-    except (InputError, IndexError) as error:
-        unknown = f"the images of the training are not there ({error})"
-        return Trained(weights, bins, unknown=unknown, readout=readout)
-    if found[test].tolist() != labels:
-        unknown = "the images found here are not those of the training"
-        return Trained(weights, bins, unknown=unknown, readout=readout)
-    tested = set(test.tolist())
-    parts = {name: TEST if number in tested else TRAINING for number, name in enumerate(names)}
-    return Trained(weights, bins, parts, dataset, readout=readout)
-
-
-def _images_of(
-    place: str | None, events: str | None, bins: BinConfig, classes: Sequence[str]
-) -> tuple[Sequence[str], NDArray[np.int64], str | None]:
-    """Return names, labels and dataset of the images of a training, in its order."""
-    if events is not None:
-        data = load_recordings(Path(events), bins, classes)
-        return data.names, data.image_labels, None
-    dataset = open_dataset(place)
-    if dataset.class_names != tuple(classes):
-        raise InputError(f"dataset {dataset.name} has other classes")
-    return [texture.name for texture in dataset], dataset.labels, dataset.name
 
 
 # -- recordings in, logits out -----------------------------------------------------------------------
@@ -145,12 +37,16 @@ def event_files(paths: Iterable[Path]) -> list[Path]:
     """Return event files and those of folders, at any depth, in the order of their names; each once."""
     found: list[Path] = []
     for path in paths:
+        if not path.exists():
+            raise InputError(f"event folder or file {path} does not exist; make one with python -m cocotb_tests replay")
         if not path.is_dir():
             found.append(path)
             continue
         inside = sorted(path.rglob("*.npz"))
         if not inside:
-            raise InputError(f"event folder {path} holds no event files (.npz); record some into it")
+            raise InputError(
+                f"event folder {path} holds no event files (.npz); record some with python -m cocotb_tests replay"
+            )
         found += inside
     return list({path.resolve(): path for path in found}.values())
 

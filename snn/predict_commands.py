@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from model.events import Recording
-    from snn.predict import Check, Score, Trained
+    from snn.predict import Check, Score
+    from snn.trained import Trained
 
 MOST_LINES = 20
 """Recordings that are listed one by one; of more, only those without a class."""
@@ -44,18 +45,19 @@ def predict(
     ),
 ) -> None:
     """Classify recordings with a trained network; with --check-model RTL and model must agree bit for bit."""
-    out.parent.mkdir(parents=True, exist_ok=True)
-    check_writable(out)
     import torch
 
     from snn import predict as work
     from snn.crossval import write_json
+    from snn.trained import load_trained
 
     torch.set_num_threads(1)
-    trained = work.load_trained(weights)
+    trained = load_trained(weights)
     files = work.event_files(events)
     with bar("reading events", len(files)) as step:
         recordings = work.read_recordings(files, step)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    check_writable(out)
     data = work.bin_recordings(recordings, trained)
     logits = work.logits_of(trained.weights.network, data)
     scores = work.scores(recordings, data, logits, trained)
@@ -103,7 +105,7 @@ def _print_recordings(recordings: Sequence[Recording], logits: NDArray[np.float3
 
 def _print_scores(scores: dict[str, Score], trained: Trained) -> None:
     """Print the accuracy of each part, and the confusion of the part that is a result."""
-    from snn.predict import OTHER, TEST, TRAINING
+    from snn.trained import OTHER, TEST, TRAINING
 
     words = {
         TEST: "test images of the fold",
@@ -132,7 +134,8 @@ def _report(
     check: Check | None,
 ) -> dict[str, Any]:
     """Return the content of the output file."""
-    from snn.predict import TRAINING, class_of
+    from snn.predict import class_of
+    from snn.trained import TRAINING
 
     names = trained.weights.class_names
     images = []

@@ -2,32 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
-from torch.nn import functional
 
-from model.config import ReadoutConfig
-from model.dataset import Texture, open_dataset
-from model.errors import InputError
-from model.events import Recording
 from model.plots import dress, new_figure, save_figure
 from model.raster import OFF_COLOUR, ON_COLOUR
-from model.rates import PAPER_TAU_S
-from model.report_data import read_json
-from model.scan import Scan
-from model.texture import PhysicalScan, preset
-from snn.dataset import BinConfig, collect
-from snn.exchange import Weights, load_weights
-from snn.experiment import stratified_folds
-from snn.network import SpikingNetwork
-from snn.recurrent import layer
-from snn.scans import record
+from model.texture import PhysicalScan
+from snn.scan_play import Played
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,205 +20,10 @@ if TYPE_CHECKING:
 CLASS_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#999999")
 """Okabe and Ito, and a grey; more classes take them again."""
 
-MEANINGS = {"spikes": "output spikes so far", "membrane": "output membranes so far, divided by all steps"}
-"""The evidence, by the readout of the network."""
-
 _GREY = "#555555"
-_SHOWN = 3  # taxels whose signal is drawn
 _INK = "#333333"
-
-
-@dataclass(frozen=True, eq=False)
-class Played:
-    """One scan and what the network makes of it.
-
-    Attributes
-    ----------
-    texture : Texture
-    tested : bool
-        The image was none of those that the network learned from.
-    scan : Scan
-    recording : Recording
-        Its events.
-    signals : array, shape (ticks, taxels)
-        Samples in full scales.
-    start_s, step_s : float
-        Begin of the first time step, and length of a step.
-    spikes : array, shape (steps, hidden)
-        Spikes of the hidden neurons, 0 or 1.
-    evidence : array, shape (steps, classes)
-        See :func:`evidence`.
-    class_names : tuple of str
-    meaning : str
-        What the evidence is, in words.
-    """
-
-    texture: Texture
-    tested: bool
-    scan: Scan
-    recording: Recording
-    signals: NDArray[np.float64]
-    start_s: float
-    step_s: float
-    spikes: NDArray[np.float32]
-    evidence: NDArray[np.float32]
-    class_names: tuple[str, ...]
-    meaning: str
-
-    @property
-    def predicted(self) -> str:
-        """Class of the largest evidence at the end."""
-        return self.class_names[int(self.evidence[-1].argmax())]
-
-    @property
-    def ends_ms(self) -> NDArray[np.floating[Any]]:
-        """End of every time step in milliseconds."""
-        return 1e3 * (self.start_s + self.step_s * np.arange(1, len(self.spikes) + 1))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what the network says, for a file: hidden spikes as pairs (step, neuron)."""
-        return {
-            "image": self.texture.name,
-            "of_the_test_fold": self.tested,
-            "preset": self.scan.name,
-            "readout": self.recording.config.to_dict(),
-            "events": len(self.recording.events),
-            "start_s": self.start_s,
-            "step_s": self.step_s,
-            "class_names": list(self.class_names),
-            "true": self.texture.class_name,
-            "predicted": self.predicted,
-            "evidence": self.evidence.tolist(),
-            "hidden_spikes": np.argwhere(self.spikes).tolist(),
-        }
-
-
-# -- from weights to a played scan -------------------------------------------------------------------
-
-
-@torch.no_grad()
-def evidence(network: SpikingNetwork, x: Tensor) -> tuple[Tensor, Tensor]:
-    """Return hidden spikes and the evidence for each class as it grows; the last step has the network's logits.
-
-    Parameters
-    ----------
-    network : SpikingNetwork
-    x : shape (steps, scans, inputs)
-
-    Returns
-    -------
-    spikes : shape (steps, scans, hidden)
-    evidence : shape (steps, scans, classes)
-        Output spikes so far; or the sum of the output membranes so far, divided by the number of all steps.
-    """
-    config = network.config
-    spikes = network.spikes(x)
-    _, decay = network.decays()
-    if config.readout == "spikes":
-        parts = layer(config.rule, spikes, network.w_out, network.b_out, decay, None, network.backend)
-    else:
-        parts = functional.linear(spikes, network.w_out, network.b_out)
-        for step in range(1, len(parts)):
-            parts[step] += decay * parts[step - 1]
-        parts /= len(parts)
-    return spikes, parts.cumsum(0) * config.output_scale
-
-
-def play(weights_file: Path, result_file: Path, dataset: str | None = None, image: str | None = None) -> Played:
-    """Return a scan of the dataset that a network was trained on, played through that network.
-
-    Parameters
-    ----------
-    weights_file, result_file : Path
-        What ``python -m snn train`` wrote: the network, and the experiment that says how scans are made.
-    dataset : str, optional
-        Place of the textures, where it is another than in training.
-    image : str, optional
-        Name of the texture; by default the first test image of the fold.
-
-    Raises
-    ------
-    InputError
-        If the two files do not belong together, or are not of a spiking network on textures.
-    """
-    weights = load_weights(weights_file)
-    if not result_file.is_file():
-        raise InputError(
-            f"{result_file} does not exist, and only the result of the training says how its scans were made; "
-            f"name it with --result"
-        )
-    network = weights.network
-    if not isinstance(network, SpikingNetwork):
-        raise InputError(f"{weights_file} holds a baseline for frames; fig8 needs a spiking network")
-    result = read_json(result_file, "the result of the training")
-    try:
-        experiment = result["experiment"]
-        readout = ReadoutConfig.from_dict(experiment["readout"])
-        bins = BinConfig(**experiment["bins"])
-        scan = preset(experiment["preset"])
-        of_textures = experiment["events"] is None and experiment["frames"] is None
-        tau_s, used = experiment["tau_s"], experiment["dataset"]
-        fold, folds = int(result["fold"]), int(result["folds"])
-    except InputError:
-        raise
-    except (KeyError, TypeError, ValueError):
-        raise InputError(f"{result_file} is not the result of python -m snn train; name that with --result") from None
-    if not of_textures:
-        raise InputError(f"{result_file} is of a training on event files or frames; fig8 needs one on textures")
-    if bins.bin_s != weights.step_s:
-        raise InputError(
-            f"{result_file} has time bins of {bins.bin_s:g} s, {weights_file} of {weights.step_s:g} s; "
-            f"they are of two trainings, name the right one with --result"
-        )
-    textures = open_dataset(dataset or used)
-    if textures.class_names != weights.class_names:
-        raise InputError(
-            f"the network knows the classes {', '.join(weights.class_names)}, the textures are "
-            f"{', '.join(textures.class_names)}; give the textures of the training with --dataset"
-        )
-    test = stratified_folds(textures.labels, folds)[fold]
-    index = int(test[0]) if image is None else _index(image, [texture.name for texture in textures])
-    config = scan.configure(readout, (tau_s or PAPER_TAU_S) if readout.encoding == "nlcs" else None)
-    return _played(weights, network, textures[index], textures.name, index in test, scan, config, bins)
-
-
-def _index(image: str, names: list[str]) -> int:
-    if image not in names:
-        raise InputError(f"no image is called {image!r}; there are {len(names)}, from {names[0]} to {names[-1]}")
-    return names.index(image)
-
-
-def _played(
-    weights: Weights,
-    network: SpikingNetwork,
-    texture: Texture,
-    dataset_name: str,
-    tested: bool,
-    scan: Scan,
-    config: ReadoutConfig,
-    bins: BinConfig,
-) -> Played:
-    recording = record(texture, dataset_name, scan, config)
-    codes, _ = scan.samples(config, texture.load())
-    spikes, grown = evidence(network, collect([recording], bins, weights.class_names).batch([0]))
-    scale = network.config.output_scale
-    counted_s = scan.skipped_ticks(config) / config.sample_rate_hz
-    return Played(
-        texture=texture,
-        tested=tested,
-        scan=scan,
-        recording=recording,
-        signals=codes / config.full_scale,
-        start_s=counted_s if bins.start_s is None else bins.start_s,
-        step_s=bins.bin_s,
-        spikes=spikes[:, 0].numpy(),
-        evidence=grown[:, 0].numpy(),
-        class_names=weights.class_names,
-        meaning=MEANINGS[network.config.readout] + (f", times {scale:g}" if scale != 1 else ""),
-    )
-
-
-# -- picture -----------------------------------------------------------------------------------------
+_SHOWN = 3  # taxels whose signal is drawn
+_NOTE = 0.15  # this part of a panel's width has room for words
 
 
 def plot_fig8(played: Played, path: Path) -> None:
@@ -364,15 +153,16 @@ def _draw_hidden(panel: Axes, played: Played) -> None:
     panel.set_ylabel("neuron", fontsize=8.5)
     if played.start_s > 0:
         panel.axvspan(0, 1e3 * played.start_s, color="#eeeeee", zorder=0)
-        panel.text(500 * played.start_s, played.spikes.shape[1] / 2, "events do not\ncount yet", fontsize=8,
-                   color=_GREY, ha="center", va="center", clip_on=True)  # fmt: skip
+        if played.start_s >= _NOTE * played.recording.duration_s:
+            panel.text(500 * played.start_s, played.spikes.shape[1] / 2, "events do not\ncount yet", fontsize=8,
+                       color=_GREY, ha="center", va="center")  # fmt: skip
     dress(panel, "hidden neurons")
     panel.set_title(f"{played.spikes.sum():,.0f} spikes of {played.spikes.shape[1]} neurons, steps of "
                     f"{1e3 * played.step_s:g} ms", fontsize=8, color=_GREY, pad=4)  # fmt: skip
 
 
 def _draw_evidence(panel: Axes, played: Played) -> None:
-    """Draw the evidence for each class; the winner is thick."""
+    """Draw the evidence for each class; the winner is thick, and it and the true class are named beside the panel."""
     winner = int(played.evidence[-1].argmax())
     for label, name in enumerate(played.class_names):
         won = label == winner
@@ -381,10 +171,13 @@ def _draw_evidence(panel: Axes, played: Played) -> None:
     dress(panel, "evidence for each class")
     panel.set_title(played.meaning, fontsize=8, color=_GREY, pad=4)
     panel.set_ylabel("logit", fontsize=8.5)
-    for label in {winner, played.texture.label}:
-        panel.annotate(played.class_names[label], (played.ends_ms[-1], played.evidence[-1, label]), xytext=(-6, -4),
-                       textcoords="offset points", ha="right", va="top", fontsize=8.5, color=_colour(label),
-                       fontweight="bold" if label == winner else "normal")  # fmt: skip
+    top = float(played.evidence[-1, winner])
+    low, high = panel.get_ylim()
+    for label in dict.fromkeys((winner, played.texture.label)):
+        place = top if label == winner else min(float(played.evidence[-1, label]), top - 0.13 * (high - low))
+        panel.annotate(played.class_names[label], (1, place), xytext=(5, 0), xycoords=panel.get_yaxis_transform(),
+                       textcoords="offset points", ha="left", va="center", fontsize=8.5, color=_colour(label),
+                       fontweight="bold" if label == winner else "normal", annotation_clip=False)  # fmt: skip
 
 
 def _draw_final(panel: Axes, played: Played) -> None:

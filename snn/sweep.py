@@ -15,9 +15,11 @@ from typing import Any
 import numpy as np
 
 from model.errors import InputError
-from snn.crossval import check_same, digest, read_cell, summarise, write_json
+from model.files import check_writable
+from snn.crossval import check_folds, check_same, read_cell, summarise, write_json
 from snn.dataset import ScanData
-from snn.experiment import Experiment, stratified_folds
+from snn.experiment import Experiment
+from snn.train import digest
 from snn.workers import Crew, Local, pack, sentence
 
 PUBLISHED_BPS = 640e3
@@ -88,6 +90,8 @@ class PointRun:
     """
 
     def __init__(self, point: SweepPoint, folder: Path, folds: int, seeds: int, fold_seed: int) -> None:
+        if folds < 2:
+            raise InputError(f"folds must be at least 2, not {folds}")
         if seeds < 1:
             raise InputError(f"seeds must be at least 1, not {seeds}")
         self.point, self.folder = point, folder
@@ -103,6 +107,7 @@ class PointRun:
         for cell, (key, _) in self._found.items():
             check_same(self.paths[cell], key, self._key)
         folder.mkdir(parents=True, exist_ok=True)
+        check_writable(folder / "result.json")
 
     @property
     def ready(self) -> bool:
@@ -118,7 +123,7 @@ class PointRun:
     def prepare(self, tick: Callable[[], object]) -> None:
         """Make the scans, and take in the cells that were found; ``tick`` is called after each scan."""
         data = self.point.experiment.data(tick) if self.point.data is None else self.point.data
-        stratified_folds(data.image_labels, self.folds, self.fold_seed)  # refuses at once
+        check_folds(data, self.folds, self.fold_seed)
         self._key["data"] = digest(data)
         for cell, (key, result) in self._found.items():
             check_same(self.paths[cell], key, self._key)
@@ -359,6 +364,7 @@ def sweep(
     if twice := [name for name in names if names.count(name) > 1]:
         raise InputError(f"point {twice[0]} is there twice; leave one out")
     runs = [PointRun(point, folder / point.name, folds, seeds, fold_seed) for point in points]
+    check_writable(folder / "sweep.json")
 
     def note(run: PointRun, result: dict[str, Any] | None) -> None:
         if run.ready:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
@@ -14,6 +12,7 @@ import typer
 from model.cli import EXIT_INTERRUPTED
 from model.config import Encoding
 from model.errors import InputError
+from snn.bars import cell_bar
 from snn.options import (
     BinSeconds,
     ConfigFile,
@@ -32,7 +31,7 @@ from snn.options import (
 from snn.recipes import BASELINES
 
 if TYPE_CHECKING:
-    from snn.sweep import PointRun, SweepPoint
+    from snn.sweep import SweepPoint
     from snn.workers import Crew
 
 DEFAULT_POINTS = "lcs:2,lcs:4,lcs:6,lcs:8,nlcs:4,nlcs:6,nlcs:8,nlcs:10"
@@ -47,12 +46,12 @@ def sweep(
         str,
         typer.Option(metavar="ENCODER:N,...", help="N bits; rnn:K, gru:K, cnn:K for frames, K side by side in a step"),
     ] = DEFAULT_POINTS,
-    preset: Preset = "physical",
+    preset: Preset = None,
     tau: Tau = None,
     config_file: ConfigFile = None,
     dataset: DatasetName = None,
-    start_rows: StartRows = 1,
-    bin_s: BinSeconds = 0.004,
+    start_rows: StartRows = None,
+    bin_s: BinSeconds = None,
     recipe: Recipe = "tuned",
     epochs: Epochs = 60,
     settings: Settings = None,
@@ -73,11 +72,15 @@ def sweep(
         raise InputError("--workers counts processes of this machine, --scheduler takes those of a cluster; give one")
     if tau is not None and "nlcs" not in {readout for readout, _ in chosen}:
         raise InputError("--tau is the leak of nlcs, but --points has no nlcs point; leave it out")
+    if recipe in BASELINES:
+        raise InputError(f"--recipe {recipe} is for frames; leave it out and add the point {recipe}:20 to --points")
+    if bin_s is not None and not {readout for readout, _ in chosen} - set(BASELINES):
+        raise InputError("--bin is for events, but --points has only frames; leave it out")
     made = [_point(readout, number, options) for readout, number in chosen]
     from snn.sweep import sweep as run
 
     try:
-        with _crew(workers, scheduler) as crew, _cell_bar(len(made) * folds * seeds) as show:
+        with _crew(workers, scheduler) as crew, cell_bar(len(made) * folds * seeds) as show:
             found = run(
                 made, out, crew=crew, folds=folds, seeds=seeds, command=command_line(context), progress=show
             )  # fmt: skip
@@ -86,6 +89,7 @@ def sweep(
         raise typer.Exit(EXIT_INTERRUPTED) from None
     _print_table(found)
     print(f"result: {out / 'sweep.json'}")
+    print(f"draw it with {shlex.join(['python', '-m', 'snn', 'fig9', '--sweep', str(out)])}")
 
 
 def parse_points(text: str) -> list[tuple[str, int]]:
@@ -120,7 +124,7 @@ def _point(readout: str, number: int, options: dict[str, Any]) -> SweepPoint:
     try:
         if readout in BASELINES:
             frames = FrameConfig(frames_per_step=number).frames_per_step
-            options |= {"frames": frames, "recipe": readout, "tau": None}
+            options |= {"frames": frames, "recipe": readout, "tau": None, "bin_s": None}
         else:
             options |= {"encoding": readout, "resolution": number}
             options |= {"tau": options["tau"] if readout == "nlcs" else None}
@@ -147,59 +151,30 @@ def command_line(context: typer.Context) -> str:
     return shlex.join(words)
 
 
-@contextmanager
-def _cell_bar(total: int) -> Iterator[Any]:
-    """Give the ``progress`` of a sweep: a bar on standard error; without a terminal a line per cell that was run."""
-    if not sys.stderr.isatty():
-
-        def line(run: PointRun, result: dict[str, Any] | None) -> None:
-            if result is not None:
-                cell = f"fold {result['fold']}, seed {result['seed']}"
-                print(f"{run.point.name}, {cell}: {_state(run)}", flush=True)
-
-        yield line
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
-    done: dict[str, int] = {}
-    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
-        task = shown.add_task("", total=total)
-
-        def show(run: PointRun, result: dict[str, Any] | None) -> None:
-            done[run.point.name] = len(run.done)
-            words = f"{run.point.name}: {_state(run)}" if run.ready else f"recording the scans of {run.point.name}"
-            shown.update(task, completed=sum(done.values()), description=words)
-
-        yield show
-
-
-def _state(run: PointRun) -> str:
-    return f"{len(run.done)} of {len(run.paths)} cells done, accuracy so far {run.accuracy:.1%}"
-
-
 def _print_table(points: list[dict[str, Any]]) -> None:
     """Print the accuracy of every point over its data rate."""
     from rich import box
     from rich.console import Console
     from rich.table import Table
 
-    title = "accuracy in % by data rate in units of 640 kb/s; sd over folds"
+    title = (
+        "accuracy in % by data rate in units of 640 kb/s\n"
+        "95 % interval over images and seeds; sd over cells, each one fold and seed"
+    )
     table = Table(box=box.SIMPLE_HEAD, title=title, title_justify="left")
     table.add_column("point")
     for name in ("rate", "last epoch", "95 % interval", "sd", "selected", "sd"):
         table.add_column(name, justify="right")
     for point in points:
         last, selected = point["last"], point["selected"]
-        low, high = last["wilson_95"]
+        low, high = last["bootstrap_95"]
         table.add_row(
             point["name"],
             f"{point['normalised_rate']:.3g}",
             f"{100 * last['accuracy']:.1f}",
             f"{100 * low:.1f} to {100 * high:.1f}",
-            f"{100 * last['sd_over_folds']:.1f}",
+            f"{100 * last['sd_over_cells']:.1f}",
             f"{100 * selected['accuracy']:.1f}",
-            f"{100 * selected['sd_over_folds']:.1f}",
+            f"{100 * selected['sd_over_cells']:.1f}",
         )
     Console().print(table)

@@ -302,6 +302,13 @@ def check_fits(config: NetworkConfig, data: ScanData) -> None:
 # -- checkpoints -------------------------------------------------------------------------------------
 
 
+def digest(data: ScanData) -> str:
+    """Return a text that is the same only for the same scans of the same images."""
+    found = hashlib.sha256(np.ascontiguousarray(data.values).tobytes())
+    found.update(data.labels.tobytes() + data.images.tobytes())
+    return found.hexdigest()
+
+
 def fingerprint(
     data: ScanData,
     images: Sequence[int] | NDArray[np.int64],
@@ -312,13 +319,11 @@ def fingerprint(
     test: Sequence[int] | NDArray[np.int64] | None = None,
 ) -> str:
     """Return a text that is the same only where a training would give the same network."""
-    digest = hashlib.sha256(np.ascontiguousarray(data.values).tobytes())
-    digest.update(data.labels.tobytes() + data.images.tobytes())
     parts = {
         "network": network_config.to_dict(),
         "train": dataclasses.asdict(train_config),
         "seed": seed,
-        "data": digest.hexdigest(),
+        "data": digest(data),
         "images": [int(image) for image in images],
         "held_out": None if held_out is None else [int(image) for image in held_out],
         "test": None if test is None else [int(image) for image in test],
@@ -354,17 +359,31 @@ def load_checkpoint(path: Path, training: Training, key: str) -> None:
         content = torch.load(path, map_location="cpu", weights_only=True)
         if content["format"] != CHECKPOINT_FORMAT:
             raise InputError(f"checkpoint {path} has another format; remove it to start anew")
-        found = content["key"]
-    except (OSError, RuntimeError, EOFError, KeyError, TypeError, pickle.UnpicklingError, zipfile.BadZipFile):
+        if content["key"] != key:
+            found = "; ".join(_differences(json.loads(content["key"]), json.loads(key)))
+            raise InputError(
+                f"checkpoint {path} is of another configuration ({found}); "
+                f"remove it or choose another folder with --out"
+            )
+        training.network.load_state_dict(content["network"])
+        training.optimizer.load_state_dict(content["optimizer"])
+        training.history = [Epoch(**epoch) for epoch in content["history"]]
+        training.best = content["best"]
+    except InputError:
+        raise
+    except (OSError, RuntimeError, EOFError, KeyError, TypeError, ValueError, pickle.UnpicklingError,
+            zipfile.BadZipFile):  # fmt: skip
         raise InputError(f"checkpoint {path} is damaged; remove it to start anew") from None
-    if found != key:
-        other, own = json.loads(found), json.loads(key)
-        names = [name for name in own if other.get(name) != own[name]]
-        raise InputError(
-            f"checkpoint {path} is of another configuration (different: {', '.join(names)}); "
-            f"remove it or name another file"
-        )
-    training.network.load_state_dict(content["network"])
-    training.optimizer.load_state_dict(content["optimizer"])
-    training.history = [Epoch(**epoch) for epoch in content["history"]]
-    training.best = content["best"]
+
+
+def _differences(there: dict[str, Any], now: dict[str, Any]) -> list[str]:
+    """Return the fields that differ, with both values where these are numbers or words to read."""
+    found = []
+    for name, value in now.items():
+        other = there.get(name)
+        if isinstance(value, dict) and isinstance(other, dict):
+            found += _differences(other, value)
+        elif value != other:
+            readable = name != "data" and not isinstance(value, list)
+            found.append(f"{name}: {other} there, {value} now" if readable else f"other {name.replace('_', ' ')}")
+    return found

@@ -88,6 +88,11 @@ def unpack(packed: bytes) -> ScanData:
     return data
 
 
+def cores() -> int:
+    """Return the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 # -- this machine ------------------------------------------------------------------------------------
 
 
@@ -97,11 +102,11 @@ class Local:
     Parameters
     ----------
     workers : int or None
-        One per core by default.
+        One per core that this process may use by default.
     """
 
     def __init__(self, workers: int | None = None) -> None:
-        workers = (os.cpu_count() or 1) if workers is None else workers
+        workers = cores() if workers is None else workers
         if workers < 1:
             raise InputError(f"workers must be at least 1, not {workers}")
         self.window = workers + SPARE if workers > 1 else 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -16,16 +17,20 @@ from matplotlib.figure import Figure
 from model.cli import make_app, run
 from model.config import ReadoutConfig
 from model.dataset import open_dataset
+from model.errors import InputError
 from model.report_data import fig9_data as report_data
-from snn import figures, scan_figure
+from snn import figures
+from snn.confusion_figure import confusion_data, draw_confusion
 from snn.crossval import summarise
 from snn.dataset import BinConfig, collect
-from snn.exchange import Weights, save_weights
+from snn.exchange import Weights, load_weights, save_weights
 from snn.experiment import Experiment, stratified_folds
 from snn.figure_commands import fig8, fig9
 from snn.network import NetworkConfig, SpikingNetwork, build
-from snn.scan_figure import draw_fig8, evidence, play
+from snn.scan_figure import draw_fig8
+from snn.scan_play import Played, evidence, play
 from snn.scans import record
+from snn.sweep import PUBLISHED_BPS, PointRun, SweepPoint
 
 Call = Callable[..., tuple[int, str, str]]
 
@@ -61,37 +66,39 @@ def some_results(accuracy: float, cells: int = 6, seed: int = 0) -> dict[str, An
     return summarise(made, 30, 3)
 
 
-def some_point(readout: str, resolution: int, rate: float, accuracy: float, **fields: Any) -> dict[str, Any]:
+def some_point(
+    readout: str, resolution: int, rate: float, accuracy: float, cells: int = 6, **fields: Any
+) -> dict[str, Any]:
+    """Return what a sweep writes for a point (``PointRun.summary``)."""
     point = {
         "name": f"{readout}-{resolution}b",
         "readout": readout,
         "resolution": resolution,
         "preset": "paper",
+        "rate_hz": rate * 640e3 / 7,
         "bits_per_event": 7,
         "data_rate_bps": rate * 640e3,
         "normalised_rate": rate,
-        "cells": 6,
-        "of": 6,
+        "class_names": CLASSES,
+        "cells": {"done": cells, "of": 6, "whole_seeds": cells // 3},
     } | fields
-    found = some_results(accuracy, point["cells"]) if point["cells"] else {"last": None, "selected": None}
-    return point | found
+    return point | (some_results(accuracy, cells) if cells else {"last": None, "selected": None})
 
 
 SWEEP = {
     "command": "python -m snn sweep --preset paper",
-    "class_names": CLASSES,
     "points": [
         some_point("lcs", 4, 0.21, 0.9),
         some_point("lcs", 6, 1.085, 0.7),
         some_point("nlcs", 6, 0.12, 1.0, cells=3),
         some_point("frame", 10, 5.0, 0.95, name="gru-20"),
-        some_point("nlcs", 8, 0.5, 0.9, cells=0) | {"data_rate_bps": None, "normalised_rate": None},
+        some_point("nlcs", 8, 0.5, 0.9, cells=0)
+        | {"rate_hz": None, "data_rate_bps": None, "normalised_rate": None, "class_names": None},
         some_point("frame", 10, 5.0, 0.6, name="rnn-20"),
     ],
 }
 PHYSICAL = {
     "command": "python -m snn sweep --preset physical",
-    "class_names": CLASSES,
     "points": [
         some_point("lcs", 4, 0.9, 0.8, preset="physical"),
         some_point("cw-lcs", 4, 0.3, 0.95, preset="physical", name="cw"),
@@ -104,8 +111,7 @@ def files(folder: Path) -> list[str]:
     """Write a sweep to a file that was kept and one to a folder; return the options."""
     (folder / "plain.json").write_text(json.dumps(SWEEP))
     (folder / "hand").mkdir()
-    counted = [p | {"cells": {"done": p["cells"], "of": 6, "whole_seeds": 2}, "of": None} for p in PHYSICAL["points"]]
-    (folder / "hand" / "sweep.json").write_text(json.dumps(PHYSICAL | {"points": counted}))
+    (folder / "hand" / "sweep.json").write_text(json.dumps(PHYSICAL))
     return ["--sweep", "plain.json", "--sweep", "hand"]
 
 
@@ -152,8 +158,16 @@ def bars(figure: Figure, panel: int) -> set[tuple[float, float, float]]:
 # -- Fig. 9 ------------------------------------------------------------------------------------------
 
 
+def test_the_points_of_these_tests_have_what_a_sweep_writes(folder: Path) -> None:
+    written = PointRun(SweepPoint("lcs-4b", Experiment()), folder / "lcs-4b", 3, 2, 0).summary()
+    for point in SWEEP["points"] + PHYSICAL["points"]:
+        assert set(point) == set(written)
+        assert set(point["cells"]) == set(written["cells"])
+
+
 def test_the_published_points_are_those_of_the_paper() -> None:
     data = figures.fig9_data([], "last")
+    assert data["reference_bps"] == PUBLISHED_BPS
     assert {(p["readout"], p["resolution"]) for p in data["points"]} == {(f"{r}, published", n) for r, n in PUBLISHED}
     for point in data["points"]:
         key = (point["readout"].removesuffix(", published"), point["resolution"])
@@ -179,22 +193,23 @@ def test_what_is_drawn_is_what_the_sweeps_say(snn: Call, files: list[str], folde
     assert (folder / "pictures" / "fig9.png").stat().st_size > 10_000
     data = json.loads((folder / "numbers" / "fig9.json").read_text())
     own = {(p["sweep"], p["name"]): p for p in data["points"] if p["sweep"] != "published"}
-    measured = {("plain", p["name"]): p for p in SWEEP["points"] if p["cells"]}
+    measured = {("plain", p["name"]): p for p in SWEEP["points"] if p["last"]}
     measured |= {("hand", p["name"]): p for p in PHYSICAL["points"]}
     assert set(own) == set(measured)
     for key, point in measured.items():
-        for name in ("data_rate_bps", "normalised_rate", "readout", "preset", "cells", "of"):
+        for name in ("data_rate_bps", "normalised_rate", "readout", "preset", "cells"):
             assert own[key][name] == point[name]
-        for name in ("accuracy", "wilson_95", "bootstrap_95", "sd_over_folds", "sd_over_seeds"):
+        for name in ("accuracy", "wilson_95", "sd_over_cells", "sd_over_folds", "sd_over_seeds"):
             assert own[key][name] == json.loads(json.dumps(point[reading][name]))
+        assert own[key]["interval"] == list(point[reading]["bootstrap_95"]) != own[key]["wilson_95"]
     figure = figures.draw_fig9(data)
     assert [panel.get_title("left") for panel in figure.axes] == ["paper scan", "physical scan"]
     for panel, sweep, content in ((0, "plain", SWEEP), (1, "hand", PHYSICAL)):
         drawn = sorted(at for (_, filling), ats in marks(figure, panel).items() if filling != "none" for at in ats)
-        points = [point for point in content["points"] if point["cells"]]
+        points = [point for point in content["points"] if point["last"]]
         assert drawn == sorted((p["normalised_rate"], 100 * p[reading]["accuracy"]) for p in points), sweep
-        wanted = {(p["normalised_rate"], *(100 * e for e in p[reading]["wilson_95"])) for p in points}
-        assert wanted <= bars(figure, panel)
+        wanted = {(p["normalised_rate"], *(100 * e for e in p[reading]["bootstrap_95"])) for p in points}
+        assert {bar for bar in wanted if bar[1] < bar[2]} <= bars(figure, panel)
         levels = {float(line.get_ydata()[0]) for line in figure.axes[panel].lines if line.get_marker() == "None"}
         assert {100 / 3} <= levels <= {100 / 3, 100 / 6}
 
@@ -206,7 +221,7 @@ def test_the_report_reads_the_file(snn: Call, files: list[str], folder: Path) ->
     assert len(points) == len(PUBLISHED) + 7
     for ours, theirs in zip(written["points"], points, strict=True):
         assert theirs["accuracy"] == ours["accuracy"]
-        assert theirs.get("interval") == ours.get("wilson_95")
+        assert theirs.get("interval") == ours.get("interval")
     labels = [point["label"] for point in points]
     assert {
         "LCS 6 b, published",
@@ -223,7 +238,7 @@ def test_the_protocol_comes_from_the_points(folder: Path, files: list[str]) -> N
     assert "plain: 30 images, 3 folds x 2 seeds, last epoch" in data["source"]
     assert data["commands"] == {"plain": "python -m snn sweep --preset paper"}
     legend = figures.draw_fig9(data).legends[0]
-    assert legend.get_title().get_text().startswith("30 images, 3 folds x 2 seeds, last epoch; bars: Wilson's 95 %")
+    assert legend.get_title().get_text() == f"30 images, 3 folds x 2 seeds, last epoch\n{figures.BARS}"
     partial = copy.deepcopy(SWEEP) | {"points": [SWEEP["points"][2]]}
     Path("plain.json").write_text(json.dumps(partial))
     data = figures.fig9_data(figures.load_sweeps([Path("plain.json")]), "selected")
@@ -248,18 +263,23 @@ def test_the_kept_sweeps_are_the_default(
     (folder / "other.json").write_text('{"images": []}')  # results of another kind are kept there too
     assert snn("fig9")[0] == 0
     assert list(json.loads((folder / "out" / "fig9.json").read_text())["commands"]) == ["plain"]
+    (folder / "out" / "sweep").mkdir()
+    (folder / "hand" / "sweep.json").rename(folder / "out" / "sweep" / "sweep.json")
+    assert snn("fig9")[0] == 0
+    assert list(json.loads((folder / "out" / "fig9.json").read_text())["commands"]) == ["plain", "sweep"]
     monkeypatch.setattr(figures, "KEPT", folder / "nowhere")
-    refused(snn, "make one with python -m snn sweep and name it with --sweep", "fig9")
+    assert snn("fig9")[0] == 0
+    assert list(json.loads((folder / "out" / "fig9.json").read_text())["commands"]) == ["sweep"]
+    (folder / "out" / "sweep" / "sweep.json").unlink()
+    refused(snn, "nor out/sweep/sweep.json; make one with python -m snn sweep", "fig9")
 
 
 def test_all_sweeps_that_are_kept_can_be_drawn() -> None:
-    for file in figures.KEPT.glob("*.json"):
-        if "points" not in json.loads(file.read_text()):
-            continue
+    for file in figures.kept_sweeps():
         sweep = figures.load_sweep(file)
         for reading in figures.READINGS:
             figures.draw_fig9(figures.fig9_data([sweep], reading))
-            figures.confusion_data([sweep], reading)
+            confusion_data([sweep], reading)
 
 
 # -- confusion ---------------------------------------------------------------------------------------
@@ -271,7 +291,7 @@ def test_confusion_of_the_best_finished_spiking_points(snn: Call, files: list[st
     best = max(PHYSICAL["points"], key=lambda point: point["last"]["accuracy"])
     assert [(p["sweep"], p["name"]) for p in data["points"]] == [("plain", "lcs-4b"), ("hand", best["name"])]
     assert (folder / "out" / "confusion.png").stat().st_size > 10_000
-    for panel, point in zip(figures.draw_confusion(data).axes, data["points"], strict=True):
+    for panel, point in zip(draw_confusion(data).axes, data["points"], strict=True):
         counts = np.array(point["confusion"])
         shares = 100 * counts / counts.sum(1, keepdims=True)  # rows are the true classes
         assert np.asarray(panel.images[0].get_array()) == pytest.approx(shares)
@@ -281,10 +301,8 @@ def test_confusion_of_the_best_finished_spiking_points(snn: Call, files: list[st
 
 
 def test_confusion_of_a_named_point(snn: Call, files: list[str], folder: Path) -> None:
-    (folder / "hand" / "sweep.json").write_text(json.dumps({k: v for k, v in PHYSICAL.items() if k != "class_names"}))
-    refused(snn, "hand/lcs-4b/result.json", "fig9", *files, "--confusion", "lcs-4b")
-    (folder / "hand" / "lcs-4b").mkdir()
-    (folder / "hand" / "lcs-4b" / "result.json").write_text(json.dumps({"class_names": ["a", "b", "c"]}))
+    others = [point | {"class_names": ["a", "b", "c"]} for point in PHYSICAL["points"]]
+    (folder / "hand" / "sweep.json").write_text(json.dumps(PHYSICAL | {"points": others}))
     assert snn("fig9", *files, "--confusion", "lcs-4b", "--reading", "selected")[0] == 0
     points = json.loads((folder / "out" / "confusion.json").read_text())["points"]
     assert [point["class_names"] for point in points] == [CLASSES, ["a", "b", "c"]]
@@ -318,12 +336,14 @@ def test_files_that_are_no_sweep_get_one_sentence(snn: Call, folder: Path, text:
         (["preset"], "flat", "(lcs-4b) needs preset, one of paper, physical, not 'flat'"),
         (["normalised_rate"], 0, "needs normalised_rate, a positive number, not 0"),
         (["data_rate_bps"], float("nan"), "needs data_rate_bps, a positive number, not nan"),
-        (["cells"], "6", "needs cells, a number of cells, not '6'"),
+        (["cells"], 6, "needs cells, their numbers, not 6"),
+        (["cells", "of"], 0, "needs cells.of, at least 1, not 0"),
+        (["cells", "whole_seeds"], 0, "needs cells.whole_seeds, at least 1, not 0"),
+        (["class_names"], ["a", "b"], "needs class_names, 3 names, not ['a', 'b']"),
         (["last"], None, "needs the results of the last epoch, not None"),
         (["selected", "accuracy"], 1.2, "needs accuracy in 0..1, not 1.2"),
         (["last", "wilson_95"], [0.1], "needs wilson_95, [low, high] in 0..1, not [0.1]"),
         (["last", "confusion"], [[1, 2]], "needs confusion, a square table of numbers, not [[1, 2]]"),
-        (["last", "accuracy_of_seeds"], [], "needs accuracy_of_seeds, a list, not []"),
     ],
 )
 def test_bad_points_get_one_sentence(snn: Call, folder: Path, keys: list[str], value: Any, sentence: str) -> None:
@@ -382,7 +402,10 @@ def trained(folder: Path, experiment: Experiment = EXPERIMENT, **fields: Any) ->
     network = build(NetworkConfig(inputs=channels, classes=3, hidden=32, decay=0.9, output_decay=0.9, **fields), seed=0)
     folder.mkdir(exist_ok=True)
     save_weights(folder / "weights.npz", Weights(network, ("brick", "grass", "gravel"), experiment.bins.bin_s))
+    textures = open_dataset("embedded")
+    labels = textures.labels[stratified_folds(textures.labels, 6)[1]].tolist()
     result = {"experiment": experiment.to_dict(), "fold": 1, "folds": 6, "seed": 0}
+    result |= {"class_names": list(textures.class_names), "labels": labels}
     (folder / "result.json").write_text(json.dumps(result))
     return ["--weights", str(folder / "weights.npz")]
 
@@ -402,7 +425,7 @@ def test_fig8_shows_the_first_test_image_and_its_logits(snn: Call, folder: Path,
     recording = record(textures[int(test[0])], "embedded", played.scan, EXPERIMENT.readout)
     assert np.array_equal(played.recording.events, recording.events)
     scan = collect([recording], EXPERIMENT.bins, textures.class_names)
-    network = scan_figure.load_weights(folder / "train" / "weights.npz").network.eval()
+    network = load_weights(folder / "train" / "weights.npz").network.eval()
     logits = network(scan.batch([0])).logits[0].detach().numpy()
     assert data["evidence"][-1] == pytest.approx(logits, rel=1e-4, abs=1e-5)
     assert len(data["hidden_spikes"]) == int(network.spikes(scan.batch([0])).sum()) > 0
@@ -419,6 +442,9 @@ def test_fig8_shows_the_first_test_image_and_its_logits(snn: Call, folder: Path,
         assert lines[name].get_ydata()[-1] == pytest.approx(value, rel=1e-4, abs=1e-5)
     widths = {name: line.get_linewidth() for name, line in lines.items()}
     assert max(widths, key=lambda name: widths[name]) == data["predicted"]
+    beside = {text.get_text(): text.xy for text in panels["evidence for each class"].texts}
+    assert set(beside) == {data["predicted"], data["true"]}
+    assert {x for x, _ in beside.values()} == {1}  # of the panel's width: on no line
     drawn = sum(len(line.get_xdata()) for line in panels["address events"].lines)
     assert drawn == len(recording.events)
     assert len(panels["hidden neurons"].lines[0].get_xdata()) == len(data["hidden_spikes"])
@@ -432,6 +458,32 @@ def test_fig8_of_the_paper_scan_counts_from_where_events_count(folder: Path) -> 
     assert played.ends_ms[-1] <= 1e3 * played.recording.duration_s
     assert not played.tested
     assert "grass/grass-03 (training image): true grass" in draw_fig8(played).get_suptitle()
+    assert notes(played) == ["events do not\ncount yet"]
+    assert notes(dataclasses.replace(played, start_s=0.1 * played.recording.duration_s)) == []  # no room
+
+
+def notes(played: Played) -> list[str]:
+    """Return the texts in the panel of the hidden neurons."""
+    hidden = [panel for panel in draw_fig8(played).axes if panel.get_title("left") == "hidden neurons"]
+    return [text.get_text() for text in hidden[0].texts]
+
+
+def test_labels_of_fig8_do_not_lie_on_each_other(folder: Path) -> None:
+    trained(folder / "train")
+    played = play(folder / "train" / "weights.npz", folder / "train" / "result.json")
+    grown = np.zeros_like(played.evidence)
+    grown[-1, 1 - played.texture.label] = 0.001  # another class wins by a hair
+    panel = draw_fig8(dataclasses.replace(played, evidence=grown)).axes[-1]
+    heights = sorted(text.xy[1] for text in panel.texts)
+    assert len(heights) == 2
+    assert heights[1] - heights[0] > 0.1 * (panel.get_ylim()[1] - panel.get_ylim()[0])
+
+
+def test_a_time_constant_of_zero_is_not_the_default(folder: Path) -> None:
+    config = ReadoutConfig(rows=2, columns=3, resolution=5, encoding="nlcs")
+    trained(folder / "train", Experiment(dataset="embedded", readout=config, bins=EXPERIMENT.bins, tau_s=0.0))
+    with pytest.raises(InputError, match="tau"):
+        play(folder / "train" / "weights.npz", folder / "train" / "result.json")
 
 
 def test_fig8_refuses_what_does_not_belong_together(snn: Call, folder: Path) -> None:
@@ -445,7 +497,7 @@ def test_fig8_refuses_what_does_not_belong_together(snn: Call, folder: Path) -> 
 
     result = json.loads((folder / "train" / "result.json").read_text())
     for change, sentence in (
-        ({"bins": {"bin_s": 0.002}}, "has time bins of 0.002 s"),
+        ({"bins": {"bin_s": 0.002}}, "other.json has other classes or time bins than"),
         ({"events": "replay"}, "is of a training on event files or frames; fig8 needs one on textures"),
         ({"dataset": str(folder / "cloth")}, "the textures are cloth, wool; give the textures of the training"),
         ({"readout": {"rows": 2, "columns": 2}}, "the network takes 12 channels, the scans have 8"),
@@ -453,6 +505,15 @@ def test_fig8_refuses_what_does_not_belong_together(snn: Call, folder: Path) -> 
     ):
         (folder / "other.json").write_text(json.dumps(result | {"experiment": result["experiment"] | change}))
         write_textures(folder / "cloth", ("cloth", "wool"))
+        refused(snn, sentence, "fig8", *options, "--result", "other.json")
+    for change, sentence in (
+        ({"class_names": ["a", "b", "c"]}, "other.json has other classes or time bins than"),
+        ({"fold": 6}, "the textures of dataset embedded are not those of other.json, or not in its folds"),
+        ({"fold": -1}, "the textures of dataset embedded are not those of other.json, or not in its folds"),
+        ({"labels": [0, 1, 2]}, "the textures of dataset embedded are not those of other.json, or not in its folds"),
+        ({"labels": 3}, "other.json is not the result of python -m snn train"),
+    ):
+        (folder / "other.json").write_text(json.dumps(result | change))
         refused(snn, sentence, "fig8", *options, "--result", "other.json")
     refused(snn, "holds a baseline for frames; fig8 needs a spiking network", "fig8",
             *trained(folder / "gru", kind="gru"))  # fmt: skip

@@ -24,9 +24,10 @@ from snn.__main__ import app as snn_app
 from snn.dataset import BinConfig
 from snn.exchange import Weights, save_weights
 from snn.network import NetworkConfig, build
-from snn.predict import Check, load_trained
+from snn.predict import Check
 from snn.predict_commands import predict
 from snn.scans import record, record_dataset
+from snn.trained import load_trained
 
 ROOT = Path(__file__).parents[1]
 CONFIG = ReadoutConfig(rows=1, columns=4)
@@ -450,9 +451,28 @@ def test_damaged_and_missing_files_are_refused(tmp_path: Path, trained: Path, re
     result = json.loads((trained / "result.json").read_text())
     note.write_text(json.dumps(result | {"class_names": ["a", "b", "c"]}))
     assert "has other classes or time bins than weights.npz" in call("--events", replayed, weights=path)[2]
-    result["experiment"]["frames"] = {"frames_per_step": 20}
+    for fold in (-1, 6):
+        note.write_text(json.dumps(result | {"fold": fold}))
+        assert "is damaged or not the result of a training" in call("--events", replayed, weights=path)[2]
+    result["experiment"] |= {"frames": {"frames_per_step": 20}, "network": {"kind": "rnn"}}
     note.write_text(json.dumps(result))
     assert "was trained on frames and cannot classify events" in call("--events", replayed, weights=path)[2]
     (tmp_path / "none").mkdir()
     assert "holds no event files (.npz)" in call("--events", tmp_path / "none")[2]
-    assert "cannot read" in call("--events", tmp_path / "none.npz")[2]
+    code, _, error = call("--events", tmp_path / "none.npz")
+    assert code == 2
+    assert error.endswith("none.npz does not exist; make one with python -m cocotb_tests replay\n")
+    code, _, error = call("--events", replayed, weights=tmp_path / "gone.npz")
+    assert (code, error) == (
+        2, f"error: weight file {tmp_path / 'gone.npz'} does not exist; make one with python -m snn train\n"
+    )  # fmt: skip
+
+
+def test_no_folder_is_made_before_the_input_is_read(tmp_path: Path, trained: Path, replayed: Path) -> None:
+    out = tmp_path / "new" / "a.json"
+    for weights, events in ((tmp_path / "gone.npz", replayed), (trained / "weights.npz", tmp_path / "gone")):
+        arguments = ["predict", str(weights), "--events", str(events), "--out", str(out)]
+        with pytest.raises(SystemExit) as left:
+            run(snn_app, "python -m snn", arguments)
+        assert left.value.code == 2
+        assert not out.parent.exists()

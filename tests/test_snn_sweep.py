@@ -25,7 +25,7 @@ from snn.dataset import ScanData
 from snn.experiment import Experiment
 from snn.scans import FrameConfig
 from snn.sweep import PointRun, SweepPoint, sweep
-from snn.sweep_command import parse_points
+from snn.sweep_command import _print_table, parse_points
 from snn.train import TrainConfig
 from snn.workers import Cluster, Local
 from tests.test_snn_train import easy_data
@@ -108,7 +108,7 @@ def test_rates_of_the_summary_by_hand(tmp_path: Path) -> None:
     assert lcs["data_rate_bps"] == 7000
     assert lcs["normalised_rate"] == pytest.approx(7000 / 640_000)
     assert summary(Experiment(readout=ReadoutConfig(encoding="nlcs", resolution=6)))["bits_per_event"] == 6
-    frame = summary(Experiment(frames=FrameConfig(frames_per_step=5)))
+    frame = summary(Experiment(frames=FrameConfig(frames_per_step=5), network={"kind": "rnn"}))
     assert (frame["readout"], frame["resolution"], frame["data_rate_bps"]) == ("frame", 10, 10_000)
 
 
@@ -143,6 +143,7 @@ def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path) -> No
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
     assert files(tmp_path / "killed") == files(tmp_path / "whole")
     assert "rnn-100" in result.output
+    assert f"draw it with python -m snn fig9 --sweep {tmp_path}/whole" in "".join(result.output.splitlines())
     summary = json.loads((tmp_path / "whole" / "sweep.json").read_text())
     assert summary["command"] == (
         f"python -m snn sweep --points lcs:4,rnn:100 --config {tmp_path}/small.json --dataset embedded --bin 0.01 "
@@ -163,6 +164,12 @@ def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path) -> No
         ("--points lcs:99", "point lcs:99: resolution must be"),
         ("--points rnn:0", "point rnn:0: frames_per_step must be at least 1, not 0"),
         ("--points lcs:4 --tau 0.1", "--tau is the leak of nlcs, but --points has no nlcs point; leave it out"),
+        (
+            "--recipe gru --points lcs:4",
+            "--recipe gru is for frames; leave it out and add the point gru:20 to --points",
+        ),
+        ("--points lcs:4 --set kind=gru", "point lcs:4: a network of kind gru is for frames, not for events"),
+        ("--points gru:20 --bin 0.004", "--bin is for events, but --points has only frames; leave it out"),
         ("--workers 2 --scheduler tcp://a:1", "--workers counts processes of this machine"),
     ],
 )
@@ -170,6 +177,26 @@ def test_bad_options_get_one_sentence(options: str, message: str, tmp_path: Path
     result = CliRunner().invoke(app, ["sweep", "--dataset", "embedded", "--out", str(tmp_path), *options.split()])
     assert isinstance(result.exception, InputError)
     assert str(result.exception).startswith(message)
+
+
+def test_the_table_has_the_interval_over_images_and_seeds(capsys: pytest.CaptureFixture[str]) -> None:
+    found = {"accuracy": 0.8, "wilson_95": [0.75, 0.85], "bootstrap_95": [0.612, 0.934]}
+    found |= {"sd_over_folds": 0.011, "sd_over_cells": 0.157}
+    _print_table([{"name": "lcs-6", "normalised_rate": 1.085, "last": found, "selected": found | {"accuracy": 0.7}}])
+    title, row = capsys.readouterr().out.split("point")
+    assert "95 % interval over images and seeds; sd over cells" in " ".join(title.split())
+    assert row.splitlines()[-2].split() == ["lcs-6", "1.08", "80.0", "61.2", "to", "93.4", "15.7", "70.0", "15.7"]
+
+
+def test_a_summary_that_cannot_be_written_is_refused_before_the_scans(tmp_path: Path) -> None:
+    (tmp_path / "sweep.json").mkdir()
+    with pytest.raises(InputError, match=r"sweep\.json: it is a folder"):
+        sweep(points(), tmp_path, crew=Local(1), folds=2, seeds=1, progress=lambda *_: pytest.fail("it began"))
+
+
+def test_as_many_processes_as_cores_that_may_be_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {3}, raising=False)
+    assert Local().window == 1
 
 
 def test_points_are_encoder_and_number() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import subprocess
 import sys
 import time
@@ -14,14 +15,16 @@ import pytest
 import torch
 from typer.testing import CliRunner
 
+from model.config import ReadoutConfig
 from model.errors import InputError
 from snn.__main__ import app
-from snn.crossval import bootstrap, summarise, wilson
+from snn.crossval import bootstrap, check_same, summarise, wilson, write_json
 from snn.dataset import ScanData
 from snn.experiment import Experiment, stratified_folds
-from snn.network import NetworkConfig
-from snn.options import parse_settings
-from snn.recipes import RECIPES
+from snn.network import NetworkConfig, build
+from snn.options import build_experiment, parse_settings
+from snn.recipes import BASELINES, RECIPES
+from snn.scans import FrameConfig
 from snn.sweep import cross_validate
 from snn.train import DivergedError, Epoch, TrainConfig, predict, train
 
@@ -155,10 +158,18 @@ def test_a_checkpoint_of_another_configuration_or_a_damaged_one_is_refused(tmp_p
     with pytest.raises(InputError) as error:
         train(data, range(21), small_network(), config, 1, checkpoint=path)
     assert str(error.value) == (
-        f"checkpoint {path} is of another configuration (different: seed); remove it or name another file"
+        f"checkpoint {path} is of another configuration (seed: 0 there, 1 now); "
+        f"remove it or choose another folder with --out"
     )
-    with pytest.raises(InputError, match=r"different: network\)"):
+    with pytest.raises(InputError, match=r"\(hidden: 16 there, 17 now\)"):
         train(data, range(21), small_network(hidden=17), config, 0, checkpoint=path)
+    with pytest.raises(InputError, match=r"\(other images; epochs: 1 there, 100 now\)"):
+        train(data, range(20), small_network(), TrainConfig(epochs=100), 0, checkpoint=path)
+    content = torch.load(path, weights_only=True)
+    del content["network"]["w_in"]
+    torch.save(content, path)
+    with pytest.raises(InputError, match="is damaged; remove it to start anew"):
+        train(data, range(21), small_network(), config, 0, checkpoint=path)
     path.write_bytes(path.read_bytes()[:1000])
     with pytest.raises(InputError, match="is damaged; remove it to start anew"):
         train(data, range(21), small_network(), config, 0, checkpoint=path)
@@ -190,8 +201,23 @@ def test_folds_are_stratified_and_cover_every_image_once() -> None:
 def test_the_published_interval_comes_out() -> None:
     low, high = wilson(211, 240)
     assert (round(100 * low), round(100 * high)) == (83, 91)
-    low, high = bootstrap(np.repeat([1.0, 0.0], [211, 29]))
+    low, high = bootstrap(np.repeat([1.0, 0.0], [211, 29])[:, None])  # one seed: over images
     assert 0.82 < low < 0.85 < 0.90 < high < 0.93
+
+
+def test_the_interval_holds_the_spread_of_images_and_seeds() -> None:
+    generator = np.random.default_rng(0)
+    accuracies = np.array([0.95, 0.9, 0.5])  # the third seed fails
+    correct = (generator.random((240, 3)) < accuracies).astype(float)
+    low, high = bootstrap(correct)
+    assert low == pytest.approx(0.5, abs=0.06)  # the third seed three times: 1 of 27 draws
+    assert high == pytest.approx(0.94, abs=0.02)
+    assert low < wilson(correct.mean() * 240, 240)[0] - 0.1
+    for fixed in (np.tile(accuracies, (240, 1)), np.tile(generator.random((240, 1)), (1, 3))):
+        low, high = bootstrap(fixed)
+        means = fixed[generator.integers(240, size=(4000, 240, 1)), generator.integers(3, size=(4000, 1, 3))]
+        wanted = np.percentile(means.mean((1, 2)), [2.5, 97.5])
+        assert (low, high) == pytest.approx(tuple(wanted), abs=0.01)
 
 
 def test_the_summary_of_two_cells_by_hand() -> None:
@@ -204,6 +230,13 @@ def test_the_summary_of_two_cells_by_hand() -> None:
     assert found["last"]["confusion"] == [[1, 1], [0, 2]]
     assert found["last"]["sd_over_folds"] == pytest.approx(0.5 / 2**0.5)
     assert found["selected"]["accuracy"] == 0.5
+    assert found["last"]["bootstrap_95"] == bootstrap(np.array([[1.0], [1.0], [0.0], [1.0]]))
+    others = [cell | {"seed": 1, "last": cell["selected"], "selected": cell["last"]} for cell in cells]
+    found = summarise([*cells, *others], 4, 2)["last"]
+    assert found["accuracy"] == 0.625
+    assert found["wilson_95"] == wilson(2.5, 4)
+    assert found["bootstrap_95"] == bootstrap(np.array([[1.0, 1.0], [1.0, 0.0], [0.0, 1.0], [1.0, 0.0]]))
+    assert found["sd_over_cells"] == pytest.approx(np.std([1.0, 0.5, 0.5, 0.5], ddof=1))
 
 
 def test_cells_are_kept_and_only_missing_ones_are_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -268,26 +301,135 @@ def test_settings_become_fields() -> None:
 def test_every_recipe_is_a_valid_experiment(name: str) -> None:
     of_training = set(TrainConfig.__dataclass_fields__)
     fields = RECIPES[name]
-    Experiment(
+    experiment = Experiment(
         network={key: value for key, value in fields.items() if key not in of_training},
         train=TrainConfig(**{key: value for key, value in fields.items() if key in of_training}),
+        frames=FrameConfig() if name in BASELINES else None,
     )
+    assert Experiment.from_dict(json.loads(json.dumps(experiment.to_dict()))) == experiment
+
+
+def test_frames_and_the_kind_of_network_belong_together() -> None:
+    with pytest.raises(InputError, match=r"^a network of kind spiking is for events, not for frames; frames need both"):
+        Experiment(frames=FrameConfig())
+    with pytest.raises(InputError, match=r"^a network of kind gru is for frames, not for events; "):
+        Experiment(network={"kind": "gru"})
+
+
+def test_the_leak_of_an_nlcs_experiment() -> None:
+    def tau_of(experiment: Experiment) -> float:
+        return Experiment.from_dict(json.loads(json.dumps(experiment.to_dict()))).scan_and_config()[1].tau_s
+
+    plain = ReadoutConfig(encoding="nlcs", resolution=4)
+    assert tau_of(Experiment(readout=plain)) == pytest.approx(0.2, rel=0.01)
+    assert tau_of(Experiment(readout=plain, tau_s=0.1)) == pytest.approx(0.1, rel=0.01)
+    own = plain.replace(leak_shift=4, leak_period=20)
+    assert tau_of(Experiment(readout=own)) == own.tau_s
+    with pytest.raises(InputError, match=r"^tau must be a positive number of seconds, not 0"):
+        tau_of(Experiment(readout=plain, tau_s=0.0))
+
+
+@pytest.mark.parametrize(
+    ("fields", "options", "tau_s"),
+    [
+        ({}, {}, 0.2),
+        ({"leak_shift": 3, "leak_period": 100}, {}, ReadoutConfig(leak_shift=3, leak_period=100).tau_s),
+        ({"leak_shift": 3, "leak_period": 100}, {"tau": 0.1}, 0.1),
+        ({"leak_shift": 6, "leak_period": 63, "sample_rate_hz": 10000.0}, {}, 0.4),
+    ],
+)
+def test_the_leak_of_a_configuration_file_is_kept(
+    tmp_path: Path, fields: dict[str, Any], options: dict[str, Any], tau_s: float
+) -> None:
+    (tmp_path / "nlcs.json").write_text(json.dumps({"encoding": "nlcs"} | fields))
+    names = ("preset", "encoding", "resolution", "tau", "dataset", "events", "start_rows", "bin_s", "settings")
+    given = dict.fromkeys(names) | {"config_file": tmp_path / "nlcs.json", "frames": 0, "recipe": "tuned", "epochs": 1}
+    _, config = build_experiment(given | options).scan_and_config()
+    assert config.tau_s == pytest.approx(tau_s, rel=0.01)
+    assert "leak_shift" not in fields or options or config.leak_shift == fields["leak_shift"]
+
+
+def test_an_experiment_on_event_files_names_no_readout_of_its_own() -> None:
+    experiment = Experiment(events="replay", readout=ReadoutConfig(resolution=4))
+    assert experiment.to_dict()["readout"] is None
+    assert Experiment.from_dict(experiment.to_dict()) == experiment
+
+
+def test_a_float_that_json_has_not_comes_back(tmp_path: Path) -> None:
+    experiment = Experiment(network={"floor": -math.inf})
+    write_json(tmp_path / "a.json", {"experiment": experiment.to_dict(), "gradient": math.inf})
+    text = (tmp_path / "a.json").read_text()
+    assert '"floor": "-inf"' in text
+    assert "Infinity" not in text
+    found = json.loads(text)["experiment"]
+    assert Experiment.from_dict(found) == experiment
+    check_same(tmp_path / "a.json", found, experiment.to_dict())
+
+
+def test_too_few_images_or_folds_are_refused_before_any_training(tmp_path: Path) -> None:
+    experiment = Experiment(network={"hidden": 16}, train=TrainConfig(epochs=1))
+    for folds in (1, 0, -1):
+        with pytest.raises(InputError, match=f"^folds must be at least 2, not {folds}$"):
+            cross_validate(experiment, tmp_path / "a", folds=folds, data=easy_data())
+    message = "^inner validation needs 5 training images of each class, fold 0 leaves 4 of brick; take more images or "
+    with pytest.raises(InputError, match=message):
+        cross_validate(experiment, tmp_path / "b", folds=3, data=easy_data(18))
+    cross_validate(experiment, tmp_path / "c", folds=3, seeds=1, data=easy_data(24))
+
+
+def test_a_network_that_is_too_large_gets_one_sentence() -> None:
+    with pytest.raises(MemoryError, match="hidden=2000000000 is too large; take fewer"):
+        build(NetworkConfig(inputs=8, classes=3, hidden=2_000_000_000), 0)
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--recipe", "best"], "recipe must be one of plain, paper, tuned, not 'best'"),
+        (["--recipe", "best"], "recipe must be one of plain, paper, tuned, rnn, gru, cnn, not 'best'"),
         (["--tau", "0.2"], "--tau is the leak of encoding nlcs, not of lcs; add --encoding nlcs"),
-        (["--device", "cuda:77"], "device cuda:77 is not available here; use cpu"),
+        (["--device", "cuda:77"], "device 'cuda:77' is not available here; use cpu"),
+        (["--device", "meta"], "device 'meta' is not available here; use cpu"),
+        (["--tau", "0", "--encoding", "nlcs"], "tau must be a positive number of seconds, not 0"),
+        (["--frames", "20"], "a network of kind spiking is for events, not for frames; "),
+        (["--recipe", "gru"], "a network of kind gru is for frames, not for events; "),
+        (["--frames", "20", "--recipe", "gru", "--bin", "0.004"], "--bin has no effect with --frames; leave one"),
+        (["--frames", "20", "--recipe", "gru", "--resolution", "4"], "--resolution has no effect with --frames"),
+        (["--frames", "20", "--recipe", "gru", "--encoding", "lcs"], "--encoding has no effect with --frames"),
+        (["--frames", "20", "--recipe", "gru", "--tau", "1"], "--tau has no effect with --frames"),
+        (["--events", "x", "--dataset", "embedded"], "--dataset has no effect with --events; leave one of the two out"),
+        (["--events", "x", "--preset", "physical"], "--preset has no effect with --events"),
+        (["--events", "x", "--resolution", "4"], "--resolution has no effect with --events"),
+        (["--events", "x", "--start-rows", "1"], "--start-rows has no effect with --events"),
+        (["--events", "x", "--config", "c.json"], "--config has no effect with --events"),
+        (["--fold", "6"], "fold must be in 0..5, not 6"),
         (["--events", "nowhere"], "event folder nowhere does not exist; make one with python -m cocotb_tests replay"),
         (["--preset", "paper", "--start-rows", "2"], "the paper preset has one start row; use the physical preset"),
     ],
 )
-def test_bad_options_get_one_sentence(options: list[str], message: str) -> None:
-    result = CliRunner().invoke(app, ["train", "--dataset", "embedded", *options])
+def test_bad_options_get_one_sentence(options: list[str], message: str, tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["train", "--out", str(tmp_path / "out"), *options])
     assert isinstance(result.exception, InputError)
     assert str(result.exception).startswith(message)
+
+
+@pytest.mark.parametrize("options", [["--folds", "0"], ["--folds", "-1"], ["--seed", "9" * 23]])
+def test_numbers_out_of_range_are_wrong_usage(options: list[str]) -> None:
+    result = CliRunner().invoke(app, ["train", *options])
+    assert result.exit_code == 2
+    assert "Input should be " in result.output
+
+
+@pytest.mark.parametrize("name", ["checkpoint.pt", "result.json", "weights.npz"])
+def test_an_output_that_cannot_be_written_is_refused_before_the_scans(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / name).mkdir()
+    monkeypatch.delattr(Experiment, "data")
+    result = CliRunner().invoke(app, ["train", "--dataset", "embedded", "--out", str(tmp_path)])
+    assert str(result.exception) == f"cannot write {tmp_path / name}: it is a folder; give the name of a file"
+    if name == "result.json":
+        result = CliRunner().invoke(app, ["crossval", "--dataset", "embedded", "--out", str(tmp_path)])
+        assert str(result.exception).startswith(f"cannot write {tmp_path / name}: it is a folder")
 
 
 def test_crossval_prints_both_readings(tmp_path: Path) -> None:
@@ -308,8 +450,10 @@ def test_crossval_prints_both_readings(tmp_path: Path) -> None:
     options += ["--folds", "2", "--seeds", "1", "--epochs", "2", "--out", str(tmp_path / "cv")]
     result = CliRunner().invoke(app, ["crossval", *options])
     assert result.exit_code == 0, result.output
-    assert "last epoch: " in result.output
-    assert "epoch selected by inner validation: " in result.output
     report = json.loads((tmp_path / "cv" / "result.json").read_text())
+    for reading, words in (("last", "last epoch"), ("selected", "epoch selected by inner validation")):
+        low, high = report[reading]["bootstrap_95"]
+        assert f"{words}: {report[reading]['accuracy']:.1%}, 95 % interval over images and seeds " in result.output
+        assert f"seeds {low:.1%} to {high:.1%} (48 images, 1 seeds), standard deviation over cells " in result.output
     assert report["last"]["images"] == 48
     assert report["experiment"]["readout"]["resolution"] == 4

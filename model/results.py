@@ -1,0 +1,48 @@
+"""Data and picture of a figure in files, and the options of the commands that write them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from model.errors import InputError
+from model.files import atomic_write
+
+DEFAULT_OUT = Path("out")
+
+OutOption = Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="folder for data and picture")]
+DataOption = Annotated[
+    Path | None, typer.Option("--data", metavar="DIR", help="folder for the data, if another", show_default=False)
+]
+
+
+def write_results(
+    out: Path,
+    name: str,
+    data: dict[str, Any],
+    plot: Callable[[dict[str, Any], Path], None],
+    data_out: Path | None = None,
+    quiet: bool = False,
+) -> None:
+    """Write the data as ``name``.json, then the picture that is made from them as ``name``.png.
+
+    Parameters
+    ----------
+    out, data_out : Path
+        Folders of the picture and of the data; made if they are not there.
+    """
+    data_out = data_out or out
+    for folder in (out, data_out):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot make the folder {folder}: {error.strerror}; choose another --out") from None
+    with atomic_write(data_out / f"{name}.json") as file:
+        file.write(json.dumps(data, indent=1).encode() + b"\n")
+    plot(data, out / f"{name}.png")
+    if not quiet:
+        print(f"wrote {data_out / name}.json and {out / name}.png")

@@ -1,0 +1,68 @@
+"""Confusion matrices of the points of sweeps: their data, and the picture made from those data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from model.errors import InputError
+from model.plots import new_figure, save_figure
+from model.texture import PRESETS
+from snn.figures import READINGS, Data, Sweep, measured, own_point, partial
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def confusion_data(sweeps: Sequence[Sweep], reading: str, name: str | None = None) -> Data:
+    """Return the confusion matrices of the points of a name, or of the best finished spiking point of each preset."""
+    candidates = [(sweep, point) for sweep in sweeps for point in sweep.points if measured(point)]
+    if name is not None:
+        chosen = [(sweep, point) for sweep, point in candidates if point["name"] == name]
+        if not chosen:
+            known = dict.fromkeys(point["name"] for _, point in candidates)
+            raise InputError(f"no point is called {name!r}; there are {', '.join(known) or 'none with results'}")
+    else:
+        chosen = []
+        for preset in PRESETS:
+            finished = [(sweep, point) for sweep, point in candidates if not partial(point)]
+            spiking = [c for c in finished if c[1]["preset"] == preset and c[1]["readout"] != "frame"]
+            if spiking:
+                chosen.append(max(spiking, key=lambda c: c[1][reading]["accuracy"]))
+    return {
+        "reading": reading,
+        "points": [
+            own_point(sweep, point, reading)
+            | {"class_names": point["class_names"], "confusion": point[reading]["confusion"]}
+            for sweep, point in chosen
+        ],
+    }
+
+
+def plot_confusion(data: Data, path: Path) -> None:
+    """Draw confusion matrices; see :func:`draw_confusion`."""
+    save_figure(draw_confusion(data), path)
+
+
+def draw_confusion(data: Data) -> Figure:
+    """Return one matrix for each point: rows true classes, columns predicted ones, percent of the row."""
+    points = data["points"]
+    figure = new_figure(4.3 * len(points) + 0.4, 4.3, f"Confusion, {READINGS[data['reading']]}")
+    panels = figure.subplots(1, len(points), squeeze=False)[0]
+    for panel, point in zip(panels, points, strict=True):
+        names = point["class_names"]
+        shares = [[100 * n / sum(row) if sum(row) else 0.0 for n in row] for row in point["confusion"]]
+        panel.imshow(shares, cmap="Blues", vmin=0, vmax=100)
+        for i, row in enumerate(shares):
+            for j, share in enumerate(row):
+                colour = "white" if share > 55 else "black" if share else "#aaaaaa"
+                panel.text(j, i, f"{share:.1f}", ha="center", va="center", fontsize=7.5, color=colour)
+        panel.set_xticks(range(len(names)), names, rotation=35, ha="right", rotation_mode="anchor", fontsize=8)
+        panel.set_yticks(range(len(names)), names, fontsize=8)
+        panel.spines[:].set_visible(False)
+        panel.tick_params(length=0)
+        panel.set_xlabel("predicted (% of the true class)", fontsize=8.5)
+        panel.set_ylabel("true", fontsize=8.5)
+        panel.set_title(f"{point['label']}: {100 * point['accuracy']:.1f} %", fontsize=8.5, loc="left")
+    return figure

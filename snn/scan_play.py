@@ -1,0 +1,218 @@
+"""One scan through a trained network: events, hidden spikes and the evidence for each class (for Fig. 8)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn import functional
+
+from model.config import ReadoutConfig
+from model.dataset import Texture, open_dataset
+from model.errors import InputError
+from model.events import Recording
+from model.report_data import read_json
+from model.scan import Scan
+from snn.dataset import BinConfig, collect
+from snn.exchange import Weights, load_weights
+from snn.experiment import Experiment, stratified_folds
+from snn.network import SpikingNetwork
+from snn.recurrent import layer
+from snn.scans import record
+
+MEANINGS = {"spikes": "output spikes so far", "membrane": "output membranes so far, divided by all steps"}
+"""The evidence, by the readout of the network."""
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """One scan and what the network makes of it.
+
+    Attributes
+    ----------
+    texture : Texture
+    tested : bool
+        The image was none of those that the network learned from.
+    scan : Scan
+    recording : Recording
+        Its events.
+    signals : array, shape (ticks, taxels)
+        Samples in full scales.
+    start_s, step_s : float
+        Begin of the first time step, and length of a step.
+    spikes : array, shape (steps, hidden)
+        Spikes of the hidden neurons, 0 or 1.
+    evidence : array, shape (steps, classes)
+        See :func:`evidence`.
+    class_names : tuple of str
+    meaning : str
+        What the evidence is, in words.
+    """
+
+    texture: Texture
+    tested: bool
+    scan: Scan
+    recording: Recording
+    signals: NDArray[np.float64]
+    start_s: float
+    step_s: float
+    spikes: NDArray[np.float32]
+    evidence: NDArray[np.float32]
+    class_names: tuple[str, ...]
+    meaning: str
+
+    @property
+    def predicted(self) -> str:
+        """Class of the largest evidence at the end."""
+        return self.class_names[int(self.evidence[-1].argmax())]
+
+    @property
+    def ends_ms(self) -> NDArray[np.floating[Any]]:
+        """End of every time step in milliseconds."""
+        return 1e3 * (self.start_s + self.step_s * np.arange(1, len(self.spikes) + 1))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what the network says, for a file: hidden spikes as pairs (step, neuron)."""
+        return {
+            "image": self.texture.name,
+            "of_the_test_fold": self.tested,
+            "preset": self.scan.name,
+            "readout": self.recording.config.to_dict(),
+            "events": len(self.recording.events),
+            "start_s": self.start_s,
+            "step_s": self.step_s,
+            "class_names": list(self.class_names),
+            "true": self.texture.class_name,
+            "predicted": self.predicted,
+            "evidence": self.evidence.tolist(),
+            "hidden_spikes": np.argwhere(self.spikes).tolist(),
+        }
+
+
+@torch.no_grad()
+def evidence(network: SpikingNetwork, x: Tensor) -> tuple[Tensor, Tensor]:
+    """Return hidden spikes and the evidence for each class as it grows; the last step has the network's logits.
+
+    Parameters
+    ----------
+    network : SpikingNetwork
+    x : shape (steps, scans, inputs)
+
+    Returns
+    -------
+    spikes : shape (steps, scans, hidden)
+    evidence : shape (steps, scans, classes)
+        Output spikes so far; or the sum of the output membranes so far, divided by the number of all steps.
+    """
+    config = network.config
+    spikes = network.spikes(x)
+    _, decay = network.decays()
+    if config.readout == "spikes":
+        parts = layer(config.rule, spikes, network.w_out, network.b_out, decay, None, network.backend)
+    else:
+        parts = functional.linear(spikes, network.w_out, network.b_out)
+        for step in range(1, len(parts)):
+            parts[step] += decay * parts[step - 1]
+        parts /= len(parts)
+    return spikes, parts.cumsum(0) * config.output_scale
+
+
+def play(weights_file: Path, result_file: Path, dataset: str | None = None, image: str | None = None) -> Played:
+    """Return a scan of the dataset that a network was trained on, played through that network.
+
+    Parameters
+    ----------
+    weights_file, result_file : Path
+        What ``python -m snn train`` wrote: the network, and the experiment that says how scans are made.
+    dataset : str, optional
+        Place of the textures, where it is another than in training.
+    image : str, optional
+        Name of the texture; by default the first test image of the fold.
+
+    Raises
+    ------
+    InputError
+        If the two files do not belong together, or are not of a spiking network on textures.
+    """
+    weights = load_weights(weights_file)
+    if not result_file.is_file():
+        raise InputError(
+            f"{result_file} does not exist, and only the result of the training says how its scans were made; "
+            f"name it with --result"
+        )
+    network = weights.network
+    if not isinstance(network, SpikingNetwork):
+        raise InputError(f"{weights_file} holds a baseline for frames; fig8 needs a spiking network")
+    result = read_json(result_file, "the result of the training")
+    try:
+        experiment = Experiment.from_dict(result["experiment"])
+        fold, folds, labels = int(result["fold"]), int(result["folds"]), list(result["labels"])
+        classes = tuple(result["class_names"])
+    except InputError:
+        raise
+    except (KeyError, TypeError, ValueError, AttributeError):
+        raise InputError(f"{result_file} is not the result of python -m snn train; name that with --result") from None
+    if experiment.events is not None or experiment.frames is not None:
+        raise InputError(f"{result_file} is of a training on event files or frames; fig8 needs one on textures")
+    scan, config = experiment.scan_and_config()
+    bins = experiment.bins
+    if classes != weights.class_names or bins.bin_s != weights.step_s:
+        raise InputError(
+            f"{result_file} has other classes or time bins than {weights_file}; they are of two trainings, name the "
+            f"right one with --result"
+        )
+    textures = open_dataset(dataset or experiment.dataset)
+    if textures.class_names != weights.class_names:
+        raise InputError(
+            f"the network knows the classes {', '.join(weights.class_names)}, the textures are "
+            f"{', '.join(textures.class_names)}; give the textures of the training with --dataset"
+        )
+    test = dict(enumerate(stratified_folds(textures.labels, folds))).get(fold)
+    if test is None or textures.labels[test].tolist() != labels:
+        raise InputError(
+            f"the textures of dataset {textures.name} are not those of {result_file}, or not in its folds; give the "
+            f"textures of the training with --dataset"
+        )
+    index = int(test[0]) if image is None else _index(image, [texture.name for texture in textures])
+    return _played(weights, network, textures[index], textures.name, index in test, scan, config, bins)
+
+
+def _index(image: str, names: list[str]) -> int:
+    if image not in names:
+        raise InputError(f"no image is called {image!r}; there are {len(names)}, from {names[0]} to {names[-1]}")
+    return names.index(image)
+
+
+def _played(
+    weights: Weights,
+    network: SpikingNetwork,
+    texture: Texture,
+    dataset_name: str,
+    tested: bool,
+    scan: Scan,
+    config: ReadoutConfig,
+    bins: BinConfig,
+) -> Played:
+    recording = record(texture, dataset_name, scan, config)
+    codes, _ = scan.samples(config, texture.load())
+    spikes, grown = evidence(network, collect([recording], bins, weights.class_names).batch([0]))
+    scale = network.config.output_scale
+    counted_s = scan.skipped_ticks(config) / config.sample_rate_hz
+    return Played(
+        texture=texture,
+        tested=tested,
+        scan=scan,
+        recording=recording,
+        signals=codes / config.full_scale,
+        start_s=counted_s if bins.start_s is None else bins.start_s,
+        step_s=bins.bin_s,
+        spikes=spikes[:, 0].numpy(),
+        evidence=grown[:, 0].numpy(),
+        class_names=weights.class_names,
+        meaning=MEANINGS[network.config.readout] + (f", times {scale:g}" if scale != 1 else ""),
+    )

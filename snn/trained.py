@@ -1,0 +1,167 @@
+"""A trained network with the result of its training: readout, time bins, and which images it has learned."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.config import ReadoutConfig
+from model.dataset import open_dataset
+from model.errors import InputError
+from model.events import Recording
+from snn.dataset import BinConfig, load_recordings
+from snn.exchange import Weights, load_weights
+from snn.experiment import Experiment, stratified_folds
+
+TEST, TRAINING, OTHER = "test", "training", "other"
+"""Part of a recording: of the fold that was left out, of the images that were learned, or of neither."""
+
+
+@dataclass(frozen=True)
+class TrainingResult:
+    """What ``result.json`` of ``python -m snn train`` says about a training.
+
+    Attributes
+    ----------
+    experiment : Experiment
+    class_names : tuple of str
+    fold, folds : int
+    labels : list of int
+        Of the test images.
+    """
+
+    experiment: Experiment
+    class_names: tuple[str, ...]
+    fold: int
+    folds: int
+    labels: list[int]
+
+    def test_images(self, labels: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the images of the fold; refuse others than those of the training, by their labels."""
+        test = stratified_folds(labels, self.folds)[self.fold]
+        if labels[test].tolist() != self.labels:
+            raise InputError("the images found here are not those of the training")
+        return test
+
+
+def read_result(path: Path, weights_file: Path, weights: Weights) -> TrainingResult:
+    """Return the result of the training that gave these weights.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged or something else, or belongs to other weights.
+    """
+    try:
+        content = json.loads(path.read_text())
+        result = TrainingResult(
+            experiment=Experiment.from_dict(content["experiment"]),
+            class_names=tuple(content["class_names"]),
+            fold=int(content["fold"]),
+            folds=int(content["folds"]),
+            labels=list(content["labels"]),
+        )
+        if not 0 <= result.fold < result.folds:
+            raise ValueError
+    except (OSError, KeyError, TypeError, ValueError, AttributeError, RecursionError):
+        raise InputError(f"{path} is damaged or not the result of a training; remove it or train again") from None
+    same_bins = result.experiment.frames is not None or result.experiment.bins.bin_s == weights.step_s
+    if result.class_names != weights.class_names or not same_bins:
+        raise InputError(
+            f"{path} has other classes or time bins than {weights_file.name}; keep only what belongs together"
+        )
+    return result
+
+
+@dataclass(frozen=True)
+class Trained:
+    """A network from a file, with what the result of its training says about it.
+
+    Attributes
+    ----------
+    weights : Weights
+    bins : BinConfig
+        Of the training; without its result the defaults with the step of the weights.
+    parts : dict
+        TEST or TRAINING by name of the image; empty where that is not known.
+    dataset : str or None
+        Name of the dataset of these images, None if they came from event files.
+    unknown : str
+        Why ``parts`` is empty.
+    readout : ReadoutConfig or None
+        That of the training, where it is known.
+    """
+
+    weights: Weights
+    bins: BinConfig
+    parts: dict[str, str] = field(default_factory=dict)
+    dataset: str | None = None
+    unknown: str = ""
+    readout: ReadoutConfig | None = None
+
+    def other_fields(self, config: ReadoutConfig) -> list[str]:
+        """Return the fields in which a readout is not that of the training, in words."""
+        if self.readout is None:
+            return []
+        learned = self.readout.to_dict()
+        return [
+            f"{name} {value}, in training {learned[name]}"
+            for name, value in config.to_dict().items()
+            if value != learned[name]
+        ]
+
+    def part_of(self, recording: Recording) -> str:
+        """Return TEST, TRAINING or OTHER."""
+        metadata = recording.metadata
+        if self.dataset is not None and metadata.get("dataset") != self.dataset:
+            return OTHER
+        return self.parts.get(str(metadata.get("name")), OTHER)
+
+
+def load_trained(path: Path) -> Trained:
+    """Return the network of a weight file, and what ``result.json`` beside it says about bins and folds.
+
+    Raises
+    ------
+    InputError
+        If a file is missing or damaged, the two do not belong together, or the network takes frames.
+    """
+    if not path.exists():
+        raise InputError(f"weight file {path} does not exist; make one with python -m snn train")
+    weights = load_weights(path)
+    note = path.parent / "result.json"
+    if not note.exists():
+        bins = BinConfig(bin_s=weights.step_s)
+        return Trained(weights, bins, unknown=f"there is no {note.name} of the training beside {path.name}")
+    result = read_result(note, path, weights)
+    experiment = result.experiment
+    if experiment.frames is not None:
+        raise InputError(f"{path} was trained on frames and cannot classify events; train it without --frames")
+    readout = experiment.scan_and_config()[1] if experiment.events is None else None
+    try:
+        names, labels, dataset = _images_of(experiment, result.class_names)
+    except InputError as error:
+        unknown = f"the images of the training are not there ({error})"
+        return Trained(weights, experiment.bins, unknown=unknown, readout=readout)
+    try:
+        tested = set(result.test_images(labels).tolist())
+    except InputError as error:
+        return Trained(weights, experiment.bins, unknown=str(error), readout=readout)
+    parts = {name: TEST if number in tested else TRAINING for number, name in enumerate(names)}
+    return Trained(weights, experiment.bins, parts, dataset, readout=readout)
+
+
+def _images_of(experiment: Experiment, classes: Sequence[str]) -> tuple[Sequence[str], NDArray[np.int64], str | None]:
+    """Return names, labels and dataset of the images of a training, in its order."""
+    if experiment.events is not None:
+        data = load_recordings(Path(experiment.events), experiment.bins, classes)
+        return data.names, data.image_labels, None
+    dataset = open_dataset(experiment.dataset)
+    if dataset.class_names != tuple(classes):
+        raise InputError(f"dataset {dataset.name} has other classes")
+    return [texture.name for texture in dataset], dataset.labels, dataset.name
