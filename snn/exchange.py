@@ -97,6 +97,8 @@ def load_weights(path: Path) -> Weights:
     InputError
         If the file cannot be read, is damaged, or is something else.
     """
+    if not path.exists():
+        raise InputError(f"weight file {path} does not exist; make one with python -m snn train")
     try:
         with np.load(path, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}

@@ -16,14 +16,13 @@ from model.config import ReadoutConfig
 from model.dataset import Texture, open_dataset
 from model.errors import InputError
 from model.events import Recording
-from model.report_data import read_json
 from model.scan import Scan
 from snn.dataset import BinConfig, collect
 from snn.exchange import Weights, load_weights
-from snn.experiment import Experiment, stratified_folds
 from snn.network import SpikingNetwork
 from snn.recurrent import layer
 from snn.scans import record
+from snn.trained import read_result
 
 MEANINGS = {"spikes": "output spikes so far", "membrane": "output membranes so far, divided by all steps"}
 """The evidence, by the readout of the network."""
@@ -148,38 +147,20 @@ def play(weights_file: Path, result_file: Path, dataset: str | None = None, imag
     network = weights.network
     if not isinstance(network, SpikingNetwork):
         raise InputError(f"{weights_file} holds a baseline for frames; fig8 needs a spiking network")
-    result = read_json(result_file, "the result of the training")
-    try:
-        experiment = Experiment.from_dict(result["experiment"])
-        fold, folds, labels = int(result["fold"]), int(result["folds"]), list(result["labels"])
-        classes = tuple(result["class_names"])
-    except InputError:
-        raise
-    except (KeyError, TypeError, ValueError, AttributeError):
-        raise InputError(f"{result_file} is not the result of python -m snn train; name that with --result") from None
+    result = read_result(result_file, weights_file, weights)
+    experiment = result.experiment
     if experiment.events is not None or experiment.frames is not None:
         raise InputError(f"{result_file} is of a training on event files or frames; fig8 needs one on textures")
     scan, config = experiment.scan_and_config()
-    bins = experiment.bins
-    if classes != weights.class_names or bins.bin_s != weights.step_s:
-        raise InputError(
-            f"{result_file} has other classes or time bins than {weights_file}; they are of two trainings, name the "
-            f"right one with --result"
-        )
     textures = open_dataset(dataset or experiment.dataset)
     if textures.class_names != weights.class_names:
         raise InputError(
             f"the network knows the classes {', '.join(weights.class_names)}, the textures are "
             f"{', '.join(textures.class_names)}; give the textures of the training with --dataset"
         )
-    test = dict(enumerate(stratified_folds(textures.labels, folds))).get(fold)
-    if test is None or textures.labels[test].tolist() != labels:
-        raise InputError(
-            f"the textures of dataset {textures.name} are not those of {result_file}, or not in its folds; give the "
-            f"textures of the training with --dataset"
-        )
+    test = result.test_images(textures.labels)
     index = int(test[0]) if image is None else _index(image, [texture.name for texture in textures])
-    return _played(weights, network, textures[index], textures.name, index in test, scan, config, bins)
+    return _played(weights, network, textures[index], textures.name, index in test, scan, config, experiment.bins)
 
 
 def _index(image: str, names: list[str]) -> int:

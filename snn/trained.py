@@ -45,7 +45,7 @@ class TrainingResult:
         """Return the images of the fold; refuse others than those of the training, by their labels."""
         test = stratified_folds(labels, self.folds)[self.fold]
         if labels[test].tolist() != self.labels:
-            raise InputError("the images found here are not those of the training")
+            raise InputError("the images found here are not those of the training; give its textures with --dataset")
         return test
 
 
@@ -131,8 +131,6 @@ def load_trained(path: Path) -> Trained:
     InputError
         If a file is missing or damaged, the two do not belong together, or the network takes frames.
     """
-    if not path.exists():
-        raise InputError(f"weight file {path} does not exist; make one with python -m snn train")
     weights = load_weights(path)
     note = path.parent / "result.json"
     if not note.exists():

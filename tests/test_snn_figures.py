@@ -487,13 +487,13 @@ def test_a_time_constant_of_zero_is_not_the_default(folder: Path) -> None:
 
 
 def test_fig8_refuses_what_does_not_belong_together(snn: Call, folder: Path) -> None:
-    refused(snn, "cannot read out/train/weights.npz", "fig8")
+    refused(snn, "weight file out/train/weights.npz does not exist; make one with python -m snn train", "fig8")
     options = trained(folder / "train")
     refused(snn, "no image is called 'x'; there are 48, from brick/brick-00 to", "fig8", *options, "--image", "x")
     refused(snn, "nowhere.json does not exist, and only the result of the training says", "fig8", *options,
             "--result", "nowhere.json")  # fmt: skip
     (folder / "other.json").write_text('{"experiment": {}}')
-    refused(snn, "other.json is not the result of python -m snn train", "fig8", *options, "--result", "other.json")
+    refused(snn, "other.json is damaged or not the result of a training", "fig8", *options, "--result", "other.json")
 
     result = json.loads((folder / "train" / "result.json").read_text())
     for change, sentence in (
@@ -508,10 +508,13 @@ def test_fig8_refuses_what_does_not_belong_together(snn: Call, folder: Path) -> 
         refused(snn, sentence, "fig8", *options, "--result", "other.json")
     for change, sentence in (
         ({"class_names": ["a", "b", "c"]}, "other.json has other classes or time bins than"),
-        ({"fold": 6}, "the textures of dataset embedded are not those of other.json, or not in its folds"),
-        ({"fold": -1}, "the textures of dataset embedded are not those of other.json, or not in its folds"),
-        ({"labels": [0, 1, 2]}, "the textures of dataset embedded are not those of other.json, or not in its folds"),
-        ({"labels": 3}, "other.json is not the result of python -m snn train"),
+        ({"fold": 6}, "other.json is damaged or not the result of a training"),
+        ({"fold": -1}, "other.json is damaged or not the result of a training"),
+        (
+            {"labels": [0, 1, 2]},
+            "the images found here are not those of the training; give its textures with --dataset",
+        ),
+        ({"labels": 3}, "other.json is damaged or not the result of a training"),
     ):
         (folder / "other.json").write_text(json.dumps(result | change))
         refused(snn, sentence, "fig8", *options, "--result", "other.json")

@@ -150,7 +150,7 @@ def test_other_images_than_those_of_the_training_are_noticed(tmp_path: Path, tra
     (tmp_path / "result.json").write_text(json.dumps(result | {"labels": result["labels"][1:]}))
     found = load_trained(tmp_path / "weights.npz")
     assert found.parts == {}
-    assert found.unknown == "the images found here are not those of the training"
+    assert found.unknown == "the images found here are not those of the training; give its textures with --dataset"
     result["experiment"]["dataset"] = "gone"
     (tmp_path / "result.json").write_text(json.dumps(result))
     assert "the images of the training are not there (dataset directory gone" in (
