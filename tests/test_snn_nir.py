@@ -375,7 +375,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     [
         ("export w.npz -o net.onnx", "networks are written as .nir or .npz, not net.onnx; rename the output"),
         ("export w.npz -o net.nir --eight-bits", "NIR has no 8-bit weights; write an .npz, or leave --eight-bits out"),
-        ("export none.npz -o net.nir", "cannot read none.npz: No such file or directory"),
+        ("export none.npz -o net.nir", "weight file none.npz does not exist; make one with python -m snn train"),
         ("export gru.npz -o net.nir", "a network of kind gru has no neurons that NIR knows; export it as .npz"),
         ("export none.npz -o none/net.nir", "cannot write none/net.nir: the folder none does not exist"),
         ("import w.npz -o back.npz", "w.npz is damaged or not a NIR graph; export it again"),
