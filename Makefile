@@ -1,4 +1,4 @@
-# Thin targets over the commands; `make help` lists them. All real work is in python -m model|rtl|cocotb_tests.
+# Thin targets over the commands; `make help` lists them. All real work is in python -m model|rtl|cocotb_tests|snn.
 # Variables given on the command line become options: ROWS=12 is --rows 12.
 
 SHELL := /bin/bash
@@ -24,7 +24,7 @@ flag = $(if $(filter 1 yes true,$($(1))),--$(2))
 
 help: ## list the targets
 	@echo "make TARGET [VARIABLE=value ...]"
-	@grep -E '^[a-z0-9 ]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9 ]+):.*## /  \1|/' | column -t -s '|'
+	@grep -E '^[a-z0-9 ]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9 ]+):.*## /  \1\t/' | column -t -s $$'\t'
 	@echo
 	@echo "Configuration, for sim, replay, verilog and gates; rates, frames and explore take some of it:"
 	@echo "  $(CONFIG_VARIABLES)" | fold -s -w 100

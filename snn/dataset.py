@@ -329,9 +329,10 @@ def augment(
     if config.shift_steps:
         shifts = generator.integers(-config.shift_steps, config.shift_steps + 1, scans)
         source = torch.arange(steps)[:, None] - torch.from_numpy(shifts)[None, :]
-        inside = (source >= 0) & (source < steps) | frames
-        batch = batch.gather(0, source.clamp(0, steps - 1).to(batch.device)[:, :, None].expand(batch.shape))
-        batch = batch * inside.to(batch)[:, :, None]
+        outside = (source < 0) | (source >= steps)
+        batch = batch[source.clamp(0, steps - 1), torch.arange(scans)]
+        if not frames:
+            batch[outside] = 0.0
     if config.drop_taxels:
         kept = torch.from_numpy(generator.random((scans, taxels)) >= config.drop_taxels).to(batch)
         batch = batch * kept.repeat(1, channels // taxels)
