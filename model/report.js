@@ -339,12 +339,16 @@ function fig9() {
     node(svg, "line", { class: "grid", x1: 62, x2: 830, y1: y(tick), y2: y(tick) });
     node(svg, "text", { class: "soft", x: 56, y: y(tick) + 4, "text-anchor": "end" }, `${plain(tick * 100)} %`);
   }
-  for (const found of points) {
+  const taken = [];  // a label that would lie on another is left to the mark's tip and the table
+  for (const found of [...points].sort((a, b) => Boolean(b.interval) - Boolean(a.interval))) {
     const known = NAMES[found.readout] ? found.readout : "tau2", place = [x(found.data_rate_bps), y(found.accuracy)];
     const span = found.interval ? `\ninterval ${found.interval.map((end) => `${plain(end * 100)} %`).join(" to ")}` : "";
     if (found.interval) node(svg, "line", { class: "axis", x1: place[0], x2: place[0], y1: y(found.interval[0]), y2: y(found.interval[1]) });
     point(svg, SHAPE_OF[found.readout] || "diamond", ...place, known, `${found.label}\naccuracy ${plain(found.accuracy * 100)} % (${found.accuracy})\n${exact(found.data_rate_bps, "bit/s")}${span}`);
-    node(svg, "text", { class: "soft", x: place[0] + 9, y: place[1] + 4 }, found.label);
+    const box = [place[0] + 9, place[1] - 7, place[0] + 9 + 6.4 * found.label.length, place[1] + 7];
+    if (taken.some((other) => box[0] < other[2] && other[0] < box[2] && box[1] < other[3] && other[1] < box[3])) continue;
+    taken.push(box);
+    node(svg, "text", { class: "soft", x: box[0], y: place[1] + 4 }, found.label);
   }
 }
 
