@@ -378,9 +378,8 @@ def report_data(sim: Path, replay: Path, benchmarks: Path, accuracy: Path, synth
     fig9 = fig9_data(accuracy) if accuracy.is_file() else None
     if fig9 is None:
         missing["fig9"] = [
-            "The accuracy results are not there, so Fig. 9 is not drawn. Train and evaluate with python -m snn "
-            "crossval, collect the points in docs/data/fig9.json (format: docs/report.md), or give another file "
-            "with --accuracy."
+            "The accuracy results are not there, so Fig. 9 is not drawn. Make them with python -m snn sweep and "
+            "python -m snn fig9 --data docs/data, or give a file with --accuracy (format: docs/report.md)."
         ]
     if not gates:
         missing["synthesis"] = [

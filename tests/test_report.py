@@ -196,7 +196,7 @@ def test_every_missing_piece_is_named_with_the_way_to_make_it(bare):
     missing = data_of(bare)["missing"]
     wanted = {"raster": "make sim", "replay": "make replay", "synthesis": "--synthesis"}
     if not ACCURACY.is_file():
-        wanted["fig9"] = "python -m snn crossval"
+        wanted["fig9"] = "python -m snn sweep"
     for section, remedy in wanted.items():
         assert any(remedy in sentence for sentence in missing[section])
         assert all(sentence in bare for sentence in missing[section])
