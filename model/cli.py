@@ -140,25 +140,52 @@ def with_config(command: Callable[..., Any]) -> Callable[..., Any]:
     """
     fields = dataclasses.fields(ReadoutConfig)
     hints = get_type_hints(ReadoutConfig)
-    signature = inspect.signature(command, eval_str=True)
-    own = [p for p in signature.parameters.values() if p.name not in ("config", "given")]
+    wants_given = "given" in inspect.signature(command).parameters
     options = [_config_parameter(field, hints[field.name]) for field in fields]
     options += [_option("tau", str | None, "nlcs: time constant, sets leak-shift and leak-period", "SECONDS")]
     options += [_option("config_file", Path | None, "JSON configuration", "FILE", "--config")]
 
+    def build(texts: dict[str, Any]) -> dict[str, Any]:
+        file, tau = texts.pop("config_file"), texts.pop("tau")
+        explicit = {n: _parse(option_name(n), hints[n], v) for n, v in texts.items() if v is not None}
+        config, given = build_config(explicit, None if tau is None else _parse("--tau", float, tau), file)
+        return {"config": config} | ({"given": given} if wants_given else {})
+
+    return replace_parameters(command, ("config", "given"), options, build, last=True)
+
+
+def replace_parameters(
+    command: Callable[..., Any],
+    names: Sequence[str],
+    options: Sequence[inspect.Parameter],
+    build: Callable[[dict[str, Any]], dict[str, Any]],
+    last: bool = False,
+) -> Callable[..., Any]:
+    """Return a command that has options in the place of some of its parameters.
+
+    Parameters
+    ----------
+    command : callable
+    names : sequence of str
+        The parameters that go; those that the command does not have are passed over.
+    options : sequence of inspect.Parameter
+        What the user sees instead.
+    build : callable
+        Gives the arguments of the command for ``names`` from the values of the options by name.
+    last : bool
+        The options stand behind all others in the help, else where the first of ``names`` stood.
+    """
+    signature = inspect.signature(command, eval_str=True)
+    own = list(signature.parameters.values())
+    kept = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in own if p.name not in names]
+    at = len(kept) if last else next(number for number, p in enumerate(own) if p.name in names)
+    parameters = [*kept[:at], *options, *kept[at:]]
+
     @functools.wraps(command)
     def wrapper(**arguments: Any) -> Any:
-        file, tau = arguments.pop("config_file"), arguments.pop("tau")
-        texts = {field.name: arguments.pop(field.name) for field in fields}
-        explicit = {n: _parse(option_name(n), hints[n], v) for n, v in texts.items() if v is not None}
-        tau_s = None if tau is None else _parse("--tau", float, tau)
-        config, given = build_config(explicit, tau_s, file)
-        arguments["config"] = config
-        if "given" in signature.parameters:
-            arguments["given"] = given
-        return command(**arguments)
+        values = {option.name: arguments.pop(option.name) for option in options}
+        return command(**arguments, **build(values))
 
-    parameters = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in own] + options
     wrapper.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     wrapper.__annotations__ = {p.name: p.annotation for p in parameters}
     return wrapper

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import json
+import math
 import os
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 from model.errors import InputError
 
@@ -49,6 +51,21 @@ def check_writable(path: Path) -> None:
         raise InputError(f"cannot write {path}: the folder {path.parent} does not exist; create it first")
     if path.is_dir():
         raise InputError(f"cannot write {path}: it is a folder; give the name of a file")
+
+
+def write_json(path: Path, content: dict[str, Any]) -> None:
+    """Write a JSON file, whole or not at all; floats that are no finite numbers become texts."""
+    with atomic_write(path) as file:
+        file.write((json.dumps(plain(content), indent=1, allow_nan=False) + "\n").encode())
+
+
+def plain(content: Any) -> Any:
+    """Return JSON content in which a float that is no finite number, which JSON has not, is a text such as "-inf"."""
+    if isinstance(content, dict):
+        return {name: plain(value) for name, value in content.items()}
+    if isinstance(content, (list, tuple)):
+        return [plain(value) for value in content]
+    return str(content) if isinstance(content, float) and not math.isfinite(content) else content
 
 
 def _umask() -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from model.errors import InputError
-from model.files import atomic_write
+from model.files import write_json
 
 DEFAULT_OUT = Path("out")
 
@@ -41,8 +40,7 @@ def write_results(
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise InputError(f"cannot make the folder {folder}: {error.strerror}; choose another --out") from None
-    with atomic_write(data_out / f"{name}.json") as file:
-        file.write(json.dumps(data, indent=1).encode() + b"\n")
+    write_json(data_out / f"{name}.json", data)
     plot(data, out / f"{name}.png")
     if not quiet:
         print(f"wrote {data_out / name}.json and {out / name}.png")

@@ -9,28 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from model.errors import InputError
+from model.files import write_json
 from snn.bars import bar, epoch_bar
-from snn.options import (
-    BinSeconds,
-    ConfigFile,
-    DatasetName,
-    Encoding,
-    Epochs,
-    EventFolder,
-    Folds,
-    Frames,
-    Preset,
-    Recipe,
-    Resolution,
-    Seeds,
-    Settings,
-    StartRows,
-    Tau,
-    Workers,
-    build_experiment,
-    check_device,
-    output_folder,
-)
+from snn.options import Folds, Seeds, Workers, check_device, output_folder, with_experiment
 
 if TYPE_CHECKING:
     import numpy as np
@@ -41,20 +22,9 @@ if TYPE_CHECKING:
     from snn.train import Epoch, Training
 
 
+@with_experiment
 def train(
-    preset: Preset = None,
-    encoding: Encoding = None,
-    resolution: Resolution = None,
-    tau: Tau = None,
-    config_file: ConfigFile = None,
-    dataset: DatasetName = None,
-    events: EventFolder = None,
-    frames: Frames = 0,
-    start_rows: StartRows = None,
-    bin_s: BinSeconds = None,
-    recipe: Recipe = "tuned",
-    epochs: Epochs = 60,
-    settings: Settings = None,
+    made: Any,
     folds: Folds = 6,
     fold: Annotated[int, typer.Option(min=0, help="the fold that is tested, from 0")] = 0,
     seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="of weights, order and augmentation")] = 0,
@@ -66,7 +36,6 @@ def train(
     """Train one network on one fold; stopped, it goes on from its checkpoint when called again."""
     import numpy as np
 
-    made = build_experiment(locals())
     check_device(device, threads)
     if fold >= folds:
         raise InputError(f"fold must be in 0..{folds - 1}, not {fold}")
@@ -74,7 +43,6 @@ def train(
     with bar("recording scans") as step:
         data = made.data(step)
     from snn import kernel
-    from snn.crossval import write_json
     from snn.exchange import Weights, save_weights
     from snn.experiment import stratified_folds
     from snn.train import predict
@@ -131,20 +99,9 @@ def _learn(made: Experiment, data: ScanData, images: NDArray[np.int64], seed: in
         return learn(data, images, network, made.train, seed, progress=progress, **options)
 
 
+@with_experiment
 def crossval(
-    preset: Preset = None,
-    encoding: Encoding = None,
-    resolution: Resolution = None,
-    tau: Tau = None,
-    config_file: ConfigFile = None,
-    dataset: DatasetName = None,
-    events: EventFolder = None,
-    frames: Frames = 0,
-    start_rows: StartRows = None,
-    bin_s: BinSeconds = None,
-    recipe: Recipe = "tuned",
-    epochs: Epochs = 60,
-    settings: Settings = None,
+    made: Any,
     folds: Folds = 6,
     seeds: Seeds = 3,
     workers: Workers = None,
@@ -153,7 +110,6 @@ def crossval(
     ),
 ) -> None:
     """Cross-validate a network: folds x seeds; stopped, it goes on with the cells that are missing."""
-    made = build_experiment(locals())
     check_device("cpu", 1)
     output_folder(out, "result.json")
     with bar("recording scans") as step:

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import InputError
-from model.files import atomic_write
+from model.files import plain
 from snn.dataset import ScanData
-from snn.experiment import Experiment, plain, stratified_folds
+from snn.experiment import Experiment, stratified_folds
 
 INNER_FOLDS = 5
 """One of so many parts of the training images is the inner validation."""
@@ -158,9 +158,3 @@ def check_same(path: Path, found: dict[str, Any], key: dict[str, Any]) -> None:
         raise InputError(
             f"{path} is of another experiment (different: {', '.join(names)}); remove the folder or choose another"
         )
-
-
-def write_json(path: Path, content: dict[str, Any]) -> None:
-    """Write a JSON file, whole or not at all; floats that are no finite numbers become texts."""
-    with atomic_write(path) as file:
-        file.write((json.dumps(plain(content), indent=1, allow_nan=False) + "\n").encode())

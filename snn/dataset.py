@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from model.config import ReadoutConfig
 from model.errors import InputError
-from model.events import Recording
+from model.events import Events, Recording
 from model.texture import preset
 
 if TYPE_CHECKING:
@@ -57,6 +57,11 @@ class BinConfig:
     def channels(self, config: ReadoutConfig) -> int:
         """Return the channels of a readout: taxels, twice where ON and OFF are kept apart."""
         return config.taxels * (2 if self.polarity and config.has_polarity else 1)
+
+    def channel_of(self, events: Events, config: ReadoutConfig) -> NDArray[np.int64]:
+        """Return the channel of every event: row * columns + column, plus the number of taxels for OFF apart."""
+        channel = events["y"].astype(np.int64) * config.columns + events["x"]
+        return channel + np.where(events["p"], 0, self.channels(config) - config.taxels)
 
 
 class SparseCounts(NamedTuple):
@@ -110,9 +115,7 @@ def bin_recording(recording: Recording, bins: BinConfig) -> SparseCounts:
     if not seen.any():
         raise InputError(f"{name} has no event in the time window; record it again or choose another window")
     channels = bins.channels(config)
-    channel = events["y"].astype(np.int64) * config.columns + events["x"]
-    if channels > config.taxels:
-        channel = channel + np.where(events["p"], 0, config.taxels)
+    channel = bins.channel_of(events, config)
     place, count = np.unique(step[seen] * channels + channel[seen], return_counts=True)
     return SparseCounts(place // channels, place % channels, count, (steps, channels))
 
@@ -224,9 +227,7 @@ def load_recordings(
         folder = paths
         if not folder.is_dir():
             raise InputError(f"event folder {folder} does not exist; make one with python -m cocotb_tests replay")
-        paths = sorted(folder.rglob("*.npz"))
-        if not paths:
-            raise InputError(f"event folder {folder} holds no event files (.npz); record some into it")
+        paths = event_files(folder)
     pairs = [(path, Recording.load(path)) for path in paths]
     if not pairs:
         raise InputError("the list of event files is empty; give at least one")
@@ -234,6 +235,16 @@ def load_recordings(
         if not isinstance(recording.metadata.get("class"), str):
             raise InputError(f"{path} does not say its class; its metadata need the key 'class'")
     return collect([recording for _, recording in pairs], bins, class_names)
+
+
+def event_files(folder: Path) -> list[Path]:
+    """Return the event files of a folder, at any depth, in the order of their names; refuse one without any."""
+    found = sorted(folder.rglob("*.npz"))
+    if not found:
+        raise InputError(
+            f"event folder {folder} holds no event files (.npz); record some with python -m cocotb_tests replay"
+        )
+    return found
 
 
 def collect(recordings: Sequence[Recording], bins: BinConfig, class_names: Sequence[str] | None = None) -> ScanData:

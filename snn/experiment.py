@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from model.config import ReadoutConfig
 from model.dataset import open_dataset
 from model.errors import InputError
+from model.files import plain
 from model.rates import PAPER_TAU_S
 from model.texture import PhysicalScan, Scan, preset
 from snn.dataset import BinConfig, ScanData, load_recordings
@@ -132,15 +132,6 @@ def has_default_leak(readout: ReadoutConfig) -> bool:
     """Return whether the leak is that of a readout of which nothing was said, and the paper's tau is meant."""
     default = ReadoutConfig()
     return (readout.leak_shift, readout.leak_period) == (default.leak_shift, default.leak_period)
-
-
-def plain(content: Any) -> Any:
-    """Return JSON content in which a float that is no finite number, which JSON has not, is a text such as "-inf"."""
-    if isinstance(content, dict):
-        return {name: plain(value) for name, value in content.items()}
-    if isinstance(content, (list, tuple)):
-        return [plain(value) for value in content]
-    return str(content) if isinstance(content, float) and not math.isfinite(content) else content
 
 
 def stratified_folds(labels: NDArray[np.int64], folds: int, seed: int = 0) -> list[NDArray[np.int64]]:

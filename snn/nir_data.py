@@ -46,12 +46,11 @@ def to_nir_data(recording: Recording) -> nir.NIRGraphData:
     if recording.duration_clocks > MOST_CLOCKS:
         raise InputError(f"the recording lasts {recording.duration_clocks} clocks, more than 2**51; split it")
     config, events = recording.config, recording.events
-    channel = events["y"].astype(np.int64) * config.columns + events["x"]
-    channel += np.where(events["p"], 0, config.taxels)
+    bins = BinConfig()
     data = nir.EventData(
-        idx=channel[None],
+        idx=bins.channel_of(events, config)[None],
         time=(events["t"] / config.clock_hz)[None],
-        n_neurons=BinConfig().channels(config),
+        n_neurons=bins.channels(config),
         t_max=recording.duration_s,
     )
     return nir.NIRGraphData({INPUT: nir.NIRNodeData({OBSERVABLE: data})})

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
 import typer
 
-from model.cli import build_config
+from model.cli import build_config, replace_parameters
 from model.errors import InputError
 from model.files import check_writable
 from snn.recipes import RECIPES
@@ -54,13 +56,50 @@ WITHOUT_EFFECT = {
 _NAMES = {"bin_s": "bin", "config_file": "config", "start_rows": "start-rows"}
 
 
+def _options(
+    preset: Preset = None,
+    encoding: Encoding = None,
+    resolution: Resolution = None,
+    tau: Tau = None,
+    config_file: ConfigFile = None,
+    dataset: DatasetName = None,
+    events: EventFolder = None,
+    frames: Frames = 0,
+    start_rows: StartRows = None,
+    bin_s: BinSeconds = None,
+    recipe: Recipe = "tuned",
+    epochs: Epochs = 60,
+    settings: Settings = None,
+) -> None:
+    """Have the options that describe an experiment, in their order; never called."""
+
+
+NOT_OF_A_SWEEP = ("encoding", "resolution", "events", "frames")
+"""Options of an experiment that the points of a sweep say instead."""
+
+
+def with_experiment(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Replace the parameter ``made`` of a command, an Experiment (whose module loads torch), by the options for it.
+
+    A parameter ``options`` instead receives their values by name, without those that the points of a sweep say.
+    """
+    options = [
+        p.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+        for p in inspect.signature(_options, eval_str=True).parameters.values()
+    ]
+    if "made" in inspect.signature(command).parameters:
+        return replace_parameters(command, ["made"], options, lambda values: {"made": build_experiment(values)})
+    kept = [option for option in options if option.name not in NOT_OF_A_SWEEP]
+    return replace_parameters(command, ["options"], kept, lambda values: {"options": values})
+
+
 def build_experiment(options: dict[str, Any]) -> Experiment:
     """Return the experiment that the options of a command describe.
 
     Parameters
     ----------
     options : dict
-        Values by name of the parameter: those of the command ``train`` down to ``settings``.
+        Values by name, of all parameters of ``_options``.
 
     Raises
     ------

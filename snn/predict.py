@@ -9,9 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import nn
 
 from model.compare import first_difference
 from model.dataset import EMBEDDED, Texture, open_dataset
@@ -19,9 +17,9 @@ from model.errors import InputError
 from model.events import Recording
 from model.readout import Stimulus, simulate
 from model.texture import preset
-from snn.dataset import BinConfig, ScanData, bin_recording, collect
+from snn.dataset import BinConfig, ScanData, bin_recording, collect, event_files
 from snn.exchange import config_of
-from snn.train import check_fits
+from snn.train import check_fits, logits_of
 from snn.trained import OTHER, TEST, TRAINING, Trained
 
 Progress = Callable[[], object]
@@ -33,21 +31,13 @@ LEVELS = ("events", "tensors", "logits", "predictions")
 # -- recordings in, logits out -----------------------------------------------------------------------
 
 
-def event_files(paths: Iterable[Path]) -> list[Path]:
-    """Return event files and those of folders, at any depth, in the order of their names; each once."""
+def files_of(paths: Iterable[Path]) -> list[Path]:
+    """Return event files and those of folders; each once."""
     found: list[Path] = []
     for path in paths:
         if not path.exists():
             raise InputError(f"event folder or file {path} does not exist; make one with python -m cocotb_tests replay")
-        if not path.is_dir():
-            found.append(path)
-            continue
-        inside = sorted(path.rglob("*.npz"))
-        if not inside:
-            raise InputError(
-                f"event folder {path} holds no event files (.npz); record some with python -m cocotb_tests replay"
-            )
-        found += inside
+        found += event_files(path) if path.is_dir() else [path]
     return list({path.resolve(): path for path in found}.values())
 
 
@@ -90,17 +80,6 @@ def bin_recordings(recordings: Sequence[Recording], trained: Trained) -> ScanDat
     data = collect(complete, trained.bins, classes)
     check_fits(config_of(trained.weights.network), data)
     return data
-
-
-def logits_of(network: nn.Module, data: ScanData, batch: int = 64) -> NDArray[np.float32]:
-    """Return what the network says about every scan, shape (scans, classes)."""
-    network.eval()
-    with torch.no_grad():
-        parts = [
-            network(data.batch(range(start, min(start + batch, len(data))))).logits.numpy()
-            for start in range(0, len(data), batch)
-        ]
-    return np.concatenate(parts)
 
 
 # -- RTL against model -------------------------------------------------------------------------------

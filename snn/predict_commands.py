@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from model.files import check_writable
+from model.files import check_writable, write_json
 from snn.bars import bar
 
 if TYPE_CHECKING:
@@ -48,12 +48,11 @@ def predict(
     import torch
 
     from snn import predict as work
-    from snn.crossval import write_json
     from snn.trained import load_trained
 
     torch.set_num_threads(1)
     trained = load_trained(weights)
-    files = work.event_files(events)
+    files = work.files_of(events)
     with bar("reading events", len(files)) as step:
         recordings = work.read_recordings(files, step)
     out.parent.mkdir(parents=True, exist_ok=True)

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from model.errors import InputError
-from model.files import check_writable
-from snn.crossval import check_folds, check_same, read_cell, summarise, write_json
+from model.files import check_writable, write_json
+from snn.crossval import check_folds, check_same, read_cell, summarise
 from snn.dataset import ScanData
 from snn.experiment import Experiment
 from snn.train import digest

@@ -13,21 +13,7 @@ from model.cli import EXIT_INTERRUPTED
 from model.config import Encoding
 from model.errors import InputError
 from snn.bars import cell_bar
-from snn.options import (
-    BinSeconds,
-    ConfigFile,
-    DatasetName,
-    Epochs,
-    Folds,
-    Preset,
-    Recipe,
-    Seeds,
-    Settings,
-    StartRows,
-    Tau,
-    Workers,
-    build_experiment,
-)
+from snn.options import Folds, Seeds, Workers, build_experiment, with_experiment
 from snn.recipes import BASELINES
 
 if TYPE_CHECKING:
@@ -40,21 +26,15 @@ OF_THIS_RUN = {"out", "workers", "scheduler"}
 """Options that do not change the result, and so have no place in the command that gives it."""
 
 
+@with_experiment
 def sweep(
     context: typer.Context,
+    *,
     points: Annotated[
         str,
         typer.Option(metavar="ENCODER:N,...", help="N bits; rnn:K, gru:K, cnn:K for frames, K side by side in a step"),
     ] = DEFAULT_POINTS,
-    preset: Preset = None,
-    tau: Tau = None,
-    config_file: ConfigFile = None,
-    dataset: DatasetName = None,
-    start_rows: StartRows = None,
-    bin_s: BinSeconds = None,
-    recipe: Recipe = "tuned",
-    epochs: Epochs = 60,
-    settings: Settings = None,
+    options: dict[str, Any],
     folds: Folds = 6,
     seeds: Seeds = 3,
     workers: Workers = None,
@@ -66,15 +46,14 @@ def sweep(
     ),
 ) -> None:
     """Cross-validate many operating points at once; stopped, it goes on with the cells that are missing."""
-    options = dict(context.params)
     chosen = parse_points(points)
     if scheduler is not None and workers is not None:
         raise InputError("--workers counts processes of this machine, --scheduler takes those of a cluster; give one")
-    if tau is not None and "nlcs" not in {readout for readout, _ in chosen}:
+    if options["tau"] is not None and "nlcs" not in {readout for readout, _ in chosen}:
         raise InputError("--tau is the leak of nlcs, but --points has no nlcs point; leave it out")
-    if recipe in BASELINES:
+    if (recipe := options["recipe"]) in BASELINES:
         raise InputError(f"--recipe {recipe} is for frames; leave it out and add the point {recipe}:20 to --points")
-    if bin_s is not None and not {readout for readout, _ in chosen} - set(BASELINES):
+    if options["bin_s"] is not None and not {readout for readout, _ in chosen} - set(BASELINES):
         raise InputError("--bin is for events, but --points has only frames; leave it out")
     made = [_point(readout, number, options) for readout, number in chosen]
     from snn.sweep import sweep as run

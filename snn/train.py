@@ -34,6 +34,9 @@ CHECKPOINT_FORMAT = 1
 CALIBRATION_SCANS = 128
 """At most so many training scans, evenly spread, set the scale of the inputs and the first biases."""
 
+BATCH = 64
+"""Scans that a trained network takes at once."""
+
 LARGE_GRADIENT = 1e4
 """Norm of the gradient, before clipping, that is reported as a sign of divergence."""
 
@@ -208,9 +211,11 @@ def train(
         network.parameters(), lr=train_config.learning_rate, weight_decay=train_config.weight_decay
     )
     training = Training(network, optimizer)
-    key = fingerprint(data, images, network_config, train_config, seed, held_out, test)
-    if checkpoint is not None and checkpoint.exists():
-        load_checkpoint(checkpoint, training, key)
+    key = ""
+    if checkpoint is not None:
+        key = fingerprint(data, images, network_config, train_config, seed, held_out, test)
+        if checkpoint.exists():
+            load_checkpoint(checkpoint, training, key)
     for number in range(len(training.history), train_config.epochs):
         epoch = _epoch(training, data, scans, train_config, seed, number, device)
         if held_out is not None and len(held_out):
@@ -273,19 +278,30 @@ def _epoch(
 
 
 def predict(
-    network: nn.Module, data: ScanData, images: Sequence[int] | NDArray[np.int64], device: str = "cpu", batch: int = 64
+    network: nn.Module, data: ScanData, images: Sequence[int] | NDArray[np.int64], device: str = "cpu"
 ) -> NDArray[np.int64]:
     """Return the class of every image, from the scan of its first start row, shape (len(images),)."""
     scans = data.scans_of(images, first_row_only=True)
     of_image = dict(zip(data.images[scans].tolist(), scans.tolist(), strict=True))
     ordered = np.array([of_image[int(image)] for image in images], np.int64)
+    return logits_of(network, data, ordered, device).argmax(1)
+
+
+def logits_of(
+    network: nn.Module,
+    data: ScanData,
+    scans: NDArray[np.int64] | None = None,
+    device: str = "cpu",
+) -> NDArray[np.float32]:
+    """Return what the network says about some scans, by default about all, shape (scans, classes)."""
+    scans = np.arange(len(data)) if scans is None else scans
     network.eval()
-    found = []
     with torch.no_grad():
-        for start in range(0, len(ordered), batch):
-            output: Output = network(data.batch(ordered[start : start + batch]).to(device))
-            found.append(output.logits.argmax(1).cpu().numpy())
-    return np.concatenate(found) if found else np.zeros(0, np.int64)
+        parts = [
+            network(data.batch(scans[start : start + BATCH]).to(device)).logits.cpu().numpy()
+            for start in range(0, len(scans), BATCH)
+        ]
+    return np.concatenate(parts) if parts else np.zeros((0, len(data.class_names)), np.float32)
 
 
 def check_fits(config: NetworkConfig, data: ScanData) -> None:

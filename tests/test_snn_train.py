@@ -17,8 +17,9 @@ from typer.testing import CliRunner
 
 from model.config import ReadoutConfig
 from model.errors import InputError
+from model.files import write_json
 from snn.__main__ import app
-from snn.crossval import bootstrap, check_same, summarise, wilson, write_json
+from snn.crossval import bootstrap, check_same, summarise, wilson
 from snn.dataset import ScanData
 from snn.experiment import Experiment, stratified_folds
 from snn.network import NetworkConfig, build
