@@ -42,9 +42,9 @@ def train(
     output_folder(out, "checkpoint.pt", "result.json", "weights.npz")
     with bar("recording scans") as step:
         data = made.data(step)
-    from snn import kernel
     from snn.exchange import Weights, save_weights
     from snn.experiment import stratified_folds
+    from snn.kernels import cpu as kernel
     from snn.train import predict
 
     labels = data.image_labels

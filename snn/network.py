@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from model.errors import InputError
-from snn.recurrent import Backend, NeuronRule, Reset, layer
+from snn.kernels.layer import Backend, NeuronRule, Reset, layer
 
 Kind = Literal["spiking", "rnn", "gru", "cnn"]
 Readout = Literal["spikes", "membrane"]

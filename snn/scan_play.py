@@ -19,8 +19,8 @@ from model.events import Recording
 from model.scan import Scan
 from snn.dataset import BinConfig, collect
 from snn.exchange import Weights, load_weights
+from snn.kernels.layer import layer
 from snn.network import SpikingNetwork
-from snn.recurrent import layer
 from snn.scans import record
 from snn.trained import read_result
 

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from snn import kernel
+from snn.kernels import cpu as kernel
 
 SCRIPT = Path(__file__).parents[1] / "benchmarks" / "network.py"
 SMALL = ["--steps", "12", "--batch", "4", "--rate", "0.3", "--rounds", "1", "--no-memory"]

@@ -11,9 +11,9 @@ from torch import Tensor
 from torch.nn import functional
 
 from model.errors import InputError
-from snn import kernel
+from snn.kernels import cpu as kernel
+from snn.kernels.layer import Backend, NeuronRule, Reset, layer, layer_reference
 from snn.network import NetworkConfig, SpikingNetwork, build
-from snn.recurrent import Backend, NeuronRule, Reset, layer, layer_reference
 
 needs_kernel = pytest.mark.skipif(not kernel.available(), reason="no C++ compiler for the kernel")
 RESETS: tuple[Reset, ...] = ("zero", "subtract")

@@ -20,14 +20,14 @@ from test_snn_network import RULES, run, tensors
 from torch import Tensor
 
 from model.errors import InputError
-from snn.recurrent import NeuronRule, layer, layer_reference
+from snn.kernels.layer import NeuronRule, layer, layer_reference
 
 triton = pytest.importorskip("triton", reason="triton is not installed: pip install '.[gpu]'")
 
 from triton.backends.compiler import GPUTarget  # noqa: E402
 from triton.compiler import ASTSource  # noqa: E402
 
-from snn import kernel_triton  # noqa: E402
+from snn.kernels import triton as kernel_triton  # noqa: E402
 
 INTERPRETED = kernel_triton.INTERPRETED
 DEVICE = "cpu" if INTERPRETED or not torch.cuda.is_available() else "cuda"
@@ -274,5 +274,5 @@ def test_other_tensors_are_refused(dtype: torch.dtype) -> None:
 
 @compiler_only
 def test_triton_is_imported_on_demand_only() -> None:
-    code = "import sys, snn.recurrent; sys.exit('triton' in sys.modules)"
+    code = "import sys, snn.kernels.layer; sys.exit('triton' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).parents[1])

@@ -1,7 +1,7 @@
 """The time loop of a layer on a GPU: one Triton kernel for the whole sequence forward, one for it backward.
 
-Importing this module imports Triton; ``snn.recurrent`` does so on demand. All tensors are contiguous float32 of shape
-(steps, batch, neurons), and of shape (neurons, neurons) and (neurons,); nothing else is checked.
+Importing this module imports Triton; ``snn.kernels.layer`` does so on demand. All tensors are contiguous float32 of
+shape (steps, batch, neurons), and of shape (neurons, neurons) and (neurons,); nothing else is checked.
 
 A program (CUDA block) owns ROWS sequences of the batch for all steps and all neurons, so programs never wait for each
 other. A step is done in blocks of COLUMNS neurons. Each needs the spikes (backwards: the gradients) of *all* neurons
@@ -27,7 +27,7 @@ import triton.language as tl
 from torch import Tensor
 
 if TYPE_CHECKING:
-    from snn.recurrent import NeuronRule
+    from snn.kernels.layer import NeuronRule
 
 INTERPRETED: bool = triton.knobs.runtime.interpret
 """Whether Triton's interpreter runs the kernels, with NumPy on the CPU (TRITON_INTERPRET=1 before the import)."""

@@ -23,7 +23,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from model.errors import InputError
-from snn import kernel
+from snn.kernels import cpu as kernel
 
 Backend = Literal["auto", "kernel", "triton", "torch"]
 Reset = Literal["zero", "subtract"]
@@ -257,7 +257,7 @@ def _dense_gradients(ctx: Any, grad: Tensor) -> tuple[Tensor | None, ...]:
 def _triton_takes(*tensors: Tensor | None) -> bool:
     """Return whether Triton is installed and takes these: float32 on a GPU, or on any device in its interpreter."""
     try:
-        from snn import kernel_triton
+        from snn.kernels import triton as kernel_triton
     except ImportError:
         return False
     return all(p is None or (p.dtype == torch.float32 and (p.is_cuda or kernel_triton.INTERPRETED)) for p in tensors)
@@ -270,7 +270,7 @@ class _TritonLayer(torch.autograd.Function):
     def forward(
         ctx: Any, rule: NeuronRule, x: Tensor, w_in: Tensor, bias: Tensor, decay: Tensor, w_rec: Tensor | None
     ) -> Tensor:
-        from snn import kernel_triton
+        from snn.kernels import triton as kernel_triton
 
         decay = decay.contiguous()
         v, s = kernel_triton.forward(rule, decay, w_rec, functional.linear(x, w_in, bias).contiguous())
@@ -280,7 +280,7 @@ class _TritonLayer(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, grad_s: Tensor) -> tuple[Tensor | None, ...]:
-        from snn import kernel_triton
+        from snn.kernels import triton as kernel_triton
 
         _, _, w_rec, decay, v, _ = ctx.saved_tensors
         return _dense_gradients(ctx, kernel_triton.backward(ctx.rule, decay, w_rec, v, grad_s.contiguous()))
