@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cocotb_tests.commands import replay, sim
-from model.cli import make_app, run
+from model.cli.app import make_app, run
 
 app = make_app("Co-simulation of the spiking e-skin readout: RTL against golden model.")
 app.command()(sim)

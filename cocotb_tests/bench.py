@@ -10,9 +10,9 @@ import numpy as np
 from cocotb.triggers import ValueChange
 from numpy.typing import NDArray
 
-from model.compare import Difference, first_difference
 from model.config import ReadoutConfig
-from model.events import EVENT_DTYPE, Events
+from model.events.address import EVENT_DTYPE, Events
+from model.events.compare import Difference, first_difference
 from model.readout import Stimulus, simulate, state_at
 
 PATTERN = 65536

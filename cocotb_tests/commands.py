@@ -24,7 +24,7 @@ from cocotb_tests.session import MismatchFound, Tally, run_job
 from cocotb_tests.simulator import Build, build, require_programs
 from cocotb_tests.stimuli import STIMULI, settled
 from cocotb_tests.textures import large_enough
-from model.cli import option_name, with_config
+from model.cli.config_options import option_name, with_config
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.files import atomic_write
@@ -131,7 +131,7 @@ def _advance(progress: Any, task: Any, _: dict[str, Any]) -> None:
 def proof(program: Build, texture: Any, start_row: float = 0.0) -> str:
     """Return what a recording stands for: a digest of the RTL and its harness, of the model, and of the image."""
     digest = hashlib.sha256(f"{program.folder.name} {start_row}".encode())
-    for name in ("config", "scan", "texture", "window", "arbiter", "link", "readout"):
+    for name in ("config", "scan", "texture", "decay", "arbiter", "link", "readout"):
         digest.update((MODEL / f"{name}.py").read_bytes())
     digest.update(texture.load().tobytes())
     return digest.hexdigest()
@@ -153,8 +153,8 @@ def _one_of_each_class(labels: Any, count: int) -> list[int]:
 
 def _picture(config: ReadoutConfig, texture: Any, folder: Path, ticks: int | None) -> None:
     """Draw the RTL's events of a scan over the model's, and write the model's beside them."""
-    from model.events import Recording
-    from model.raster import plot_comparison
+    from model.events.recording import Recording
+    from model.figures.raster import plot_comparison
     from model.readout import simulate
     from model.texture import PhysicalScan
 
@@ -209,7 +209,7 @@ def replay(
     )
 
     from model.dataset import Texture, open_dataset
-    from model.events import Recording
+    from model.events.recording import Recording
     from model.texture import preset as scan_of
 
     require_programs("verilator")

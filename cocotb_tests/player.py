@@ -130,7 +130,7 @@ def _told_to_the_caller() -> Iterator[None]:
 @cocotb.test()
 async def play(dut: Any) -> None:
     """Play all runs of a job against the model, a line of progress.jsonl for each."""
-    from model.events import Recording
+    from model.events.recording import Recording
 
     job = Job(**json.loads(Path(os.environ[JOB]).read_text()))
     config = ReadoutConfig.from_dict(job.config)

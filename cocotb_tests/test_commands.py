@@ -23,7 +23,7 @@ from cocotb_tests.session import MismatchFound, run_job
 from cocotb_tests.stimuli import settled
 from model.config import ReadoutConfig
 from model.dataset import embedded_dataset
-from model.events import Recording
+from model.events.recording import Recording
 from model.readout import simulate
 from model.texture import PhysicalScan
 

@@ -6,8 +6,8 @@ A command is a function in a module that imports numba, scipy and matplotlib onl
 
 from __future__ import annotations
 
-from model.cli import make_app, run
-from model.commands import compare, decode, encode
+from model.cli.app import make_app, run
+from model.commands.encode import compare, decode, encode
 from model.event_rates import event_rates
 from model.explore import explore
 from model.frame_commands import frames

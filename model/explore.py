@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from model.errors import InputError
+from model.figures.results import DEFAULT_OUT, OutOption, write_results
 from model.power import (
     CORRECTIONS,
     READOUT_NAMES,
@@ -31,7 +32,6 @@ from model.power_options import (
 )
 from model.power_parameters import MAX_RESOLUTION, MIN_RESOLUTION, PowerParameters
 from model.power_study import RESOLUTIONS, breakdowns
-from model.results import DEFAULT_OUT, OutOption, write_results
 
 
 @dataclass(frozen=True)

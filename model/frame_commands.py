@@ -10,7 +10,7 @@ from typing import Annotated, Any, get_args
 
 import typer
 
-from model.cli import build_config
+from model.cli.config_options import build_config
 from model.config import Encoding, ReadoutConfig
 from model.dataset import open_dataset
 from model.errors import InputError

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from model.figures.results import DEFAULT_OUT, DataOption, OutOption, write_results
 from model.power_options import (
     DatasetOption,
     JsonOption,
@@ -21,7 +22,6 @@ from model.power_options import (
     rate_table,
 )
 from model.power_parameters import PowerParameters
-from model.results import DEFAULT_OUT, DataOption, OutOption, write_results
 
 if TYPE_CHECKING:
     from model.power import PowerModel

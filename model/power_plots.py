@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from model.plots import READOUT_COLOURS, READOUT_MARKERS, dress, new_figure, save_figure
+from model.figures.style import READOUT_COLOURS, READOUT_MARKERS, dress, new_figure, save_figure
 from model.power import READOUT_NAMES, READOUTS, SPIKING
 
 Data = dict[str, Any]
 
-# Okabe-Ito, as in model.raster.
+# Okabe-Ito, as in model.figures.raster.
 PART_COLOURS = {"afe": "#0072b2", "converter": "#e69f00", "io": "#009e73"}
 PART_NAMES = {"afe": "AFE", "converter": "converter", "io": "I/O"}
 TAU_COLOURS = ("#d55e00", "#e69f00", "#cc79a7")

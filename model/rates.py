@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 import typer
 
-from model.cli import build_config
+from model.cli.config_options import build_config
 from model.config import ReadoutConfig
 from model.dataset import Dataset, Texture, open_dataset
 from model.errors import InputError

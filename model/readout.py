@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from model import link
 from model.arbiter import ONE, ZERO, lowest, next_row, rows_behind, without_lowest
 from model.config import ReadoutConfig
+from model.decay import decay_phases
 from model.errors import InputError
-from model.events import EVENT_DTYPE, Events
-from model.window import decay_phases
+from model.events.address import EVENT_DTYPE, Events
 
 LCS, CW_LCS, N_LCS = range(3)
 _ENCODING = {"lcs": LCS, "cw-lcs": CW_LCS, "nlcs": N_LCS}

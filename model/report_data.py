@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from model.errors import InputError
-from model.events import Recording
+from model.events.recording import Recording
 
 if TYPE_CHECKING:
     from model.power import PowerModel
@@ -72,7 +72,7 @@ def raster_data(folder: Path) -> tuple[list[Data], list[str]]:
 
 def _match(name: str, rtl: Recording, model: Recording) -> Data:
     """Return a run with the comparison of its two recordings."""
-    from model.compare import first_difference, unmatched
+    from model.events.compare import first_difference, unmatched
 
     ours, theirs = rtl.config.to_dict(), model.config.to_dict()
     arrays = [f"{r.config.rows} x {r.config.columns}" for r in (rtl, model)]

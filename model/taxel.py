@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 from model import taxel_kernels as kernels
 from model.config import ReadoutConfig
+from model.decay import decay_phases
 from model.errors import InputError
-from model.events import EVENT_DTYPE, Events
-from model.window import decay_phases
+from model.events.address import EVENT_DTYPE, Events
 
 Samples = NDArray[np.integer[Any]]
 """Codes of W bits, shape (ticks, taxels)."""

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from model.cli import make_app, run, with_config
+from model.cli.app import make_app, run
+from model.cli.config_options import with_config
 from model.config import ReadoutConfig
 from model.errors import InputError
 

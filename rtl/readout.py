@@ -8,12 +8,12 @@ from amaranth.hdl import Module, Signal, unsigned
 from amaranth.lib.wiring import In, Out
 
 from model.config import ReadoutConfig
-from model.window import decay_phases
+from model.decay import decay_phases
 from rtl.arbiter import Arbiter, event_ports
 from rtl.block import Block
+from rtl.decay import DecayTicks
 from rtl.link import FourPhaseLink, aer_ports
 from rtl.taxel import Row
-from rtl.window import DecayTicks
 
 
 class Readout(Block):

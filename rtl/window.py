@@ -1,15 +1,13 @@
-"""The closing-window counters: one per taxel for CW-LCS, one staggered over the rows for N-LCS."""
+"""The closing-window counter of a CW-LCS taxel."""
 
 from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from amaranth.hdl import Cat, Module, Mux, Signal
+from amaranth.hdl import Module, Mux, Signal
 from amaranth.lib.wiring import In, Out
 
 from model.config import ReadoutConfig
-from model.window import decay_phases
 from rtl.block import Block
 
 
@@ -58,30 +56,4 @@ class ClosingWindow(Block):
             m.d.sync += quiet.eq(Mux(last, 0, (quiet + 1)[: len(quiet)]))
             with m.If(last & (closed != levels - 1)):
                 m.d.sync += closed.eq((closed + 1)[: len(closed)])
-        return m
-
-
-class DecayTicks(Block):
-    """The one counter that times the leak of the whole N-LCS array; only for a leak period of two ticks or more.
-
-    Attributes
-    ----------
-    tick : In(1)
-        Sample tick.
-    decay : Out(distinct phases)
-        High in the clock of a sample tick in which the rows of that phase leak; phases in rising order.
-    """
-
-    module_name = "eskin_decay"
-
-    def __init__(self, config: ReadoutConfig) -> None:
-        self.phases = np.unique(decay_phases(config)).tolist()
-        super().__init__(config, {"tick": In(1), "decay": Out(len(self.phases))})
-
-    def elaborate(self, platform: Any) -> Module:
-        m = Module()
-        count = Signal(range(self.config.leak_period))
-        with m.If(self.tick):
-            m.d.sync += count.eq(Mux(count == self.config.leak_period - 1, 0, (count + 1)[: len(count)]))
-        m.d.comb += self.decay.eq(Cat(self.tick & (count == phase) for phase in self.phases))
         return m

@@ -5,7 +5,7 @@ torch and the models are imported only inside functions, so that ``--help`` and 
 
 from __future__ import annotations
 
-from model.cli import make_app, run
+from model.cli.app import make_app, run
 from snn.commands import crossval, train
 from snn.exchange_commands import convert, export, import_
 from snn.figure_commands import fig8, fig9

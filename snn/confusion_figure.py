@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from model.errors import InputError
-from model.plots import new_figure, save_figure
+from model.figures.style import new_figure, save_figure
 from model.texture import PRESETS
 from snn.figures import READINGS, Data, Sweep, measured, own_point, partial
 

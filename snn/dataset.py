@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from model.config import ReadoutConfig
 from model.errors import InputError
-from model.events import Events, Recording
+from model.events.address import Events
+from model.events.recording import Recording
 from model.texture import preset
 
 if TYPE_CHECKING:

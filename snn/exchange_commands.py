@@ -11,7 +11,7 @@ from model.errors import InputError
 from model.files import check_writable
 
 if TYPE_CHECKING:
-    from model.events import Recording
+    from model.events.recording import Recording
 
 
 def export(
@@ -93,7 +93,7 @@ def convert(
 
 
 def _read(source: Path) -> Recording:
-    from model.events import Recording
+    from model.events.recording import Recording
     from snn.nir_data import load_nir_data
 
     if source.suffix == ".npz":

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from model.errors import InputError
-from model.results import DEFAULT_OUT, DataOption, OutOption, write_results
+from model.figures.results import DEFAULT_OUT, DataOption, OutOption, write_results
 
 
 def fig9(

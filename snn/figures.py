@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from model.errors import InputError
-from model.plots import READOUT_COLOURS, READOUT_MARKERS, dress, new_figure, save_figure
+from model.figures.style import READOUT_COLOURS, READOUT_MARKERS, dress, new_figure, save_figure
 from model.power import READOUT_NAMES
 from model.report_data import read_json
 from model.texture import PRESETS

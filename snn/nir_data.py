@@ -13,7 +13,8 @@ import numpy as np
 
 from model.config import ReadoutConfig
 from model.errors import InputError
-from model.events import EVENT_DTYPE, Events, Recording
+from model.events.address import EVENT_DTYPE, Events
+from model.events.recording import Recording
 from model.files import atomic_write
 from snn.dataset import BinConfig, bin_recording
 from snn.nir_exchange import INPUT

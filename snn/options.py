@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
 import typer
 
-from model.cli import build_config, replace_parameters
+from model.cli.config_options import build_config, replace_parameters
 from model.errors import InputError
 from model.files import check_writable
 from snn.recipes import RECIPES

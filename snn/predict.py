@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compare import first_difference
 from model.dataset import EMBEDDED, Texture, open_dataset
 from model.errors import InputError
-from model.events import Recording
+from model.events.compare import first_difference
+from model.events.recording import Recording
 from model.readout import Stimulus, simulate
 from model.texture import preset
 from snn.dataset import BinConfig, ScanData, bin_recording, collect, event_files

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from model.events import Recording
+    from model.events.recording import Recording
     from snn.predict import Check, Score
     from snn.trained import Trained
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from model.plots import dress, new_figure, save_figure
-from model.raster import OFF_COLOUR, ON_COLOUR
+from model.figures.raster import OFF_COLOUR, ON_COLOUR
+from model.figures.style import dress, new_figure, save_figure
 from model.texture import PhysicalScan
 from snn.scan_play import Played
 

@@ -15,7 +15,7 @@ from torch.nn import functional
 from model.config import ReadoutConfig
 from model.dataset import Texture, open_dataset
 from model.errors import InputError
-from model.events import Recording
+from model.events.recording import Recording
 from model.scan import Scan
 from snn.dataset import BinConfig, collect
 from snn.exchange import Weights, load_weights

@@ -11,7 +11,7 @@ import numpy as np
 from model.config import ReadoutConfig
 from model.dataset import Dataset, Texture
 from model.errors import InputError
-from model.events import Recording
+from model.events.recording import Recording
 from model.texture import Scan
 from snn.dataset import BinConfig, ScanData, collect
 

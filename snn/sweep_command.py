@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
-from model.cli import EXIT_INTERRUPTED
+from model.cli.app import EXIT_INTERRUPTED
 from model.config import Encoding
 from model.errors import InputError
 from snn.bars import cell_bar

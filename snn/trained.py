@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from model.config import ReadoutConfig
 from model.dataset import open_dataset
 from model.errors import InputError
-from model.events import Recording
+from model.events.recording import Recording
 from snn.dataset import BinConfig, load_recordings
 from snn.exchange import Weights, load_weights
 from snn.experiment import Experiment, stratified_folds

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import settings
 
 from model.__main__ import app
-from model.cli import run
+from model.cli.app import run
 
 # A busy machine, or Numba compiling in the first example, is no failure.
 settings.register_profile("no deadline", deadline=None)

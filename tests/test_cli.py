@@ -1,4 +1,4 @@
-"""model.cli: one sentence and exit code 2 for every mistake of the user, and the configuration as options."""
+"""model.cli.app: one sentence and exit code 2 for every mistake of the user, and the configuration as options."""
 
 from __future__ import annotations
 
@@ -14,10 +14,12 @@ from typing import Annotated, Any
 import pytest
 import typer
 
-from model.cli import FIELD_HELP, build_config, make_app, option_name, run, with_config
+from model.cli.app import make_app, run
+from model.cli.config_options import FIELD_HELP, build_config, option_name, with_config
 from model.config import ReadoutConfig
 from model.errors import InputError
-from model.events import Recording, no_events
+from model.events.address import no_events
+from model.events.recording import Recording
 
 app = make_app("Test program.")
 
@@ -230,7 +232,7 @@ def test_a_closed_pipe_is_quiet(args: list[str], tmp_path: Path) -> None:
 
 def test_ctrl_c_is_quiet_and_leaves_no_file(tmp_path: Path) -> None:
     program = (
-        "import os, signal, zipfile; from model.__main__ import app; from model.cli import run\n"
+        "import os, signal, zipfile; from model.__main__ import app; from model.cli.app import run\n"
         "zipfile.ZipFile.writestr = lambda *a, **k: os.kill(os.getpid(), signal.SIGINT)\n"
         "run(app, 'test')"
     )

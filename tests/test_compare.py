@@ -12,11 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from model.compare import AddressEvent, count_per_taxel, first_difference, unmatched
 from model.config import ReadoutConfig
 from model.errors import InputError
-from model.events import Events, Recording, make_events, no_events
-from model.raster import plot_comparison, plot_signals
+from model.events.address import Events, make_events, no_events
+from model.events.compare import AddressEvent, count_per_taxel, first_difference, unmatched
+from model.events.recording import Recording
+from model.figures.raster import plot_comparison, plot_signals
 
 CONFIG = ReadoutConfig(rows=3, columns=5)
 

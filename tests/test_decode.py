@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from model.commands import decode_recording
+from model.commands.encode import decode_recording
 from model.config import ReadoutConfig
-from model.events import Recording, make_events
+from model.events.address import make_events
+from model.events.recording import Recording
 from model.taxel import error_bound
 
 SIZE = "--rows 3 --columns 4"

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from model.commands import IMAGE_SUFFIXES
+from model.commands.encode import IMAGE_SUFFIXES
 from model.config import ReadoutConfig
-from model.events import Recording
+from model.events.recording import Recording
 from model.readout import Stimulus, simulate
 
 SIZE = "--rows 3 --columns 4"

@@ -1,4 +1,4 @@
-"""model.events: what is saved comes back, and nothing that is damaged or foreign passes for a recording."""
+"""model.events.recording: what is saved comes back, and nothing that is damaged or foreign passes for a recording."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 
 from model.config import ReadoutConfig
 from model.errors import InputError
-from model.events import EVENT_DTYPE, Events, Recording, make_events, no_events
+from model.events.address import EVENT_DTYPE, Events, make_events, no_events
+from model.events.recording import Recording
 
 CONFIG = ReadoutConfig(rows=3, columns=5)
 

@@ -16,7 +16,7 @@ import pytest
 from PIL import Image
 
 from model.__main__ import app
-from model.cli import run as run_app
+from model.cli.app import run as run_app
 from model.config import ReadoutConfig
 from model.dataset import Dataset, directory_dataset, embedded_dataset, open_dataset
 from model.errors import InputError

@@ -19,7 +19,8 @@ from model import report_data as gathering
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.event_rates import load_tables, stored_table
-from model.events import Events, Recording, make_events
+from model.events.address import Events, make_events
+from model.events.recording import Recording
 from model.power import CORRECTIONS, READOUTS, PowerModel
 from model.power_study import fig6_data, fig7_data, sensitivity_data, sensitivity_models
 from model.report import ACCURACY, BENCHMARKS, page

@@ -14,7 +14,8 @@ import pytest
 from model.config import ReadoutConfig
 from model.dataset import embedded_dataset
 from model.errors import InputError
-from model.events import Recording, make_events, no_events
+from model.events.address import make_events, no_events
+from model.events.recording import Recording
 from model.texture import PaperScan, PhysicalScan
 from snn.dataset import AugmentConfig, BinConfig, at_speed, augment, bin_recording, collect, load_recordings
 from snn.scans import FrameConfig, frame_dataset, record, record_dataset

@@ -14,7 +14,7 @@ import pytest
 import torch
 from matplotlib.figure import Figure
 
-from model.cli import make_app, run
+from model.cli.app import make_app, run
 from model.config import ReadoutConfig
 from model.dataset import open_dataset
 from model.errors import InputError

@@ -15,8 +15,8 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from model.cli import make_app
-from model.cli import run as run_app
+from model.cli.app import make_app
+from model.cli.app import run as run_app
 from model.errors import InputError
 from snn.exchange import Weights, load_weights, save_weights
 from snn.exchange_commands import export, import_

@@ -10,10 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from model.cli import make_app, run
+from model.cli.app import make_app, run
 from model.config import ReadoutConfig
 from model.errors import InputError
-from model.events import EVENT_DTYPE, Recording, make_events
+from model.events.address import EVENT_DTYPE, make_events
+from model.events.recording import Recording
 from snn.dataset import BinConfig, bin_recording
 from snn.exchange import Weights
 from snn.exchange_commands import convert

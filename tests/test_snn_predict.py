@@ -15,10 +15,11 @@ import numpy as np
 import pytest
 
 import snn.predict
-from model.cli import make_app, run
+from model.cli.app import make_app, run
 from model.config import ReadoutConfig
 from model.dataset import embedded_dataset
-from model.events import Recording, no_events
+from model.events.address import no_events
+from model.events.recording import Recording
 from model.texture import PhysicalScan
 from snn.__main__ import app as snn_app
 from snn.dataset import BinConfig

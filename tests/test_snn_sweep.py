@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from model.cli import run
+from model.cli.app import run
 from model.config import ReadoutConfig
 from model.errors import InputError
 from snn import workers

@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from model.figures.raster import DPI, check_picture_path
 from model.files import atomic_write
-from model.raster import DPI, check_picture_path
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe-Ito, as in model.raster.
+# Okabe-Ito, as in model.figures.raster.
 READOUT_COLOURS = {"nlcs": "#d55e00", "lcs": "#0072b2", "frame": "#000000"}
 READOUT_MARKERS = {"nlcs": "^", "lcs": "o", "frame": "s"}
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.config import ReadoutConfig
-from model.events import Events
+from model.events.address import Events
 
 CONTEXT = 3
 """Events shown before and after a difference."""

@@ -11,13 +11,14 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from model.cli import with_config
-from model.compare import count_per_taxel, first_difference
+from model.cli.config_options import with_config
 from model.config import ReadoutConfig
 from model.errors import InputError
-from model.events import Events, Recording, check_event_path
+from model.events.address import Events
+from model.events.compare import count_per_taxel, first_difference
+from model.events.recording import Recording, check_event_path
+from model.events.samples import ARRAY_SUFFIXES, check_samples_path, fit_array, read_samples, write_samples
 from model.files import check_writable
-from model.samples import ARRAY_SUFFIXES, check_samples_path, fit_array, read_samples, write_samples
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -224,7 +225,7 @@ def decode(
     """Rebuild the signals of all taxels from an event file alone."""
     check_samples_path(out)
     if plot is not None:
-        from model.raster import check_picture_path, plot_signals
+        from model.figures.raster import check_picture_path, plot_signals
 
         check_picture_path(plot)
     recording = Recording.load(source)
@@ -271,7 +272,7 @@ def compare(
 ) -> None:
     """Compare two event files, event by event: exit code 0 if equal, 1 if not."""
     if plot is not None:
-        from model.raster import check_picture_path, plot_comparison
+        from model.figures.raster import check_picture_path, plot_comparison
 
         check_picture_path(plot)
     first, second = Recording.load(a), Recording.load(b)

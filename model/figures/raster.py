@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compare import unmatched
 from model.config import ReadoutConfig
 from model.errors import InputError
-from model.events import Events
+from model.events.address import Events
+from model.events.compare import unmatched
 from model.files import atomic_write, check_writable
 
 if TYPE_CHECKING:

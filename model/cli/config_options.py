@@ -1,4 +1,4 @@
-"""What the commands of all packages share: the app, its errors, and the configuration as options."""
+"""The configuration as command-line options: one for every field of ReadoutConfig."""
 
 from __future__ import annotations
 
@@ -6,20 +6,14 @@ import dataclasses
 import functools
 import inspect
 import json
-import os
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Any, NoReturn, get_args, get_type_hints
+from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
 
 from model.config import ReadoutConfig
 from model.errors import InputError
-
-EXIT_INPUT_ERROR = 2
-EXIT_INTERRUPTED = 128 + 2  # SIGINT, as a shell reports it
-EXIT_BROKEN_PIPE = 128 + 13  # SIGPIPE
 
 FIELD_HELP = {
     "rows": "rows of taxels, 1..64",
@@ -42,82 +36,12 @@ FIELD_HELP = {
 }
 """Help text of every field of ReadoutConfig; the type, the choices and the default come from the class."""
 
+
 OPTION_NAMES = {"sample_rate_hz": "--sample-rate"}
 """Options whose name is not that of the field; the unit is in the help."""
 
+
 _UNITS = {"sample_rate_hz": "HZ"}
-
-
-def make_app(help_text: str) -> typer.Typer:
-    """Return an app with subcommands: plain help, no completion options, no decorated tracebacks."""
-    app = typer.Typer(
-        help=help_text,
-        add_completion=False,
-        pretty_exceptions_enable=False,
-        rich_markup_mode=None,
-        context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
-    )
-    app.callback()(lambda: None)  # keeps the name of the subcommand even where there is only one
-    return app
-
-
-def run(app: typer.Typer, prog_name: str, args: Sequence[str] | None = None) -> NoReturn:
-    """Run an app and leave the process.
-
-    An InputError, or a wrong option, prints ``error: <sentence>`` on standard error and exits with code 2.
-    Ctrl-C and a reader that closes the pipe are quiet: codes 130 and 141. Commands choose other codes by
-    ``raise typer.Exit(code)``. Anything else is a defect of the program and keeps its traceback.
-
-    Parameters
-    ----------
-    app : typer.Typer
-        From :func:`make_app`.
-    prog_name : str
-        What the user typed, as ``python -m model``.
-    args : sequence of str, optional
-        Arguments behind it; those of the process by default.
-    """
-    try:
-        code = _invoke(app, prog_name, list(sys.argv[1:] if args is None else args))
-        sys.stdout.flush()
-    except KeyboardInterrupt:
-        code = EXIT_INTERRUPTED
-    except BrokenPipeError:
-        # The interpreter flushes once more at its end, and would complain then.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = EXIT_BROKEN_PIPE
-    sys.exit(code)
-
-
-def _invoke(app: typer.Typer, prog_name: str, args: list[str]) -> int:
-    """Run the command and return its exit code."""
-    command = typer.main.get_command(app)
-    try:
-        with command.make_context(prog_name, args or ["--help"]) as context:
-            command.invoke(context)
-    except typer.Exit as leave:
-        return leave.exit_code
-    except InputError as error:
-        return _report(str(error))
-    except typer.TyperException as error:  # a usage error: unknown option, missing argument
-        return _report(error.format_message())
-    except MemoryError as error:
-        return _report(f"not enough memory: {str(error) or 'the data are too large'}")
-    except OSError as error:
-        if error.filename is None:  # a broken pipe, or a defect
-            raise
-        return _report(f"cannot use {error.filename}: {error.strerror}")
-    return 0
-
-
-def _report(message: str) -> int:
-    """Print an error as one line on standard error and return its exit code."""
-    sentence = " ".join(message.split()).removesuffix(".")
-    print(f"error: {sentence}", file=sys.stderr)
-    return EXIT_INPUT_ERROR
-
-
-# -- the configuration as options --------------------------------------------------------------------
 
 
 def option_name(field: str) -> str:

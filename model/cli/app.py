@@ -1,0 +1,85 @@
+"""What the commands of all packages share: the app, its exit codes and its errors."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from typing import NoReturn
+
+import typer
+
+from model.errors import InputError
+
+EXIT_INPUT_ERROR = 2
+EXIT_INTERRUPTED = 128 + 2  # SIGINT, as a shell reports it
+EXIT_BROKEN_PIPE = 128 + 13  # SIGPIPE
+
+
+def make_app(help_text: str) -> typer.Typer:
+    """Return an app with subcommands: plain help, no completion options, no decorated tracebacks."""
+    app = typer.Typer(
+        help=help_text,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+        context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+    )
+    app.callback()(lambda: None)  # keeps the name of the subcommand even where there is only one
+    return app
+
+
+def run(app: typer.Typer, prog_name: str, args: Sequence[str] | None = None) -> NoReturn:
+    """Run an app and leave the process.
+
+    An InputError, or a wrong option, prints ``error: <sentence>`` on standard error and exits with code 2.
+    Ctrl-C and a reader that closes the pipe are quiet: codes 130 and 141. Commands choose other codes by
+    ``raise typer.Exit(code)``. Anything else is a defect of the program and keeps its traceback.
+
+    Parameters
+    ----------
+    app : typer.Typer
+        From :func:`make_app`.
+    prog_name : str
+        What the user typed, as ``python -m model``.
+    args : sequence of str, optional
+        Arguments behind it; those of the process by default.
+    """
+    try:
+        code = _invoke(app, prog_name, list(sys.argv[1:] if args is None else args))
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        code = EXIT_INTERRUPTED
+    except BrokenPipeError:
+        # The interpreter flushes once more at its end, and would complain then.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = EXIT_BROKEN_PIPE
+    sys.exit(code)
+
+
+def _invoke(app: typer.Typer, prog_name: str, args: list[str]) -> int:
+    """Run the command and return its exit code."""
+    command = typer.main.get_command(app)
+    try:
+        with command.make_context(prog_name, args or ["--help"]) as context:
+            command.invoke(context)
+    except typer.Exit as leave:
+        return leave.exit_code
+    except InputError as error:
+        return _report(str(error))
+    except typer.TyperException as error:  # a usage error: unknown option, missing argument
+        return _report(error.format_message())
+    except MemoryError as error:
+        return _report(f"not enough memory: {str(error) or 'the data are too large'}")
+    except OSError as error:
+        if error.filename is None:  # a broken pipe, or a defect
+            raise
+        return _report(f"cannot use {error.filename}: {error.strerror}")
+    return 0
+
+
+def _report(message: str) -> int:
+    """Print an error as one line on standard error and return its exit code."""
+    sentence = " ".join(message.split()).removesuffix(".")
+    print(f"error: {sentence}", file=sys.stderr)
+    return EXIT_INPUT_ERROR

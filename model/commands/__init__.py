@@ -1,0 +1,1 @@
+"""The commands of ``python -m model``: they parse and print, and hold no logic."""
