@@ -64,7 +64,7 @@ def sim(
         TimeElapsedColumn,
     )
 
-    from model.dataset import open_dataset
+    from model.textures.dataset import open_dataset
 
     require_programs(simulator)  # type: ignore[arg-type]
     if textures < 0 or seed < 0 or (ticks is not None and ticks < 1):
@@ -156,7 +156,7 @@ def _picture(config: ReadoutConfig, texture: Any, folder: Path, ticks: int | Non
     from model.events.recording import Recording
     from model.figures.raster import plot_comparison
     from model.readout import simulate
-    from model.texture import PhysicalScan
+    from model.textures.physical import PhysicalScan
 
     rtl = Recording.load(folder / "events" / f"{texture.name}.npz")
     image = texture.load()
@@ -208,9 +208,9 @@ def replay(
         TimeRemainingColumn,
     )
 
-    from model.dataset import Texture, open_dataset
     from model.events.recording import Recording
-    from model.texture import preset as scan_of
+    from model.textures.dataset import Texture, open_dataset
+    from model.textures.presets import preset as scan_of
 
     require_programs("verilator")
     workers = workers if workers is not None else os.cpu_count() or 1

@@ -79,8 +79,8 @@ def _runs(job: Job, config: ReadoutConfig) -> Iterator[Run]:
         for scenario in scenarios(config, job.seed):
             yield Run(scenario.name, scenario.stimulus, job.reproduce, scenario.outstanding)
     if job.textures:
-        from model.dataset import open_dataset
-        from model.texture import preset
+        from model.textures.dataset import open_dataset
+        from model.textures.presets import preset
 
         with contextlib.chdir(job.home):
             dataset, scan = open_dataset(job.dataset), preset(job.preset)

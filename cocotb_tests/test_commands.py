@@ -22,10 +22,10 @@ from cocotb_tests.player import Job
 from cocotb_tests.session import MismatchFound, run_job
 from cocotb_tests.stimuli import settled
 from model.config import ReadoutConfig
-from model.dataset import embedded_dataset
 from model.events.recording import Recording
 from model.readout import simulate
-from model.texture import PhysicalScan
+from model.textures.dataset import embedded_dataset
+from model.textures.physical import PhysicalScan
 
 BIT_EXACT = re.compile(r"bit-exact: (\d+) runs, (\d+) clocks, (\d+) events, 0 mismatches")
 COMMAND = [sys.executable, "-m", "cocotb_tests"]

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.config import ReadoutConfig
-from model.dataset import embedded_dataset
-from model.texture import PhysicalScan
+from model.textures.dataset import embedded_dataset
+from model.textures.physical import PhysicalScan
 
 
 @functools.lru_cache(maxsize=4)

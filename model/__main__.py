@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from model.cli.app import make_app, run
 from model.commands.encode import compare, decode, encode
-from model.event_rates import event_rates
-from model.explore import explore
-from model.frame_commands import frames
-from model.power_commands import fig6, fig7, power, sensitivity
-from model.rates import rates
-from model.report import report
+from model.commands.event_rates import event_rates
+from model.commands.explore import explore
+from model.commands.frames import frames
+from model.commands.power import fig6, fig7, power, sensitivity
+from model.commands.rates import rates
+from model.commands.report import report
 
 app = make_app("Golden model of the spiking e-skin readout.")
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from model.errors import InputError
 from model.figures.style import new_figure, save_figure
-from model.texture import PRESETS
+from model.textures.presets import PRESETS
 from snn.figures import READINGS, Data, Sweep, measured, own_point, partial
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from model.config import ReadoutConfig
 from model.errors import InputError
 from model.events.address import Events
 from model.events.recording import Recording
-from model.texture import preset
+from model.textures.presets import preset
 
 if TYPE_CHECKING:
     from torch import Tensor

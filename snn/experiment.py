@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.config import ReadoutConfig
-from model.dataset import open_dataset
 from model.errors import InputError
 from model.files import plain
-from model.rates import PAPER_TAU_S
-from model.texture import PhysicalScan, Scan, preset
+from model.textures.dataset import open_dataset
+from model.textures.physical import PhysicalScan
+from model.textures.presets import Scan, preset
+from model.textures.rates import PAPER_TAU_S
 from snn.dataset import BinConfig, ScanData, load_recordings
 from snn.network import NetworkConfig
 from snn.scans import FrameConfig, Progress, frame_dataset, record_dataset
@@ -29,7 +30,7 @@ class Experiment:
     Parameters
     ----------
     dataset : str or None
-        As ``model.dataset.open_dataset`` takes it.
+        As ``model.textures.dataset.open_dataset`` takes it.
     events : str or None
         Folder of event files (an RTL replay) instead of the model.
     preset : "physical" or "paper"

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from model.errors import InputError
 from model.figures.style import READOUT_COLOURS, READOUT_MARKERS, dress, new_figure, save_figure
-from model.power import READOUT_NAMES
-from model.report_data import read_json
-from model.texture import PRESETS
+from model.power.equations import READOUT_NAMES
+from model.report.data import read_json
+from model.textures.presets import PRESETS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.dataset import EMBEDDED, Texture, open_dataset
 from model.errors import InputError
 from model.events.compare import first_difference
 from model.events.recording import Recording
 from model.readout import Stimulus, simulate
-from model.texture import preset
+from model.textures.dataset import EMBEDDED, Texture, open_dataset
+from model.textures.presets import preset
 from snn.dataset import BinConfig, ScanData, bin_recording, collect, event_files
 from snn.exchange import config_of
 from snn.train import check_fits, logits_of
@@ -140,7 +140,7 @@ def check_model(
         The recordings, and what ``bin_recordings`` and ``logits_of`` made of them.
     trained : Trained
     where : str, optional
-        Place of the textures, as ``model.dataset.open_dataset`` takes it.
+        Place of the textures, as ``model.textures.dataset.open_dataset`` takes it.
     progress : callable, optional
         Called after each comparison.
 

@@ -13,10 +13,10 @@ from torch import Tensor
 from torch.nn import functional
 
 from model.config import ReadoutConfig
-from model.dataset import Texture, open_dataset
 from model.errors import InputError
 from model.events.recording import Recording
-from model.scan import Scan
+from model.textures.dataset import Texture, open_dataset
+from model.textures.scan import Scan
 from snn.dataset import BinConfig, collect
 from snn.exchange import Weights, load_weights
 from snn.kernels.layer import layer

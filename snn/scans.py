@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from model.config import ReadoutConfig
-from model.dataset import Dataset, Texture
 from model.errors import InputError
 from model.events.recording import Recording
-from model.texture import Scan
+from model.textures.dataset import Dataset, Texture
+from model.textures.presets import Scan
 from snn.dataset import BinConfig, ScanData, collect
 
 Progress = Callable[[], object]

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.config import ReadoutConfig
-from model.dataset import open_dataset
 from model.errors import InputError
 from model.events.recording import Recording
+from model.textures.dataset import open_dataset
 from snn.dataset import BinConfig, load_recordings
 from snn.exchange import Weights, load_weights
 from snn.experiment import Experiment, stratified_folds

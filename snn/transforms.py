@@ -12,8 +12,8 @@ from torch import Tensor
 
 from model.config import ReadoutConfig
 from model.errors import InputError
-from model.scan import quantise
 from model.taxel import encode
+from model.textures.scan import quantise
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from model import dataset as module
-from model.dataset import EMBEDDED, directory_dataset, embedded_dataset, open_dataset, read_gray_png
 from model.errors import InputError
+from model.textures import dataset as module
+from model.textures.dataset import EMBEDDED, directory_dataset, embedded_dataset, open_dataset, read_gray_png
 
 
 def pixels(seed: int) -> np.ndarray:
@@ -48,7 +48,7 @@ def nowhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "work" / "here").mkdir(parents=True)
     (tmp_path / "repo" / "model").mkdir(parents=True)
     monkeypatch.chdir(tmp_path / "work" / "here")
-    monkeypatch.setattr(module, "__file__", str(tmp_path / "repo" / "model" / "dataset.py"))
+    monkeypatch.setattr(module, "__file__", str(tmp_path / "repo" / "model" / "textures" / "dataset.py"))
     return tmp_path / "repo"
 
 

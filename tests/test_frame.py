@@ -15,7 +15,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from model.config import ReadoutConfig
-from model.dataset import embedded_dataset
 from model.errors import InputError
 from model.frame import (
     FrameConfig,
@@ -27,8 +26,9 @@ from model.frame import (
     simulate,
     unpack,
 )
-from model.rates import measure_rates
-from model.texture import preset
+from model.textures.dataset import embedded_dataset
+from model.textures.presets import preset
+from model.textures.rates import measure_rates
 
 Call = Callable[[str], tuple[int, str, str]]
 

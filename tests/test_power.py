@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from model.errors import InputError
-from model.event_rates import TAUS_S, stored_table
-from model.power import CORRECTIONS, READOUTS, SPIKING, PowerModel, TaxelRates
-from model.power_parameters import PowerParameters
-from model.synthesis import SynthesisReport
+from model.power.equations import CORRECTIONS, READOUTS, SPIKING, PowerModel, TaxelRates
+from model.power.parameters import PowerParameters
+from model.power.rates import TAUS_S, stored_table
+from model.power.synthesis import SynthesisReport
 
 PAPER = PowerModel()
 RATES = stored_table("paper")

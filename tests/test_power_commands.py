@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from model.config import ReadoutConfig
-from model.dataset import open_dataset
 from model.errors import InputError
-from model.event_rates import RateTable, load_tables, measure_table, stored_table, tables_text
-from model.explore import GivenRates
-from model.power import CORRECTIONS, READOUTS, PowerModel
-from model.power_parameters import PowerParameters
-from model.power_study import FIG6_NOISE_V, fig6_data, fig7_data, sensitivity_data, sensitivity_models
-from model.rates import measure_rates
-from model.synthesis import SynthesisReport
-from model.texture import preset
+from model.power.equations import CORRECTIONS, READOUTS, PowerModel
+from model.power.explore import GivenRates
+from model.power.parameters import PowerParameters
+from model.power.rates import RateTable, load_tables, measure_table, stored_table, tables_text
+from model.power.study import FIG6_NOISE_V, fig6_data, fig7_data, sensitivity_data, sensitivity_models
+from model.power.synthesis import SynthesisReport
+from model.textures.dataset import open_dataset
+from model.textures.presets import preset
+from model.textures.rates import measure_rates
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 RATES = stored_table("paper")

@@ -18,11 +18,12 @@ from PIL import Image
 from model.__main__ import app
 from model.cli.app import run as run_app
 from model.config import ReadoutConfig
-from model.dataset import Dataset, directory_dataset, embedded_dataset, open_dataset
 from model.errors import InputError
-from model.rates import PUBLISHED_RATES_HZ, measure_rates, published_rate_hz
 from model.taxel import encode
-from model.texture import PhysicalScan, preset
+from model.textures.dataset import Dataset, directory_dataset, embedded_dataset, open_dataset
+from model.textures.physical import PhysicalScan
+from model.textures.presets import preset
+from model.textures.rates import PUBLISHED_RATES_HZ, measure_rates, published_rate_hz
 
 PAPER = preset("paper")
 PHYSICAL = preset("physical")

@@ -15,17 +15,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from model import report_data as gathering
 from model.config import ReadoutConfig
 from model.errors import InputError
-from model.event_rates import load_tables, stored_table
 from model.events.address import Events, make_events
 from model.events.recording import Recording
-from model.power import CORRECTIONS, READOUTS, PowerModel
-from model.power_study import fig6_data, fig7_data, sensitivity_data, sensitivity_models
-from model.report import ACCURACY, BENCHMARKS, page
-from model.report_data import GRID_NOISE_V, benchmark_data, fig9_data, raster_data, replay_data, report_data
-from model.synthesis import SynthesisReport
+from model.power.equations import CORRECTIONS, READOUTS, PowerModel
+from model.power.rates import load_tables, stored_table
+from model.power.study import fig6_data, fig7_data, sensitivity_data, sensitivity_models
+from model.power.synthesis import SynthesisReport
+from model.report import data as gathering
+from model.report.data import GRID_NOISE_V, benchmark_data, fig9_data, raster_data, replay_data, report_data
+from model.report.page import ACCURACY, BENCHMARKS, page
 
 MODELS = {"paper": PowerModel(), "consistent": PowerModel(corrections=frozenset(CORRECTIONS), measured=stored_table())}
 CONFIG = ReadoutConfig(rows=2, columns=3, encoding="lcs", resolution=4)

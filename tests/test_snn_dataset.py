@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 from model.config import ReadoutConfig
-from model.dataset import embedded_dataset
 from model.errors import InputError
 from model.events.address import make_events, no_events
 from model.events.recording import Recording
-from model.texture import PaperScan, PhysicalScan
+from model.textures.dataset import embedded_dataset
+from model.textures.paper import PaperScan
+from model.textures.physical import PhysicalScan
 from snn.dataset import AugmentConfig, BinConfig, at_speed, augment, bin_recording, collect, load_recordings
 from snn.scans import FrameConfig, frame_dataset, record, record_dataset
 

@@ -16,9 +16,9 @@ from matplotlib.figure import Figure
 
 from model.cli.app import make_app, run
 from model.config import ReadoutConfig
-from model.dataset import open_dataset
 from model.errors import InputError
-from model.report_data import fig9_data as report_data
+from model.report.data import fig9_data as report_data
+from model.textures.dataset import open_dataset
 from snn import figures
 from snn.confusion_figure import confusion_data, draw_confusion
 from snn.crossval import summarise

@@ -17,10 +17,10 @@ import pytest
 import snn.predict
 from model.cli.app import make_app, run
 from model.config import ReadoutConfig
-from model.dataset import embedded_dataset
 from model.events.address import no_events
 from model.events.recording import Recording
-from model.texture import PhysicalScan
+from model.textures.dataset import embedded_dataset
+from model.textures.physical import PhysicalScan
 from snn.__main__ import app as snn_app
 from snn.dataset import BinConfig
 from snn.exchange import Weights, save_weights

@@ -15,8 +15,8 @@ from torch.utils.data import DataLoader, Dataset
 
 from model.config import ReadoutConfig
 from model.errors import InputError
-from model.scan import quantise
 from model.taxel import encode
+from model.textures.scan import quantise
 from snn.transforms import LevelCrossing
 
 DOCUMENT = Path(__file__).parents[1] / "docs" / "exchange.md"

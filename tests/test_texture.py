@@ -12,7 +12,9 @@ from scipy import signal
 
 from model.config import ReadoutConfig
 from model.errors import InputError
-from model.texture import PRESETS, PaperScan, PhysicalScan, preset, quantise
+from model.textures.paper import PaperScan
+from model.textures.physical import PhysicalScan
+from model.textures.presets import PRESETS, preset, quantise
 
 PAPER = PaperScan()
 PHYSICAL = PhysicalScan()

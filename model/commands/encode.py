@@ -97,7 +97,7 @@ def encode(
 
 def _scan_image(source: Path, config: ReadoutConfig, preset_name: str, start_row: float) -> _Input:
     """Return the samples of an array that slides over an image."""
-    from model.texture import preset
+    from model.textures.presets import preset
 
     scan = preset(preset_name)
     pixels = _read_image(source)
@@ -131,7 +131,7 @@ def _gray(image: Image) -> NDArray[Any]:
 
 def _take_samples(source: Path, config: ReadoutConfig, given: frozenset[str], scale: str | None) -> _Input:
     """Return the user's own samples as codes."""
-    from model.texture import quantise
+    from model.textures.presets import quantise
 
     samples = read_samples(source)
     if "sample_rate_hz" not in given:

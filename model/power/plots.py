@@ -1,4 +1,4 @@
-"""Pictures of the power model, each made from its data (``model.power_study``, ``model.explore``)."""
+"""Pictures of the power model, each made from its data (``model.power.study``, ``model.power.explore``)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from model.figures.style import READOUT_COLOURS, READOUT_MARKERS, dress, new_figure, save_figure
-from model.power import READOUT_NAMES, READOUTS, SPIKING
+from model.power.equations import READOUT_NAMES, READOUTS, SPIKING
 
 Data = dict[str, Any]
 

@@ -15,7 +15,7 @@ from model.errors import InputError
 from model.events.recording import Recording
 
 if TYPE_CHECKING:
-    from model.power import PowerModel
+    from model.power.equations import PowerModel
 
 Data = dict[str, Any]
 
@@ -103,9 +103,9 @@ def _match(name: str, rtl: Recording, model: Recording) -> Data:
 def _model_alone(encoding: str) -> Data:
     """Return what the model makes of the beginning of the first embedded texture."""
     from model.config import ReadoutConfig
-    from model.dataset import EMBEDDED, open_dataset
     from model.readout import Stimulus, simulate
-    from model.texture import PhysicalScan
+    from model.textures.dataset import EMBEDDED, open_dataset
+    from model.textures.physical import PhysicalScan
 
     scan, texture = PhysicalScan(), open_dataset(EMBEDDED)[0]
     config = scan.configure(ReadoutConfig.from_dict({"rows": 8, "columns": 8, "encoding": encoding, "resolution": 6}))
@@ -174,8 +174,8 @@ def power_grid(models: Mapping[str, PowerModel]) -> Data:
 
     The noise is in the AFE only, so the other parts have one number for each resolution.
     """
-    from model.event_rates import TAUS_S
-    from model.power_study import RESOLUTIONS, tau_key
+    from model.power.rates import TAUS_S
+    from model.power.study import RESOLUTIONS, tau_key
 
     bits = np.array(RESOLUTIONS)[:, None]
     noise = np.array(GRID_NOISE_V)[None, :]
@@ -250,7 +250,7 @@ def fig9_data(path: Path) -> Data:
     InputError
         If the file cannot be read, or a point has no usable accuracy and data rate.
     """
-    from model.power import READOUT_NAMES
+    from model.power.equations import READOUT_NAMES
 
     what = "the accuracy results"
     values = read_json(path, what)
@@ -367,10 +367,10 @@ def report_data(sim: Path, replay: Path, benchmarks: Path, accuracy: Path, synth
         Synthesis reports, which ``consistent`` mode then uses.
     """
     from model import __version__
-    from model.event_rates import TAUS_S, load_tables
-    from model.power_options import both_modes, rate_table
-    from model.power_study import RESOLUTIONS, fig6_data, fig7_data, sensitivity_data, sensitivity_models
-    from model.synthesis import load_reports
+    from model.power.build import both_modes, rate_table
+    from model.power.rates import TAUS_S, load_tables
+    from model.power.study import RESOLUTIONS, fig6_data, fig7_data, sensitivity_data, sensitivity_models
+    from model.power.synthesis import load_reports
 
     gates = load_reports(list(synthesis))  # refused before anything long is done
     missing: dict[str, list[str]] = {}

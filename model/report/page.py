@@ -1,6 +1,6 @@
-"""One HTML file with the figures of the whole project, and the command ``report`` (docs/report.md).
+"""One HTML file with the figures of the whole project (docs/report.md).
 
-The page is ``report.html`` with a style sheet, two scripts and the data as JSON put into it. The scripts are written
+The page is ``page.html`` with a style sheet, two scripts and the data as JSON put into it. The scripts are written
 by hand, since a chart library in every page would be ten times as large as all the rest. They compute no power: all
 numbers come from here, on a grid.
 """
@@ -13,22 +13,18 @@ import string
 from collections.abc import Iterable, Sequence
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
-
-from model.errors import InputError
-from model.power_options import SynthesisOption
+from typing import Any
 
 Data = dict[str, Any]
 
-_ROOT = Path(__file__).resolve().parents[1]
-BENCHMARKS = _ROOT / "benchmarks" / "results"
-ACCURACY = _ROOT / "docs" / "data" / "fig9.json"
+BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks" / "results"
+"""Of a checkout; an installed package has none, and the page says so."""
+ACCURACY = Path(__file__).with_name("fig9.json")
+"""The data of Fig. 9 that come with the project, from ``python -m snn fig9``."""
 SIM = Path("out/sim")
 REPLAY = Path("out/replay")
 
-SOURCES = ("report.html", "report.css", "report.js", "report_raster.js")
+SOURCES = ("page.html", "page.css", "charts.js", "raster.js")
 """What the page is made of, beside this module."""
 
 SECTIONS = ("raster", "replay", "fig9", "benchmarks", "synthesis")
@@ -39,10 +35,10 @@ SECTIONS = ("raster", "replay", "fig9", "benchmarks", "synthesis")
 
 
 def page(data: Data) -> str:
-    """Return the page of some data (``model.report_data``); the same data give the same page."""
-    from model.power import READOUT_NAMES
+    """Return the page of some data (``model.report.data``); the same data give the same page."""
+    from model.power.equations import READOUT_NAMES
 
-    folder = resources.files("model")
+    folder = resources.files("model.report")
     template, style, charts, raster = ((folder / name).read_text("utf-8") for name in SOURCES)
     parts = {f"{section}_missing": _sentences(data["missing"].get(section, [])) for section in SECTIONS}
     tables = {
@@ -140,7 +136,7 @@ def _replay_table(replays: list[Data]) -> str:
 
 
 def _fig6_table(fig6: Data) -> str:
-    from model.power import READOUT_NAMES, READOUTS
+    from model.power.equations import READOUT_NAMES, READOUTS
 
     rows = [
         (
@@ -165,8 +161,8 @@ def _fig7_table(fig7: Data) -> str:
 
 
 def _sensitivity_table(study: Data) -> str:
-    from model.power import READOUT_NAMES, SPIKING
-    from model.power_commands import crossover_text
+    from model.commands.power import crossover_text
+    from model.power.equations import READOUT_NAMES, SPIKING
 
     rows = [
         (row["case"], *(x for s in SPIKING for x in (*row["ratio"][s], crossover_text(row["crossover"][s]))))
@@ -201,7 +197,7 @@ def _benchmarks_table(charts: list[Data]) -> str:
 
 
 def _synthesis_table(reports: list[Data]) -> str:
-    from model.power import READOUT_NAMES
+    from model.power.equations import READOUT_NAMES
 
     rows = [
         (
@@ -220,47 +216,3 @@ def _synthesis_table(reports: list[Data]) -> str:
 
 
 # -- the command -------------------------------------------------------------------------------------
-
-
-def report(
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="page to write, .html")] = Path(
-        "out/report.html"
-    ),
-    sim: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="runs of make sim: event files of RTL and model [out/sim]")
-    ] = None,
-    replay: Annotated[Path | None, typer.Option(metavar="DIR", help="what make replay left [out/replay]")] = None,
-    benchmarks: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="benchmark results [benchmarks/results]")
-    ] = None,
-    accuracy: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="accuracy and data rates of Fig. 9 [docs/data/fig9.json]")
-    ] = None,
-    synthesis: SynthesisOption = None,
-) -> None:
-    """Write all figures of the project into one HTML file that needs no server and no network."""
-    from model.files import atomic_write, check_writable
-    from model.report_data import report_data
-
-    if out.suffix.lower() not in (".html", ".htm"):
-        raise InputError(f"the report is a page; its name ends in .html, {out.name} does not; rename the output")
-    for folder in (sim, replay, benchmarks):
-        if folder is not None and not folder.is_dir():
-            raise InputError(f"{folder} is not a folder; give one, or leave the option out")
-    if accuracy is not None and not accuracy.is_file():
-        raise InputError(f"cannot read the accuracy results {accuracy}: there is no such file")
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot make the folder {out.parent}: {error.strerror}; choose another --out") from None
-    check_writable(out)
-    data = report_data(
-        sim or SIM, replay or REPLAY, benchmarks or BENCHMARKS, accuracy or ACCURACY, list(synthesis or [])
-    )
-    text = page(data).encode()
-    with atomic_write(out) as file:
-        file.write(text)
-    print(f"wrote {out} ({len(text) / 1e6:.1f} MB); open it in a browser")
-    for sentences in data["missing"].values():
-        for sentence in sentences:
-            print(f"note: {sentence}")

@@ -12,11 +12,11 @@ import typer
 
 from model.cli.config_options import build_config
 from model.config import Encoding, ReadoutConfig
-from model.dataset import open_dataset
 from model.errors import InputError
 from model.frame_config import FrameConfig
-from model.rates import PAPER_TAU_S, Rates, measure_rates
-from model.texture import Scan, preset
+from model.textures.dataset import open_dataset
+from model.textures.presets import Scan, preset
+from model.textures.rates import PAPER_TAU_S, Rates, measure_rates
 
 READOUTS = {"lcs": "LCS", "cw-lcs": "CW-LCS", "nlcs": "N-LCS"}
 

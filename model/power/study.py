@@ -7,9 +7,9 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from model.event_rates import TAUS_S, RateTable
-from model.power import CORRECTIONS, READOUTS, SPIKING, PowerModel
-from model.power_parameters import MAX_RESOLUTION, MIN_RESOLUTION
+from model.power.equations import CORRECTIONS, READOUTS, SPIKING, PowerModel
+from model.power.parameters import MAX_RESOLUTION, MIN_RESOLUTION
+from model.power.rates import TAUS_S, RateTable
 
 FIG6_NOISE_V = (1e-4, 10 ** (-4 + 2 * 14 / 29), 1e-2)
 """Noise targets of Fig. 6 in volts rms: 0.1, 0.924 and 10 mV; the middle one is the original's grid point for 1 mV."""

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.errors import InputError
-from model.power_parameters import MAX_RESOLUTION, MIN_RESOLUTION, PAPER_TAXELS, PowerParameters
-from model.synthesis import SynthesisReport
+from model.power.parameters import MAX_RESOLUTION, MIN_RESOLUTION, PAPER_TAXELS, PowerParameters
+from model.power.synthesis import SynthesisReport
 
 FloatArray = NDArray[np.float64]
 

@@ -134,7 +134,7 @@ def open_dataset(where: str | Path | None = None) -> Dataset:
         return _named_dataset(str(where), "dataset directory")
     if variable := os.environ.get(ENVIRONMENT_VARIABLE):
         return _named_dataset(variable, f"${ENVIRONMENT_VARIABLE}")
-    for base in (Path(__file__).resolve().parents[1], Path.cwd()):
+    for base in (Path(__file__).resolve().parents[2], Path.cwd()):
         for place in SEARCHED:
             if (base / place).is_dir():
                 return directory_dataset(base / place)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from model.figures.results import DEFAULT_OUT, DataOption, OutOption, write_results
-from model.power_options import (
+from model.power.build import (
     DatasetOption,
     JsonOption,
     PresetOption,
@@ -21,10 +21,10 @@ from model.power_options import (
     chosen_corrections,
     rate_table,
 )
-from model.power_parameters import PowerParameters
+from model.power.parameters import PowerParameters
 
 if TYPE_CHECKING:
-    from model.power import PowerModel
+    from model.power.equations import PowerModel
 
 
 # -- power -------------------------------------------------------------------------------------------
@@ -54,8 +54,8 @@ def power(
     if parameters:
         _print_parameters(PowerParameters().with_settings(settings or []), as_json)
         return
-    from model.power import PowerModel
-    from model.power_study import RESOLUTIONS, TAUS_S, breakdowns, crossovers, winning_sides
+    from model.power.equations import PowerModel
+    from model.power.study import RESOLUTIONS, TAUS_S, breakdowns, crossovers, winning_sides
 
     corrections = chosen_corrections(mode, correct, without)
     # Bad numbers are refused before anything is measured.
@@ -77,7 +77,7 @@ def power(
 
 
 def _mode_text(model: PowerModel) -> str:
-    from model.power import CORRECTIONS
+    from model.power.equations import CORRECTIONS
 
     if not model.corrections:
         return "paper"
@@ -92,8 +92,8 @@ def _print_breakdown(data: dict[str, Any], model: PowerModel, title: str) -> Non
     from rich.console import Console
     from rich.table import Table
 
-    from model.power import READOUT_NAMES, READOUTS
-    from model.power_plots import watts
+    from model.power.equations import READOUT_NAMES, READOUTS
+    from model.power.plots import watts
 
     table = Table(box=box.SIMPLE_HEAD, title=f"{title}, {_mode_text(model)}", title_justify="left")
     table.add_column("power")
@@ -119,7 +119,7 @@ def _print_crossovers(data: dict[str, Any], sides: dict[str, Any], model: PowerM
     from rich.console import Console
     from rich.table import Table
 
-    from model.power_study import RESOLUTIONS
+    from model.power.study import RESOLUTIONS
 
     lines = [(f"N-LCS {float(tau):g} s", data["nlcs"][tau], sides["nlcs"][tau]) for tau in data["nlcs"]]
     lines.append(("LCS", data["lcs"], sides["lcs"]))
@@ -144,7 +144,7 @@ def _side_text(noise_v_rms: float | None, side: str) -> str:
 
 def _print_parameters(parameters: PowerParameters, as_json: bool) -> None:
     """Print every parameter with unit, meaning and source, and the corrections."""
-    from model.power import CORRECTIONS
+    from model.power.equations import CORRECTIONS
 
     fields = dataclasses.fields(parameters)
     if as_json:
@@ -183,8 +183,8 @@ def fig6(
     rates: RatesOption = None,
 ) -> None:
     """Draw figure 6 in both modes: power at three noise targets."""
-    from model.power_plots import plot_fig6
-    from model.power_study import FIG_RESOLUTION, FIG_TAU_S, fig6_data
+    from model.power.plots import plot_fig6
+    from model.power.study import FIG_RESOLUTION, FIG_TAU_S, fig6_data
 
     models = both_modes(
         settings,
@@ -204,8 +204,8 @@ def fig7(
     rates: RatesOption = None,
 ) -> None:
     """Draw figure 7 in both modes: crossover noise by resolution."""
-    from model.power_plots import plot_fig7
-    from model.power_study import RESOLUTIONS, TAUS_S, fig7_data
+    from model.power.plots import plot_fig7
+    from model.power.study import RESOLUTIONS, TAUS_S, fig7_data
 
     models = both_modes(
         settings, synthesis, lambda: rate_table(dataset, preset_name, rates, list(RESOLUTIONS), list(TAUS_S))
@@ -221,10 +221,10 @@ def sensitivity(
     as_json: JsonOption = False,
 ) -> None:
     """Show what each correction does to spiking / frame power."""
-    from model.event_rates import load_tables, stored_table
-    from model.power import CORRECTIONS
-    from model.power_plots import plot_sensitivity
-    from model.power_study import sensitivity_data, sensitivity_models
+    from model.power.equations import CORRECTIONS
+    from model.power.plots import plot_sensitivity
+    from model.power.rates import load_tables, stored_table
+    from model.power.study import sensitivity_data, sensitivity_models
 
     model = build_model(frozenset(CORRECTIONS), settings, synthesis, stored_table)
     used = (model.measured.dataset, model.measured.preset)  # type: ignore[union-attr]
@@ -243,7 +243,7 @@ def _print_sensitivity(data: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from model.power import READOUT_NAMES, SPIKING
+    from model.power.equations import READOUT_NAMES, SPIKING
 
     title = (
         f"spiking / frame power, N = {data['resolution']}, tau {data['tau_s']:g} s, at AFE noise in mV rms; "

@@ -1,7 +1,7 @@
-"""Event rates per taxel over resolution and time constant, for the power model, and the command ``event-rates``.
+"""Event rates per taxel over resolution and time constant, for the power model.
 
-A table is measured with the project's encoders on a dataset and kept as JSON; docs/data/event_rates.json holds those
-of the two datasets in both presets.
+A table is measured with the project's encoders on a dataset and kept as JSON; event_rates.json beside this file holds
+those of the two datasets in both presets.
 """
 
 from __future__ import annotations
@@ -9,24 +9,22 @@ from __future__ import annotations
 import functools
 import itertools
 import json
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import typer
 from numpy.typing import NDArray
 
 from model.config import ReadoutConfig
 from model.errors import InputError
-from model.power import FloatArray, Readout, TaxelRates
-from model.power_parameters import MAX_RESOLUTION, MIN_RESOLUTION
-from model.texture import Scan, preset
+from model.power.equations import FloatArray, Readout, TaxelRates
+from model.power.parameters import MAX_RESOLUTION, MIN_RESOLUTION
+from model.textures.presets import Scan
 
 if TYPE_CHECKING:
-    from model.dataset import Dataset, Texture
+    from model.textures.dataset import Dataset, Texture
 
 TAUS_S = (2.0, 0.2, 0.02)
 """N-LCS time constants of Fig. 7 in seconds."""
@@ -36,7 +34,7 @@ RESOLUTIONS = tuple(range(MIN_RESOLUTION, MAX_RESOLUTION + 1))
 POWER_SHARE = 0.99
 """Share of the signal's power below the bandwidth that a table gives."""
 
-STORED = Path(__file__).resolve().parents[1] / "docs" / "data" / "event_rates.json"
+STORED = Path(__file__).with_name("event_rates.json")
 """The tables that come with the project."""
 
 _DIGITS = 5  # significant digits of a stored rate
@@ -229,7 +227,7 @@ def measure_table(
     dataset : Dataset
         At least one image.
     scan : Scan
-        Preset, from ``model.texture.preset``.
+        Preset, from ``model.textures.presets.preset``.
     base : ReadoutConfig, optional
         Array and sample rate; the default array by default.
     resolutions, taus_s : sequences
@@ -295,8 +293,8 @@ def _scan_image(
     texture: Texture, scan: Scan, configs: list[ReadoutConfig], want_spectrum: bool
 ) -> tuple[FloatArray, FloatArray | float]:
     """Return the rates of every configuration and taxel, and the power spectrum, of one image at one sample rate."""
-    from model.scan import quantise
     from model.taxel import count_events
+    from model.textures.scan import quantise
 
     image = texture.load()
     try:
@@ -337,46 +335,3 @@ def _bandwidth_hz(spectrum: FloatArray) -> float:
 
 
 # -- the command -------------------------------------------------------------------------------------
-
-
-def event_rates(
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="JSON file to write")],
-    dataset: Annotated[
-        list[str] | None,
-        typer.Option(metavar="DIR|embedded", help="textures, repeatable [$ESKIN_DATA, data/kylberg, else embedded]"),
-    ] = None,
-    preset_name: Annotated[
-        str, typer.Option("--preset", metavar="paper|physical|both", help="constants of the texture scan")
-    ] = "both",
-    rows: Annotated[int, typer.Option(metavar="N", help="rows of taxels")] = 8,
-    columns: Annotated[int, typer.Option(metavar="N", help="columns of taxels")] = 8,
-    limit: Annotated[int | None, typer.Option(metavar="K", help="only K images, evenly spread")] = None,
-    workers: Annotated[int | None, typer.Option(metavar="N", help="threads [one per core]")] = None,
-) -> None:
-    """Measure the event rates of every taxel, N = 1..10, for the power model (docs/power.md)."""
-    from model.dataset import EMBEDDED, open_dataset
-    from model.files import atomic_write, check_writable
-
-    check_writable(out)
-    base = ReadoutConfig(rows=rows, columns=columns)
-    presets = ("paper", "physical") if preset_name == "both" else (preset_name,)
-    scans = [preset(name) for name in presets]
-    threads = workers if workers is not None else os.cpu_count() or 1
-    tables = []
-    places: list[str | None] = list(dataset or []) or [None]
-    for place in places:
-        textures = open_dataset(place)
-        textures = textures if limit is None else textures.limit(limit)
-        for scan in scans:
-            tables.append(measure_table(textures, scan, base, workers=threads, progress=True))
-            last = tables[-1]
-            rate = last.population_hz("lcs", 6)
-            print(
-                f"{last.dataset} {last.preset}: {last.images} images, {last.bandwidth_hz:g} Hz, "
-                f"LCS 6 b {rate:,.0f} events/s"
-            )
-    command = "python -m model event-rates --out docs/data/event_rates.json"
-    for name in dict.fromkeys(table.dataset for table in tables):
-        command += f" --dataset {name if name == EMBEDDED else f'data/{name}'}"
-    with atomic_write(out) as file:
-        file.write(tables_text(tables, command).encode())

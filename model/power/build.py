@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated, get_args
 import typer
 
 from model.errors import InputError
-from model.power_parameters import PowerParameters
+from model.power.parameters import PowerParameters
 
 if TYPE_CHECKING:
-    from model.event_rates import RateTable
-    from model.power import PowerModel
+    from model.power.equations import PowerModel
+    from model.power.rates import RateTable
 
 SettingsOption = Annotated[
     list[str] | None, typer.Option("--set", metavar="NAME=NUMBER", help="change a parameter, repeatable")
@@ -39,7 +39,7 @@ JsonOption = Annotated[bool, typer.Option("--json", help="print one JSON object"
 
 def chosen_corrections(mode: str | None, correct: str | None, without: str | None) -> frozenset[str]:
     """Return the corrections that the options name: none in ``paper``, all in ``consistent`` unless listed."""
-    from model.power import CORRECTIONS, PowerMode, check_corrections
+    from model.power.equations import CORRECTIONS, PowerMode, check_corrections
 
     if mode is not None and mode not in get_args(PowerMode):
         raise InputError(f"mode must be one of {', '.join(get_args(PowerMode))}, not {mode!r}")
@@ -62,15 +62,15 @@ def rate_table(
     array: tuple[int, int] = (8, 8),
 ) -> RateTable:
     """Return measured event rates: of a dataset, from a file, or those that come with the project."""
-    from model.event_rates import STORED, load_tables, measure_table, stored_table
-    from model.texture import preset
+    from model.power.rates import STORED, load_tables, measure_table, stored_table
+    from model.textures.presets import preset
 
     scan = preset(preset_name)
     if dataset is not None and rates is not None:
         raise InputError("--dataset measures event rates, --rates reads them from a file; give one of them")
     if dataset is not None:
         from model.config import ReadoutConfig
-        from model.dataset import open_dataset
+        from model.textures.dataset import open_dataset
 
         base = ReadoutConfig(rows=array[0], columns=array[1])
         return measure_table(open_dataset(dataset), scan, base, resolutions, taus_s, progress=True)
@@ -97,8 +97,8 @@ def build_model(
     table: Callable[[], RateTable],
 ) -> PowerModel:
     """Return the power model of some options; the table is asked for only where a correction needs it."""
-    from model.power import PowerModel
-    from model.synthesis import load_reports
+    from model.power.equations import PowerModel
+    from model.power.synthesis import load_reports
 
     settings = settings or []
     parameters = PowerParameters().with_settings(settings)
@@ -116,7 +116,7 @@ def both_modes(
     settings: Sequence[str] | None, synthesis: Sequence[Path] | None, table: Callable[[], RateTable]
 ) -> dict[str, PowerModel]:
     """Return the models of both modes; a synthesis report belongs to ``consistent`` only."""
-    from model.power import CORRECTIONS
+    from model.power.equations import CORRECTIONS
 
     return {
         "paper": build_model(frozenset(), settings, None, table),

@@ -1,0 +1,59 @@
+"""The command event-rates (docs/power.md)."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from model.config import ReadoutConfig
+from model.power.rates import measure_table, tables_text
+from model.textures.presets import preset
+
+if TYPE_CHECKING:
+    pass
+
+
+def event_rates(
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="JSON file to write")],
+    dataset: Annotated[
+        list[str] | None,
+        typer.Option(metavar="DIR|embedded", help="textures, repeatable [$ESKIN_DATA, data/kylberg, else embedded]"),
+    ] = None,
+    preset_name: Annotated[
+        str, typer.Option("--preset", metavar="paper|physical|both", help="constants of the texture scan")
+    ] = "both",
+    rows: Annotated[int, typer.Option(metavar="N", help="rows of taxels")] = 8,
+    columns: Annotated[int, typer.Option(metavar="N", help="columns of taxels")] = 8,
+    limit: Annotated[int | None, typer.Option(metavar="K", help="only K images, evenly spread")] = None,
+    workers: Annotated[int | None, typer.Option(metavar="N", help="threads [one per core]")] = None,
+) -> None:
+    """Measure the event rates of every taxel, N = 1..10, for the power model (docs/power.md)."""
+    from model.files import atomic_write, check_writable
+    from model.textures.dataset import EMBEDDED, open_dataset
+
+    check_writable(out)
+    base = ReadoutConfig(rows=rows, columns=columns)
+    presets = ("paper", "physical") if preset_name == "both" else (preset_name,)
+    scans = [preset(name) for name in presets]
+    threads = workers if workers is not None else os.cpu_count() or 1
+    tables = []
+    places: list[str | None] = list(dataset or []) or [None]
+    for place in places:
+        textures = open_dataset(place)
+        textures = textures if limit is None else textures.limit(limit)
+        for scan in scans:
+            tables.append(measure_table(textures, scan, base, workers=threads, progress=True))
+            last = tables[-1]
+            rate = last.population_hz("lcs", 6)
+            print(
+                f"{last.dataset} {last.preset}: {last.images} images, {last.bandwidth_hz:g} Hz, "
+                f"LCS 6 b {rate:,.0f} events/s"
+            )
+    command = "python -m model event-rates --out model/power/event_rates.json"
+    for name in dict.fromkeys(table.dataset for table in tables):
+        command += f" --dataset {name if name == EMBEDDED else f'data/{name}'}"
+    with atomic_write(out) as file:
+        file.write(tables_text(tables, command).encode())

@@ -1,0 +1,114 @@
+"""The command rates."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from model.cli.config_options import build_config
+from model.config import ReadoutConfig
+from model.textures.dataset import Dataset, open_dataset
+from model.textures.presets import Scan, preset
+from model.textures.rates import PAPER_TAU_S, Rates, measure_rates, published_rate_hz
+
+
+def rates(
+    preset_name: Annotated[
+        str, typer.Option("--preset", metavar="paper|physical", help="constants of the texture scan")
+    ] = "paper",
+    encoding: Annotated[
+        str | None, typer.Option(metavar="lcs|cw-lcs|nlcs", help="encoder [lcs]", show_default=False)
+    ] = None,
+    resolution: Annotated[int | None, typer.Option(metavar="N", help="LSB = 2**-N of full scale [6]")] = None,
+    tau: Annotated[
+        float | None, typer.Option(metavar="SECONDS", help=f"nlcs: time constant [{PAPER_TAU_S}], else ignored")
+    ] = None,
+    rows: Annotated[int | None, typer.Option(metavar="N", help="rows of taxels [8]")] = None,
+    columns: Annotated[int | None, typer.Option(metavar="N", help="columns of taxels [8]")] = None,
+    config_file: Annotated[
+        Path | None, typer.Option("--config", metavar="FILE", help="JSON configuration for all other fields")
+    ] = None,
+    dataset: Annotated[
+        str | None,
+        typer.Option(metavar="DIR|embedded", help="textures [$ESKIN_DATA, data/kylberg, else embedded]"),
+    ] = None,
+    limit: Annotated[int | None, typer.Option(metavar="K", help="only K images, evenly spread")] = None,
+    start_row: Annotated[
+        list[float] | None, typer.Option(metavar="PIXELS", help="physical: start row, repeatable [0]")
+    ] = None,
+    workers: Annotated[int | None, typer.Option(metavar="N", help="threads [one per core]")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
+) -> None:
+    """Measure the mean event rate of the whole array over a dataset."""
+    scan = preset(preset_name)
+    wanted = {"encoding": encoding, "resolution": resolution, "rows": rows, "columns": columns}
+    base, given = build_config({k: v for k, v in wanted.items() if v is not None}, None, config_file)
+    if tau is not None and base.encoding != "nlcs" and not as_json:  # the JSON says so by its tau_s
+        print(f"--tau is ignored: it is the leak of encoding nlcs, and {base.encoding} has none", file=sys.stderr)
+    if tau is None and not given & {"leak_shift", "leak_period"}:
+        tau = PAPER_TAU_S
+    config = scan.configure(base, tau)
+    textures = open_dataset(dataset)
+    if limit is not None:
+        textures = textures.limit(limit)
+    threads = workers if workers is not None else os.cpu_count() or 1
+    result = _measure_with_progress(textures, scan, config, start_row or [0.0], threads)
+    report = {
+        "preset": scan.name,
+        "encoding": config.encoding,
+        "resolution": config.resolution,
+        "rows": config.rows,
+        "columns": config.columns,
+        "sample_bits": config.sample_bits,
+        "sample_rate_hz": config.sample_rate_hz,
+        "dataset": textures.name,
+        **vars(result),
+        "published_rate_hz": published_rate_hz(textures, scan, config),
+    }
+    if as_json:
+        print(json.dumps(report))
+    else:
+        _print_table(report)
+
+
+def _measure_with_progress(
+    dataset: Dataset, scan: Scan, config: ReadoutConfig, start_rows: Sequence[float], workers: int
+) -> Rates:
+    """Return the rates, with a progress bar on standard error if that is a terminal."""
+    if not sys.stderr.isatty():
+        return measure_rates(dataset, scan, config, start_rows, workers)
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("scanning textures", total=len(dataset))
+        return measure_rates(dataset, scan, config, start_rows, workers, lambda: bar.advance(task))
+
+
+def _print_table(report: dict[str, Any]) -> None:
+    """Print a report as a table on standard output."""
+    from rich.console import Console
+    from rich.table import Table
+
+    rate, published, tau_s = (report[k] for k in ("population_rate_hz", "published_rate_hz", "tau_s"))
+    rows = {
+        "readout": f"{report['encoding']} {report['resolution']} b"
+        + (f", tau {tau_s:.4g} s" if tau_s is not None else ""),
+        "array": f"{report['rows']} x {report['columns']} taxels",
+        "scan": f"{report['preset']}, {report['scan_s']:.4g} s, {report['sample_rate_hz']:.6g} samples/s",
+        "dataset": f"{report['dataset']}, {report['images']} images, {report['scans']} scans",
+        "clipped samples": f"{report['clipped_samples']:,}",
+        "population rate": f"{rate:,.1f} events/s (standard deviation {report['rate_std_hz']:,.1f})",
+    }
+    if published is not None:
+        rows["published"] = f"{published:,.1f} events/s (here {rate / published - 1:+.2%})"
+    table = Table(show_header=False, box=None)
+    for name, value in rows.items():
+        table.add_row(name, value)
+    Console().print(table)

@@ -1,0 +1,56 @@
+"""The command report (docs/report.md)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from model.errors import InputError
+from model.power.build import SynthesisOption
+from model.report.page import ACCURACY, BENCHMARKS, REPLAY, SIM, page
+
+
+def report(
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="page to write, .html")] = Path(
+        "out/report.html"
+    ),
+    sim: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="runs of make sim: event files of RTL and model [out/sim]")
+    ] = None,
+    replay: Annotated[Path | None, typer.Option(metavar="DIR", help="what make replay left [out/replay]")] = None,
+    benchmarks: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="benchmark results [benchmarks/results]")
+    ] = None,
+    accuracy: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="accuracy and data rates of Fig. 9 [model/report/fig9.json]")
+    ] = None,
+    synthesis: SynthesisOption = None,
+) -> None:
+    """Write all figures of the project into one HTML file that needs no server and no network."""
+    from model.files import atomic_write, check_writable
+    from model.report.data import report_data
+
+    if out.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"the report is a page; its name ends in .html, {out.name} does not; rename the output")
+    for folder in (sim, replay, benchmarks):
+        if folder is not None and not folder.is_dir():
+            raise InputError(f"{folder} is not a folder; give one, or leave the option out")
+    if accuracy is not None and not accuracy.is_file():
+        raise InputError(f"cannot read the accuracy results {accuracy}: there is no such file")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot make the folder {out.parent}: {error.strerror}; choose another --out") from None
+    check_writable(out)
+    data = report_data(
+        sim or SIM, replay or REPLAY, benchmarks or BENCHMARKS, accuracy or ACCURACY, list(synthesis or [])
+    )
+    text = page(data).encode()
+    with atomic_write(out) as file:
+        file.write(text)
+    print(f"wrote {out} ({len(text) / 1e6:.1f} MB); open it in a browser")
+    for sentences in data["missing"].values():
+        for sentence in sentences:
+            print(f"note: {sentence}")

@@ -1,0 +1,1 @@
+"""One HTML page with the figures of the whole project."""
