@@ -37,7 +37,9 @@ from torch.nn import functional
 from model.errors import InputError
 from model.files import atomic_write, check_writable
 from snn.kernels import cpu as kernel
-from snn.kernels.layer import NeuronRule, layer, layer_reference
+from snn.kernels.layer import layer
+from snn.kernels.reference import layer_reference
+from snn.kernels.rule import NeuronRule
 
 INPUTS, HIDDEN, CLASSES = 128, 256, 6
 RULE = NeuronRule(floor=-float("inf"), surrogate="fast-sigmoid", surrogate_scale=1.0, surrogate_width=1.0)

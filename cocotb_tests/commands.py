@@ -131,7 +131,7 @@ def _advance(progress: Any, task: Any, _: dict[str, Any]) -> None:
 def proof(program: Build, texture: Any, start_row: float = 0.0) -> str:
     """Return what a recording stands for: a digest of the RTL and its harness, of the model, and of the image."""
     digest = hashlib.sha256(f"{program.folder.name} {start_row}".encode())
-    for name in ("config", "scan", "texture", "decay", "arbiter", "link", "readout"):
+    for name in ("config", "textures/scan", "textures/paper", "textures/physical", "decay", "arbiter", "link", "readout"):
         digest.update((MODEL / f"{name}.py").read_bytes())
     digest.update(texture.load().tobytes())
     return digest.hexdigest()

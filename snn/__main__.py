@@ -6,11 +6,11 @@ torch and the models are imported only inside functions, so that ``--help`` and 
 from __future__ import annotations
 
 from model.cli.app import make_app, run
-from snn.commands import crossval, train
-from snn.exchange_commands import convert, export, import_
-from snn.figure_commands import fig8, fig9
-from snn.predict_commands import predict
-from snn.sweep_command import sweep
+from snn.commands.exchange import convert, export, import_
+from snn.commands.figures import fig8, fig9
+from snn.commands.predict import predict
+from snn.commands.sweep import sweep
+from snn.commands.train import crossval, train
 
 app = make_app("Classifier of the spiking e-skin readout: from address events to texture class.")
 

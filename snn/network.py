@@ -16,7 +16,8 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from model.errors import InputError
-from snn.kernels.layer import Backend, NeuronRule, Reset, layer
+from snn.kernels.layer import Backend, layer
+from snn.kernels.rule import NeuronRule, Reset
 
 Kind = Literal["spiking", "rnn", "gru", "cnn"]
 Readout = Literal["spikes", "membrane"]

@@ -9,7 +9,7 @@ import torch
 
 from model.errors import InputError
 from snn.calibration import calibrate
-from snn.exchange import Weights, load_weights, save_weights
+from snn.exchange.weights import Weights, load_weights, save_weights
 from snn.network import NetworkConfig, SpikingNetwork, build
 
 

@@ -18,8 +18,10 @@ from model.events.recording import Recording
 from model.textures.dataset import embedded_dataset
 from model.textures.paper import PaperScan
 from model.textures.physical import PhysicalScan
-from snn.dataset import AugmentConfig, BinConfig, at_speed, augment, bin_recording, collect, load_recordings
-from snn.scans import FrameConfig, frame_dataset, record, record_dataset
+from snn.data.augment import AugmentConfig, at_speed, augment
+from snn.data.bins import BinConfig, bin_recording
+from snn.data.record import FrameConfig, frame_dataset, record, record_dataset
+from snn.data.scans import collect, load_recordings
 
 ROOT = Path(__file__).parents[1]
 CONFIG = ReadoutConfig(rows=2, columns=3, resolution=4, sample_rate_hz=1000.0, clocks_per_sample=10)

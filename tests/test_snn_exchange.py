@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from model.errors import InputError
-from snn.exchange import Weights, load_weights, quantise, save_weights
+from snn.exchange.weights import Weights, load_weights, quantise, save_weights
 from snn.network import NetworkConfig, build
 
 CLASSES = ("a", "b", "c")

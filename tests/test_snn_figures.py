@@ -19,18 +19,20 @@ from model.config import ReadoutConfig
 from model.errors import InputError
 from model.report.data import fig9_data as report_data
 from model.textures.dataset import open_dataset
-from snn import figures
-from snn.confusion_figure import confusion_data, draw_confusion
-from snn.crossval import summarise
-from snn.dataset import BinConfig, collect
-from snn.exchange import Weights, load_weights, save_weights
-from snn.experiment import Experiment, stratified_folds
-from snn.figure_commands import fig8, fig9
+from snn.commands.figures import fig8, fig9
+from snn.data.bins import BinConfig
+from snn.data.record import record
+from snn.data.scans import collect
+from snn.exchange.weights import Weights, load_weights, save_weights
+from snn.experiments.crossval import summarise
+from snn.experiments.experiment import Experiment
+from snn.experiments.folds import stratified_folds
+from snn.experiments.sweep import PUBLISHED_BPS, PointRun, SweepPoint
+from snn.figures import fig9 as figures
+from snn.figures.confusion import confusion_data, draw_confusion
+from snn.figures.fig8 import draw_fig8
+from snn.figures.fig8_play import Played, evidence, play
 from snn.network import NetworkConfig, SpikingNetwork, build
-from snn.scan_figure import draw_fig8
-from snn.scan_play import Played, evidence, play
-from snn.scans import record
-from snn.sweep import PUBLISHED_BPS, PointRun, SweepPoint
 
 Call = Callable[..., tuple[int, str, str]]
 

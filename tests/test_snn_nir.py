@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from model.cli.app import make_app
 from model.cli.app import run as run_app
 from model.errors import InputError
-from snn.exchange import Weights, load_weights, save_weights
-from snn.exchange_commands import export, import_
+from snn.commands.exchange import export, import_
+from snn.exchange.nir_network import from_nir, load_nir, save_nir, to_nir
+from snn.exchange.weights import Weights, load_weights, save_weights
 from snn.network import NetworkConfig, SpikingNetwork, build
-from snn.nir_exchange import from_nir, load_nir, save_nir, to_nir
 
 CLASSES = ("a", "b", "c")
 STEP_S = 0.002

@@ -15,12 +15,12 @@ from model.config import ReadoutConfig
 from model.errors import InputError
 from model.events.address import EVENT_DTYPE, make_events
 from model.events.recording import Recording
-from snn.dataset import BinConfig, bin_recording
-from snn.exchange import Weights
-from snn.exchange_commands import convert
+from snn.commands.exchange import convert
+from snn.data.bins import BinConfig, bin_recording
+from snn.exchange.nir_events import from_nir_data, load_nir_data, save_nir_data, to_events_array, to_nir_data
+from snn.exchange.nir_network import to_nir
+from snn.exchange.weights import Weights
 from snn.network import NetworkConfig, build
-from snn.nir_data import from_nir_data, load_nir_data, save_nir_data, to_events_array, to_nir_data
-from snn.nir_exchange import to_nir
 
 READOUT = ReadoutConfig(rows=2, columns=3, sample_rate_hz=17_001.0)
 

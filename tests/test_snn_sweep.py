@@ -19,15 +19,16 @@ from typer.testing import CliRunner
 from model.cli.app import run
 from model.config import ReadoutConfig
 from model.errors import InputError
-from snn import workers
 from snn.__main__ import app
-from snn.dataset import ScanData
-from snn.experiment import Experiment
-from snn.scans import FrameConfig
-from snn.sweep import PointRun, SweepPoint, sweep
-from snn.sweep_command import _print_table, parse_points
-from snn.train import TrainConfig
-from snn.workers import Cluster, Local
+from snn.commands.sweep import _print_table, parse_points
+from snn.data.record import FrameConfig
+from snn.data.scans import ScanData
+from snn.experiments import cluster, workers
+from snn.experiments.cluster import Cluster
+from snn.experiments.experiment import Experiment
+from snn.experiments.sweep import PointRun, SweepPoint, sweep
+from snn.experiments.workers import Local
+from snn.training import TrainConfig
 from tests.test_snn_train import easy_data
 
 ROOT = Path(__file__).parents[1]
@@ -210,7 +211,7 @@ def test_points_are_encoder_and_number() -> None:
 def test_a_scheduler_that_is_not_there_gets_one_sentence(
     address: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(workers, "CONNECT_S", 1.0)
+    monkeypatch.setattr(cluster, "CONNECT_S", 1.0)
     began = time.monotonic()
     with pytest.raises(SystemExit) as left:
         run(app, "python -m snn", [*command(tmp_path), "--scheduler", address, "--out", str(tmp_path / "out")])
@@ -267,7 +268,7 @@ def cluster(scheduler: str) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
 
 
 def test_a_scheduler_without_workers_is_refused(scheduler: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "WORKERS_S", 0.3)
+    monkeypatch.setattr(cluster, "WORKERS_S", 0.3)
     with pytest.raises(InputError, match=r"has no workers; start some with dask worker tcp://.* --nthreads 1"):
         Cluster(scheduler)
 
@@ -276,7 +277,7 @@ def test_a_sweep_outlives_its_workers_and_ends_in_the_files_of_a_serial_one(
     cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     address, processes = cluster
-    monkeypatch.setattr(workers, "WORKERS_S", 60.0)
+    monkeypatch.setattr(cluster, "WORKERS_S", 60.0)
     slow = {"epochs": 10, "steps": 40}
     killed: list[Any] = []
     with Cluster(address) as crew:
@@ -301,7 +302,7 @@ def test_a_sweep_outlives_its_workers_and_ends_in_the_files_of_a_serial_one(
     sweep(points(**slow), tmp_path / "serial", crew=Local(1), folds=2, seeds=2)
     assert files(tmp_path / "cluster") == files(tmp_path / "serial")
 
-    monkeypatch.setattr(workers, "version", lambda: "1.0")
+    monkeypatch.setattr(cluster, "version", lambda: "1.0")
     with pytest.raises(InputError, match=r"^worker tcp://\S+ has another version .*; here 1\.0\); install the same"):
         Cluster(address)
 

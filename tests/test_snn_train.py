@@ -19,15 +19,18 @@ from model.config import ReadoutConfig
 from model.errors import InputError
 from model.files import write_json
 from snn.__main__ import app
-from snn.crossval import bootstrap, check_same, summarise, wilson
-from snn.dataset import ScanData
-from snn.experiment import Experiment, stratified_folds
+from snn.commands.options import build_experiment, parse_settings
+from snn.data.record import FrameConfig
+from snn.data.scans import ScanData
+from snn.experiments.crossval import check_same, summarise
+from snn.experiments.experiment import Experiment
+from snn.experiments.folds import stratified_folds
+from snn.experiments.intervals import bootstrap, wilson
+from snn.experiments.recipes import BASELINES, RECIPES
+from snn.experiments.sweep import cross_validate
 from snn.network import NetworkConfig, build
-from snn.options import build_experiment, parse_settings
-from snn.recipes import BASELINES, RECIPES
-from snn.scans import FrameConfig
-from snn.sweep import cross_validate
-from snn.train import DivergedError, Epoch, TrainConfig, predict, train
+from snn.train import predict, train
+from snn.training import DivergedError, Epoch, TrainConfig
 
 ROOT = Path(__file__).parents[1]
 CLASSES = ("brick", "grass", "gravel")
@@ -248,7 +251,7 @@ def test_cells_are_kept_and_only_missing_ones_are_run(tmp_path: Path, monkeypatc
     assert json.loads((tmp_path / "a" / "result.json").read_text())["last"]["images"] == 30
     (tmp_path / "a" / "fold-1-seed-0.json").unlink()
     ran: list[int] = []
-    from snn import workers
+    from snn.experiments import workers
 
     original = workers.run_cell
 

@@ -17,7 +17,7 @@ from model.config import ReadoutConfig
 from model.errors import InputError
 from model.taxel import encode
 from model.textures.scan import quantise
-from snn.transforms import LevelCrossing
+from snn.exchange.transforms import LevelCrossing
 
 DOCUMENT = Path(__file__).parents[1] / "docs" / "exchange.md"
 CONFIGS = {

@@ -20,7 +20,9 @@ from test_snn_network import RULES, run, tensors
 from torch import Tensor
 
 from model.errors import InputError
-from snn.kernels.layer import NeuronRule, layer, layer_reference
+from snn.kernels.layer import layer
+from snn.kernels.reference import layer_reference
+from snn.kernels.rule import NeuronRule
 
 triton = pytest.importorskip("triton", reason="triton is not installed: pip install '.[gpu]'")
 

@@ -1,6 +1,6 @@
 """The compiled kernel (cpu.cpp): built once with g++ into the user's cache, called through ctypes.
 
-Where there is no compiler, ``available()`` is false and the pure torch path of ``snn.kernels.layer`` does the work.
+Where there is no compiler, ``available()`` is false and the pure torch path of ``snn.kernels.dense`` does the work.
 The functions here take contiguous float32 CPU tensors and check nothing else.
 """
 
@@ -15,21 +15,18 @@ import shutil
 import subprocess
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
 
-if TYPE_CHECKING:
-    from snn.kernels.layer import NeuronRule
+from snn.kernels.rule import SURROGATES, NeuronRule
 
 SOURCE = Path(__file__).with_name("cpu.cpp")
 COMPILER_VARIABLE = "CXX"
 """Environment variable that names another compiler than g++."""
 
 _FLAGS = ("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-std=c++17", "-shared", "-fPIC")
-SURROGATES = ("gaussian", "fast-sigmoid", "triangle", "arctan")
-"""In the order of the switch in cpu.cpp."""
 
 
 class _Rule(ctypes.Structure):

@@ -1,4 +1,4 @@
-"""Cross-validation: one cell (fold and seed), its file, and the summary of all. ``snn.sweep`` runs them.
+"""Cross-validation: one cell (fold and seed), its file, and the summary of all. ``snn.experiments.sweep`` runs them.
 
 Protocol: folds are stratified and fixed by a seed. Every cell trains twice with the same budget of epochs: on all its
 training images, of which the last epoch counts; and on those without an inner validation part, which selects the
@@ -8,67 +8,17 @@ epoch that counts. Test images select nothing.
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from model.errors import InputError
 from model.files import plain
-from snn.dataset import ScanData
-from snn.experiment import Experiment, stratified_folds
-
-INNER_FOLDS = 5
-"""One of so many parts of the training images is the inner validation."""
-
-BOOTSTRAPS = 10_000
-
-
-def wilson(successes: float, trials: int, z: float = 1.959964) -> tuple[float, float]:
-    """Return the Wilson score interval of a proportion; by default 95 %.
-
-    Of an accuracy it says what new images would give with these same seeds: the variance over seeds is not in it.
-    """
-    p = successes / trials
-    centre = p + z * z / (2 * trials)
-    spread = z * math.sqrt(p * (1 - p) / trials + z * z / (4 * trials * trials))
-    scale = 1 + z * z / trials
-    return max(0.0, (centre - spread) / scale), min(1.0, (centre + spread) / scale)
-
-
-def bootstrap(correct: NDArray[np.float64], seed: int = 0) -> tuple[float, float]:
-    """Return the 95 % bootstrap interval of the mean over images and seeds, both drawn anew and crossed.
-
-    It says what new images and new seeds would give; with one seed, what new images would. Of two or three seeds the
-    spread is not well known, so that the part of the seeds is a lower bound; where all is right, the interval is empty.
-
-    Parameters
-    ----------
-    correct : shape (images, seeds)
-        1 where the network of a seed classifies an image rightly, else 0.
-    """
-    images, seeds = correct.shape
-    generator = np.random.default_rng(seed)
-    rows = generator.multinomial(images, np.full(images, 1 / images), BOOTSTRAPS)  # how often each one is drawn
-    columns = generator.multinomial(seeds, np.full(seeds, 1 / seeds), BOOTSTRAPS)
-    means = (rows @ correct * columns).sum(1) / correct.size
-    low, high = np.percentile(means, [2.5, 97.5])
-    return float(low), float(high)
-
-
-def check_folds(data: ScanData, folds: int, fold_seed: int) -> None:
-    """Refuse folds for which a class has too few images, also for the inner validation of every fold."""
-    labels = data.image_labels
-    for fold, test in enumerate(stratified_folds(labels, folds, fold_seed)):
-        left = np.bincount(labels) - np.bincount(labels[test], minlength=int(labels.max()) + 1)
-        for label in np.unique(labels):
-            if left[label] < INNER_FOLDS:
-                raise InputError(
-                    f"inner validation needs {INNER_FOLDS} training images of each class, fold {fold} leaves "
-                    f"{left[label]} of {data.class_names[label]}; take more images or other folds"
-                )
+from snn.data.scans import ScanData
+from snn.experiments.experiment import Experiment
+from snn.experiments.folds import INNER_FOLDS, stratified_folds
+from snn.experiments.intervals import bootstrap, wilson
 
 
 def run_cell(

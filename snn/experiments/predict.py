@@ -17,10 +17,11 @@ from model.events.recording import Recording
 from model.readout import Stimulus, simulate
 from model.textures.dataset import EMBEDDED, Texture, open_dataset
 from model.textures.presets import preset
-from snn.dataset import BinConfig, ScanData, bin_recording, collect, event_files
-from snn.exchange import config_of
+from snn.data.bins import BinConfig, bin_recording
+from snn.data.scans import ScanData, collect, event_files
+from snn.exchange.weights import config_of
+from snn.experiments.trained import OTHER, TEST, TRAINING, Trained
 from snn.train import check_fits, logits_of
-from snn.trained import OTHER, TEST, TRAINING, Trained
 
 Progress = Callable[[], object]
 
@@ -194,7 +195,7 @@ def check_model(
 def model_recording(rtl: Recording, texture: Texture) -> Recording:
     """Return what the clock-by-clock model sends on the scan of an RTL recording, observed as long or to its end.
 
-    A replay goes on after the last sample until the array is silent, so it is longer than ``snn.scans.record``.
+    A replay goes on after the last sample until the array is silent, so it is longer than ``snn.data.record.record``.
     """
     metadata, config = rtl.metadata, rtl.config
     start_row = metadata.get("start_row")

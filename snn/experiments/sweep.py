@@ -16,11 +16,12 @@ import numpy as np
 
 from model.errors import InputError
 from model.files import check_writable, write_json
-from snn.crossval import check_folds, check_same, read_cell, summarise
-from snn.dataset import ScanData
-from snn.experiment import Experiment
-from snn.train import digest
-from snn.workers import Crew, Local, pack, sentence
+from snn.checkpoint import digest
+from snn.data.scans import ScanData
+from snn.experiments.crossval import check_same, read_cell, summarise
+from snn.experiments.experiment import Experiment
+from snn.experiments.folds import check_folds
+from snn.experiments.workers import Crew, Local, pack, sentence
 
 PUBLISHED_BPS = 640e3
 """Data rate by which published ones are divided."""

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from snn.sweep import PointRun
+    from snn.experiments.sweep import PointRun
 
 
 @contextmanager

@@ -17,12 +17,13 @@ from model.errors import InputError
 from model.events.recording import Recording
 from model.textures.dataset import Texture, open_dataset
 from model.textures.scan import Scan
-from snn.dataset import BinConfig, collect
-from snn.exchange import Weights, load_weights
+from snn.data.bins import BinConfig
+from snn.data.record import record
+from snn.data.scans import collect
+from snn.exchange.weights import Weights, load_weights
+from snn.experiments.trained import read_result
 from snn.kernels.layer import layer
 from snn.network import SpikingNetwork
-from snn.scans import record
-from snn.trained import read_result
 
 MEANINGS = {"spikes": "output spikes so far", "membrane": "output membranes so far, divided by all steps"}
 """The evidence, by the readout of the network."""

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from model.files import check_writable, write_json
-from snn.bars import bar
+from snn.commands.bars import bar
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
     from model.events.recording import Recording
-    from snn.predict import Check, Score
-    from snn.trained import Trained
+    from snn.experiments.predict import Check, Score
+    from snn.experiments.trained import Trained
 
 MOST_LINES = 20
 """Recordings that are listed one by one; of more, only those without a class."""
@@ -47,8 +47,8 @@ def predict(
     """Classify recordings with a trained network; with --check-model RTL and model must agree bit for bit."""
     import torch
 
-    from snn import predict as work
-    from snn.trained import load_trained
+    from snn.experiments import predict as work
+    from snn.experiments.trained import load_trained
 
     torch.set_num_threads(1)
     trained = load_trained(weights)
@@ -94,7 +94,7 @@ def predict(
 
 def _print_recordings(recordings: Sequence[Recording], logits: NDArray[np.float32], trained: Trained) -> None:
     """Print name, class and prediction of a few recordings, or of those that have no class."""
-    from snn.predict import class_of
+    from snn.experiments.predict import class_of
 
     for recording, row in zip(recordings, logits, strict=True):
         if len(recordings) <= MOST_LINES or class_of(recording) is None:
@@ -104,7 +104,7 @@ def _print_recordings(recordings: Sequence[Recording], logits: NDArray[np.float3
 
 def _print_scores(scores: dict[str, Score], trained: Trained) -> None:
     """Print the accuracy of each part, and the confusion of the part that is a result."""
-    from snn.trained import OTHER, TEST, TRAINING
+    from snn.experiments.trained import OTHER, TEST, TRAINING
 
     words = {
         TEST: "test images of the fold",
@@ -133,8 +133,8 @@ def _report(
     check: Check | None,
 ) -> dict[str, Any]:
     """Return the content of the output file."""
-    from snn.predict import class_of
-    from snn.trained import TRAINING
+    from snn.experiments.predict import class_of
+    from snn.experiments.trained import TRAINING
 
     names = trained.weights.class_names
     images = []

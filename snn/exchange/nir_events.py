@@ -16,8 +16,8 @@ from model.errors import InputError
 from model.events.address import EVENT_DTYPE, Events
 from model.events.recording import Recording
 from model.files import atomic_write
-from snn.dataset import BinConfig, bin_recording
-from snn.nir_exchange import INPUT
+from snn.data.bins import BinConfig, bin_recording
+from snn.exchange.nir_network import INPUT
 
 MOST_CLOCKS = 2**51
 """Clocks up to which a time in seconds (float64) names its clock.

@@ -12,13 +12,13 @@ import typer
 from model.cli.app import EXIT_INTERRUPTED
 from model.config import Encoding
 from model.errors import InputError
-from snn.bars import cell_bar
-from snn.options import Folds, Seeds, Workers, build_experiment, with_experiment
-from snn.recipes import BASELINES
+from snn.commands.bars import cell_bar
+from snn.commands.options import Folds, Seeds, Workers, build_experiment, with_experiment
+from snn.experiments.recipes import BASELINES
 
 if TYPE_CHECKING:
-    from snn.sweep import SweepPoint
-    from snn.workers import Crew
+    from snn.experiments.sweep import SweepPoint
+    from snn.experiments.workers import Crew
 
 DEFAULT_POINTS = "lcs:2,lcs:4,lcs:6,lcs:8,nlcs:4,nlcs:6,nlcs:8,nlcs:10"
 
@@ -56,7 +56,7 @@ def sweep(
     if options["bin_s"] is not None and not {readout for readout, _ in chosen} - set(BASELINES):
         raise InputError("--bin is for events, but --points has only frames; leave it out")
     made = [_point(readout, number, options) for readout, number in chosen]
-    from snn.sweep import sweep as run
+    from snn.experiments.sweep import sweep as run
 
     try:
         with _crew(workers, scheduler) as crew, cell_bar(len(made) * folds * seeds) as show:
@@ -96,8 +96,8 @@ def parse_points(text: str) -> list[tuple[str, int]]:
 
 def _point(readout: str, number: int, options: dict[str, Any]) -> SweepPoint:
     """Return the point, which takes all other options of the command."""
-    from snn.scans import FrameConfig
-    from snn.sweep import SweepPoint
+    from snn.data.record import FrameConfig
+    from snn.experiments.sweep import SweepPoint
 
     options = options | {"encoding": None, "resolution": None, "events": None, "frames": 0}
     try:
@@ -113,7 +113,8 @@ def _point(readout: str, number: int, options: dict[str, Any]) -> SweepPoint:
 
 
 def _crew(workers: int | None, scheduler: str | None) -> Crew:
-    from snn.workers import Cluster, Local
+    from snn.experiments.cluster import Cluster
+    from snn.experiments.workers import Local
 
     return Local(workers) if scheduler is None else Cluster(scheduler)
 

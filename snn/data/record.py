@@ -13,7 +13,8 @@ from model.errors import InputError
 from model.events.recording import Recording
 from model.textures.dataset import Dataset, Texture
 from model.textures.presets import Scan
-from snn.dataset import BinConfig, ScanData, collect
+from snn.data.bins import BinConfig
+from snn.data.scans import ScanData, collect
 
 Progress = Callable[[], object]
 

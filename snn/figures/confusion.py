@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from model.errors import InputError
 from model.figures.style import new_figure, save_figure
 from model.textures.presets import PRESETS
-from snn.figures import READINGS, Data, Sweep, measured, own_point, partial
+from snn.figures.fig9 import READINGS, Data, Sweep, measured, own_point, partial
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

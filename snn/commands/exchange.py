@@ -25,8 +25,8 @@ def export(
     if eight_bits and out.suffix == ".nir":
         raise InputError("NIR has no 8-bit weights; write an .npz, or leave --eight-bits out")
     check_writable(out)
-    from snn.exchange import load_weights, save_weights
-    from snn.nir_exchange import save_nir
+    from snn.exchange.nir_network import save_nir
+    from snn.exchange.weights import load_weights, save_weights
 
     loaded = load_weights(weights)
     if out.suffix == ".nir":
@@ -48,8 +48,8 @@ def import_(
     if out.suffix != ".npz":
         raise InputError(f"weight files end in .npz, {out.name} does not; rename the output")
     check_writable(out)
-    from snn.exchange import config_of, save_weights
-    from snn.nir_exchange import load_nir
+    from snn.exchange.nir_network import load_nir
+    from snn.exchange.weights import config_of, save_weights
 
     loaded = load_nir(graph, step, None if classes is None else classes.split(","))
     save_weights(out, loaded)
@@ -78,8 +78,8 @@ def convert(
     import numpy as np
 
     from model.files import atomic_write
-    from snn.dataset import BinConfig
-    from snn.nir_data import save_nir_data, to_events_array
+    from snn.data.bins import BinConfig
+    from snn.exchange.nir_events import save_nir_data, to_events_array
 
     recording = _read(source)
     if out.suffix == ".nir":
@@ -94,7 +94,7 @@ def convert(
 
 def _read(source: Path) -> Recording:
     from model.events.recording import Recording
-    from snn.nir_data import load_nir_data
+    from snn.exchange.nir_events import load_nir_data
 
     if source.suffix == ".npz":
         return Recording.load(source)

@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 
 from model.errors import InputError
 from model.files import atomic_write
-from snn.exchange import Weights, config_of
+from snn.exchange.nir_layers import Layer, affine, broadcast, follow
+from snn.exchange.weights import Weights, config_of
 from snn.network import NetworkConfig, SpikingNetwork, build
-from snn.nir_layers import Layer, affine, broadcast, follow
 
 FORMAT_NAME = "spiking-eskin-readout network"
 FORMAT_VERSION = 1

@@ -21,11 +21,10 @@ if TYPE_CHECKING:
 
 Data = dict[str, Any]
 
-_DATA = Path(__file__).resolve().parents[1] / "docs" / "data"
-PUBLISHED = _DATA / "published_fig9.json"
+PUBLISHED = Path(__file__).with_name("published_fig9.json")
 """The points of the paper's Fig. 9; nowhere else."""
 
-KEPT = _DATA / "classifier"
+KEPT = Path(__file__).with_name("sweeps")
 """Sweeps that come with the project: copies of ``sweep.json``, each with a name of its own."""
 
 LATEST = Path("out/sweep/sweep.json")
@@ -78,8 +77,8 @@ def load_sweeps(paths: Sequence[Path]) -> list[Sweep]:
 
 
 def kept_sweeps() -> list[Path]:
-    """Return the files of the sweeps that come with the project; results of another kind lie beside them."""
-    return [file for file in sorted(KEPT.glob("*.json")) if "points" in read_json(file, "the result")]
+    """Return the files of the sweeps that come with the project."""
+    return sorted(KEPT.glob("*.json"))
 
 
 def load_sweep(path: Path) -> Sweep:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from model.figures.raster import OFF_COLOUR, ON_COLOUR
 from model.figures.style import dress, new_figure, save_figure
 from model.textures.physical import PhysicalScan
-from snn.scan_play import Played
+from snn.figures.fig8_play import Played
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,6 +1,6 @@
 """What stands in a NIR graph, read as the layers of our network: neurons in discrete time with a threshold of 1.
 
-The discretisation is that of ``snn.nir_exchange``.
+The discretisation is that of ``snn.exchange.nir_network``.
 """
 
 from __future__ import annotations

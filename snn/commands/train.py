@@ -10,16 +10,16 @@ import typer
 
 from model.errors import InputError
 from model.files import write_json
-from snn.bars import bar, epoch_bar
-from snn.options import Folds, Seeds, Workers, check_device, output_folder, with_experiment
+from snn.commands.bars import bar, epoch_bar
+from snn.commands.options import Folds, Seeds, Workers, check_device, output_folder, with_experiment
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from snn.dataset import ScanData
-    from snn.experiment import Experiment
-    from snn.train import Epoch, Training
+    from snn.data.scans import ScanData
+    from snn.experiments.experiment import Experiment
+    from snn.training import Epoch, Training
 
 
 @with_experiment
@@ -42,8 +42,8 @@ def train(
     output_folder(out, "checkpoint.pt", "result.json", "weights.npz")
     with bar("recording scans") as step:
         data = made.data(step)
-    from snn.exchange import Weights, save_weights
-    from snn.experiment import stratified_folds
+    from snn.exchange.weights import Weights, save_weights
+    from snn.experiments.folds import stratified_folds
     from snn.kernels import cpu as kernel
     from snn.train import predict
 
@@ -114,7 +114,7 @@ def crossval(
     output_folder(out, "result.json")
     with bar("recording scans") as step:
         data = made.data(step)
-    from snn.sweep import cross_validate
+    from snn.experiments.sweep import cross_validate
 
     with bar("cells", folds * seeds) as step:
         report = cross_validate(

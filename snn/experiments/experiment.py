@@ -7,9 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, get_type_hints
 
-import numpy as np
-from numpy.typing import NDArray
-
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.files import plain
@@ -17,10 +14,11 @@ from model.textures.dataset import open_dataset
 from model.textures.physical import PhysicalScan
 from model.textures.presets import Scan, preset
 from model.textures.rates import PAPER_TAU_S
-from snn.dataset import BinConfig, ScanData, load_recordings
+from snn.data.bins import BinConfig
+from snn.data.record import FrameConfig, Progress, frame_dataset, record_dataset
+from snn.data.scans import ScanData, load_recordings
 from snn.network import NetworkConfig
-from snn.scans import FrameConfig, Progress, frame_dataset, record_dataset
-from snn.train import TrainConfig
+from snn.training import TrainConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,28 +131,3 @@ def has_default_leak(readout: ReadoutConfig) -> bool:
     """Return whether the leak is that of a readout of which nothing was said, and the paper's tau is meant."""
     default = ReadoutConfig()
     return (readout.leak_shift, readout.leak_period) == (default.leak_shift, default.leak_period)
-
-
-def stratified_folds(labels: NDArray[np.int64], folds: int, seed: int = 0) -> list[NDArray[np.int64]]:
-    """Return the test images of each fold: every image once, every class spread evenly.
-
-    A class whose images do not divide by the folds gives its spare ones to the folds that have fewest.
-
-    Parameters
-    ----------
-    labels : shape (images,)
-    folds, seed : int
-        The same seed gives the same folds.
-    """
-    counts = np.bincount(labels)
-    fewest = int(counts[counts > 0].min())
-    if not 2 <= folds <= fewest:
-        raise InputError(f"the number of folds must be in 2..{fewest}, the images of the smallest class, not {folds}")
-    generator = np.random.default_rng([seed, folds])
-    fold_of = np.empty(len(labels), np.int64)
-    following = 0
-    for label in range(len(counts)):
-        images = generator.permutation(np.flatnonzero(labels == label))
-        fold_of[images] = (following + np.arange(len(images))) % folds
-        following += len(images)
-    return [np.flatnonzero(fold_of == fold) for fold in range(folds)]

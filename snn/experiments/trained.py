@@ -14,9 +14,11 @@ from model.config import ReadoutConfig
 from model.errors import InputError
 from model.events.recording import Recording
 from model.textures.dataset import open_dataset
-from snn.dataset import BinConfig, load_recordings
-from snn.exchange import Weights, load_weights
-from snn.experiment import Experiment, stratified_folds
+from snn.data.bins import BinConfig
+from snn.data.scans import load_recordings
+from snn.exchange.weights import Weights, load_weights
+from snn.experiments.experiment import Experiment
+from snn.experiments.folds import stratified_folds
 
 TEST, TRAINING, OTHER = "test", "training", "other"
 """Part of a recording: of the fold that was left out, of the images that were learned, or of neither."""

@@ -14,10 +14,10 @@ import typer
 from model.cli.config_options import build_config, replace_parameters
 from model.errors import InputError
 from model.files import check_writable
-from snn.recipes import RECIPES
+from snn.experiments.recipes import RECIPES
 
 if TYPE_CHECKING:
-    from snn.experiment import Experiment
+    from snn.experiments.experiment import Experiment
 
 Preset = Annotated[str | None, typer.Option(metavar="paper|physical", help="constants of the texture scan [physical]")]
 Encoding = Annotated[str | None, typer.Option(metavar="lcs|cw-lcs|nlcs", help="encoder [lcs]", show_default=False)]
@@ -106,10 +106,10 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
     InputError
         If an option has no meaning, or fits no other.
     """
-    from snn.dataset import BinConfig
-    from snn.experiment import Experiment, has_default_leak
-    from snn.scans import FrameConfig
-    from snn.train import TrainConfig
+    from snn.data.bins import BinConfig
+    from snn.data.record import FrameConfig
+    from snn.experiments.experiment import Experiment, has_default_leak
+    from snn.training import TrainConfig
 
     if options["recipe"] not in RECIPES:
         raise InputError(f"recipe must be one of {', '.join(RECIPES)}, not {options['recipe']!r}")
@@ -144,7 +144,7 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
 def parse_settings(texts: list[str]) -> dict[str, Any]:
     """Return fields of NetworkConfig and TrainConfig from ``name=value`` texts."""
     from snn.network import NetworkConfig
-    from snn.train import TrainConfig
+    from snn.training import TrainConfig
 
     hints = get_type_hints(TrainConfig) | get_type_hints(NetworkConfig)
     for name in ("inputs", "classes", "epochs"):

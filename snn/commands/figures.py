@@ -14,9 +14,7 @@ from model.figures.results import DEFAULT_OUT, DataOption, OutOption, write_resu
 def fig9(
     sweep: Annotated[
         list[Path] | None,
-        typer.Option(
-            metavar="FILE|DIR", help="sweep, repeatable [docs/data/classifier/*.json and out/sweep/sweep.json]"
-        ),
+        typer.Option(metavar="FILE|DIR", help="sweep, repeatable [those of the project and out/sweep/sweep.json]"),
     ] = None,
     reading: Annotated[str, typer.Option(metavar="last|selected", help="epoch that counts")] = "last",
     confusion: Annotated[
@@ -26,8 +24,8 @@ def fig9(
     data_out: DataOption = None,
 ) -> None:
     """Draw figure 9, accuracy against data rate beside the published points, and confusion matrices."""
-    from snn.confusion_figure import confusion_data, plot_confusion
-    from snn.figures import READINGS, fig9_data, load_sweeps, plot_fig9
+    from snn.figures.confusion import confusion_data, plot_confusion
+    from snn.figures.fig9 import READINGS, fig9_data, load_sweeps, plot_fig9
 
     if reading not in READINGS:
         raise InputError(f"reading must be one of {', '.join(READINGS)}, not {reading!r}")
@@ -58,8 +56,8 @@ def fig8(
     data_out: DataOption = None,
 ) -> None:
     """Draw figure 8: one scan from the texture over events and hidden spikes to the evidence for each class."""
-    from snn.scan_figure import plot_fig8
-    from snn.scan_play import play
+    from snn.figures.fig8 import plot_fig8
+    from snn.figures.fig8_play import play
 
     played = play(weights, result or weights.parent / "result.json", dataset, image)
     write_results(out, "fig8", played.to_dict(), lambda _, path: plot_fig8(played, path), data_out)

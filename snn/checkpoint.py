@@ -1,0 +1,112 @@
+"""Checkpoints from which a training goes on as if it had never stopped."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import io
+import json
+import pickle
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from model.errors import InputError
+from model.files import atomic_write
+from snn.data.scans import ScanData
+from snn.network import NetworkConfig
+from snn.training import Epoch, TrainConfig, Training
+
+CHECKPOINT_FORMAT = 1
+
+
+def digest(data: ScanData) -> str:
+    """Return a text that is the same only for the same scans of the same images."""
+    found = hashlib.sha256(np.ascontiguousarray(data.values).tobytes())
+    found.update(data.labels.tobytes() + data.images.tobytes())
+    return found.hexdigest()
+
+
+def fingerprint(
+    data: ScanData,
+    images: Sequence[int] | NDArray[np.int64],
+    network_config: NetworkConfig,
+    train_config: TrainConfig,
+    seed: int,
+    held_out: Sequence[int] | NDArray[np.int64] | None = None,
+    test: Sequence[int] | NDArray[np.int64] | None = None,
+) -> str:
+    """Return a text that is the same only where a training would give the same network."""
+    parts = {
+        "network": network_config.to_dict(),
+        "train": dataclasses.asdict(train_config),
+        "seed": seed,
+        "data": digest(data),
+        "images": [int(image) for image in images],
+        "held_out": None if held_out is None else [int(image) for image in held_out],
+        "test": None if test is None else [int(image) for image in test],
+    }
+    return json.dumps(parts, sort_keys=True)
+
+
+def save_checkpoint(path: Path, training: Training, key: str) -> None:
+    """Write everything that is needed to go on, whole or not at all."""
+    content = {
+        "format": CHECKPOINT_FORMAT,
+        "key": key,
+        "network": training.network.state_dict(),
+        "optimizer": training.optimizer.state_dict(),
+        "history": [dataclasses.asdict(epoch) for epoch in training.history],
+        "best": training.best,
+    }
+    buffer = io.BytesIO()
+    torch.save(content, buffer)
+    with atomic_write(path) as file:
+        file.write(buffer.getvalue())
+
+
+def load_checkpoint(path: Path, training: Training, key: str) -> None:
+    """Put a training where a checkpoint left it.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged, or was written by a training with other parameters, data or seed.
+    """
+    try:
+        content = torch.load(path, map_location="cpu", weights_only=True)
+        if content["format"] != CHECKPOINT_FORMAT:
+            raise InputError(f"checkpoint {path} has another format; remove it to start anew")
+        if content["key"] != key:
+            found = "; ".join(_differences(json.loads(content["key"]), json.loads(key)))
+            raise InputError(
+                f"checkpoint {path} is of another configuration ({found}); "
+                f"remove it or choose another folder with --out"
+            )
+        training.network.load_state_dict(content["network"])
+        training.optimizer.load_state_dict(content["optimizer"])
+        training.history = [Epoch(**epoch) for epoch in content["history"]]
+        training.best = content["best"]
+    except InputError:
+        raise
+    except (OSError, RuntimeError, EOFError, KeyError, TypeError, ValueError, pickle.UnpicklingError,
+            zipfile.BadZipFile):  # fmt: skip
+        raise InputError(f"checkpoint {path} is damaged; remove it to start anew") from None
+
+
+def _differences(there: dict[str, Any], now: dict[str, Any]) -> list[str]:
+    """Return the fields that differ, with both values where these are numbers or words to read."""
+    found = []
+    for name, value in now.items():
+        other = there.get(name)
+        if isinstance(value, dict) and isinstance(other, dict):
+            found += _differences(other, value)
+        elif value != other:
+            readable = name != "data" and not isinstance(value, list)
+            found.append(f"{name}: {other} there, {value} now" if readable else f"other {name.replace('_', ' ')}")
+    return found

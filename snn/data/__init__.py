@@ -1,0 +1,1 @@
+"""Recordings as the tensors that the networks take: scans, time bins, augmentation."""

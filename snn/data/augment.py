@@ -1,0 +1,93 @@
+"""Augmentation of training scans: shifts in time, other scan speeds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from model.errors import InputError
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+
+@dataclass(frozen=True, kw_only=True)
+class AugmentConfig:
+    """What is changed at random in every training scan, each time anew.
+
+    Start rows are not drawn here: they are scans of their own (``record_dataset``).
+
+    Parameters
+    ----------
+    shift_steps : int
+        The scan moves by -shift_steps..shift_steps steps. What leaves is lost; the steps that enter have no events, or
+        repeat the frame at the edge.
+    speed_spread : float
+        The scan runs 1 - speed_spread .. 1 + speed_spread times as fast: its events move in time, and none is split
+        or made up (``at_speed``).
+    drop_taxels : float
+        Probability with which a taxel is silent for the whole scan.
+    """
+
+    shift_steps: int = 0
+    speed_spread: float = 0.0
+    drop_taxels: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.shift_steps < 0:
+            raise InputError(f"shift_steps must be at least 0, not {self.shift_steps}")
+        if not 0 <= self.speed_spread < 1:
+            raise InputError(f"speed_spread must be from 0 to below 1, not {self.speed_spread!r}")
+        if not 0 <= self.drop_taxels < 1:
+            raise InputError(f"drop_taxels must be a probability below 1, not {self.drop_taxels!r}")
+
+
+def augment(
+    batch: Tensor, taxels: int, config: AugmentConfig, generator: np.random.Generator, frames: bool = False
+) -> Tensor:
+    """Return a changed copy of a batch, shape (steps, scans, channels); the same numbers for the same generator."""
+    import torch
+
+    steps, scans, channels = batch.shape
+    if config.speed_spread:
+        spread = config.speed_spread
+        batch = at_speed(batch, torch.from_numpy(generator.uniform(1 - spread, 1 + spread, scans)).to(batch))
+    if config.shift_steps:
+        shifts = generator.integers(-config.shift_steps, config.shift_steps + 1, scans)
+        source = torch.arange(steps)[:, None] - torch.from_numpy(shifts)[None, :]
+        outside = (source < 0) | (source >= steps)
+        batch = batch[source.clamp(0, steps - 1), torch.arange(scans)]
+        if not frames:
+            batch[outside] = 0.0
+    if config.drop_taxels:
+        kept = torch.from_numpy(generator.random((scans, taxels)) >= config.drop_taxels).to(batch)
+        batch = batch * kept.repeat(1, channels // taxels)
+    return batch
+
+
+def at_speed(batch: Tensor, speed: Tensor) -> Tensor:
+    """Return the counts of scans at other speeds, shape (steps, scans, channels).
+
+    Event k of the n in a bin stands at (k - 1/2) / n of it. Bin t of a scan at speed v holds the events between v t
+    and v (t + 1) bins of the original; what comes after the last bin is lost, and a faster scan ends early. Plain level
+    crossing would send these events at that speed; a leak or a closing window, which have their own pace, others.
+
+    Parameters
+    ----------
+    batch : shape (steps, scans, channels)
+        Whole numbers.
+    speed : shape (scans,)
+        Positive; 1 leaves a scan as it is.
+    """
+    import torch
+
+    steps = len(batch)
+    until = torch.cat((batch.new_zeros(1, *batch.shape[1:]), batch.cumsum(0)))  # events before each bin's start
+    place = (torch.arange(steps + 1)[:, None] * speed[None, :]).clamp(max=steps)
+    lower = place.floor().long().clamp(max=steps - 1)
+    part = (place - lower)[:, :, None]
+    index = lower[:, :, None].expand(-1, -1, batch.shape[2])
+    below = until.gather(0, index)
+    return (below + part * (until.gather(0, index + 1) - below) + 0.5).floor().diff(dim=0)

@@ -1,0 +1,127 @@
+"""Event files in, event counts per time bin out, as the tensors that the networks take (docs/classifier.md).
+
+Recordings of the RTL and of the model (``snn.data.record``) pass through the same ``collect``, so equal events give
+equal tensors.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.events.address import Events
+from model.events.recording import Recording
+from model.textures.presets import preset
+
+if TYPE_CHECKING:
+    pass
+
+
+@dataclass(frozen=True, kw_only=True)
+class BinConfig:
+    """How events become counts per time step.
+
+    Parameters
+    ----------
+    bin_s : float
+        Length of a time bin in seconds; 10 ms in the authors' later work on their chip, open in the paper.
+    start_s, stop_s : float or None
+        Time window. By default from the first event that counts in the preset of the recording (10 ms for
+        LCS in ``paper``, 0 in ``physical``) to the end. A last bin that the window does not fill is left out.
+    polarity : bool
+        ON and OFF events of a taxel are two channels; else they are counted together.
+    """
+
+    bin_s: float = 0.004
+    start_s: float | None = None
+    stop_s: float | None = None
+    polarity: bool = True
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.bin_s) and self.bin_s > 0):
+            raise InputError(f"bin_s must be a positive number of seconds, not {self.bin_s!r}")
+        for name in ("start_s", "stop_s"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value >= 0):
+                raise InputError(f"{name} must be a number of seconds from 0, not {value!r}")
+        if self.start_s is not None and self.stop_s is not None and self.stop_s <= self.start_s:
+            raise InputError(f"stop_s must be later than start_s, not {self.stop_s:g} after {self.start_s:g}")
+
+    def channels(self, config: ReadoutConfig) -> int:
+        """Return the channels of a readout: taxels, twice where ON and OFF are kept apart."""
+        return config.taxels * (2 if self.polarity and config.has_polarity else 1)
+
+    def channel_of(self, events: Events, config: ReadoutConfig) -> NDArray[np.int64]:
+        """Return the channel of every event: row * columns + column, plus the number of taxels for OFF apart."""
+        channel = events["y"].astype(np.int64) * config.columns + events["x"]
+        return channel + np.where(events["p"], 0, self.channels(config) - config.taxels)
+
+
+class SparseCounts(NamedTuple):
+    """Event counts of one recording, without the zeros.
+
+    Attributes
+    ----------
+    step, channel : int64 arrays, shape (entries,)
+        In rising order of step, then channel. Channel = taxel index, plus the number of taxels for OFF.
+    number : int64 array, shape (entries,)
+        Events in that bin.
+    shape : (int, int)
+        Steps and channels.
+    """
+
+    step: NDArray[np.int64]
+    channel: NDArray[np.int64]
+    number: NDArray[np.int64]
+    shape: tuple[int, int]
+
+    def dense(self) -> NDArray[np.int64]:
+        """Return the counts with the zeros, shape (steps, channels)."""
+        full = np.zeros(self.shape, np.int64)
+        full[self.step, self.channel] = self.number
+        return full
+
+
+def bin_recording(recording: Recording, bins: BinConfig) -> SparseCounts:
+    """Return the event counts of a recording; an event belongs to the bin in which it left the readout.
+
+    Raises
+    ------
+    InputError
+        If the window holds no event or not one whole bin.
+    """
+    config, events = recording.config, recording.events
+    name = recording.metadata.get("name", "the recording")
+    start = _counted_from(recording) if bins.start_s is None else round(bins.start_s * config.clock_hz)
+    stop = recording.duration_clocks
+    if bins.stop_s is not None:
+        stop = min(stop, round(bins.stop_s * config.clock_hz))
+    width = bins.bin_s * config.clock_hz
+    steps = math.floor((stop - start) / width + 1e-9)
+    if steps < 1:
+        raise InputError(
+            f"{name} lasts {recording.duration_s:.6g} s and leaves no whole bin of {bins.bin_s:g} s in the time "
+            f"window; choose a shorter bin or another window"
+        )
+    step = np.floor((events["t"] - start) / width).astype(np.int64)
+    seen = (events["t"] >= start) & (step < steps)
+    if not seen.any():
+        raise InputError(f"{name} has no event in the time window; record it again or choose another window")
+    channels = bins.channels(config)
+    channel = bins.channel_of(events, config)
+    place, count = np.unique(step[seen] * channels + channel[seen], return_counts=True)
+    return SparseCounts(place // channels, place % channels, count, (steps, channels))
+
+
+def _counted_from(recording: Recording) -> int:
+    """Return the clock of the first sample tick whose events count in the recording's preset."""
+    name = recording.metadata.get("preset")
+    if not isinstance(name, str):
+        return 0
+    return preset(name).skipped_ticks(recording.config) * recording.config.clocks_per_sample

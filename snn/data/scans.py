@@ -1,0 +1,180 @@
+"""A set of scans as tensors, from event files or recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import InputError
+from model.events.recording import Recording
+from snn.data.bins import BinConfig, _counted_from, bin_recording
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+
+@dataclass(frozen=True, eq=False)
+class ScanData:
+    """Scans with their classes, in the order of the images.
+
+    Attributes
+    ----------
+    values : array, shape (scans, steps, channels)
+        Event counts (int16), or frames in full scales (float32).
+    labels : int64 array, shape (scans,)
+        Indices into ``class_names``.
+    images : int64 array, shape (scans,)
+        Indices into ``names``; an image has one scan per start row.
+    names, class_names : tuple of str
+    taxels : int
+        Channel c belongs to taxel c % taxels.
+    step_s : float
+        Seconds per step.
+    rate_hz : float
+        Mean population event rate of the scans over their whole length; of frames, values per second.
+    """
+
+    values: NDArray[Any]
+    labels: NDArray[np.int64]
+    images: NDArray[np.int64]
+    names: tuple[str, ...]
+    class_names: tuple[str, ...]
+    taxels: int
+    step_s: float
+    rate_hz: float
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    @property
+    def steps(self) -> int:
+        """Time steps of a scan."""
+        return int(self.values.shape[1])
+
+    @property
+    def channels(self) -> int:
+        """Inputs of the network."""
+        return int(self.values.shape[2])
+
+    @property
+    def frames(self) -> bool:
+        """Whether the values are those of frames and not counts."""
+        return self.values.dtype.kind == "f"
+
+    @property
+    def image_labels(self) -> NDArray[np.int64]:
+        """Label of every image, shape (len(names),)."""
+        labels = np.zeros(len(self.names), np.int64)
+        labels[self.images] = self.labels
+        return labels
+
+    def scans_of(self, images: Sequence[int] | NDArray[np.int64], first_row_only: bool = False) -> NDArray[np.int64]:
+        """Return the scans of some images, by default those of all start rows, in rising order."""
+        chosen = np.flatnonzero(np.isin(self.images, images))
+        if not first_row_only:
+            return chosen
+        return chosen[np.unique(self.images[chosen], return_index=True)[1]]
+
+    def batch(self, scans: Sequence[int] | NDArray[np.int64]) -> Tensor:
+        """Return some scans as a dense float32 tensor, time first: shape (steps, scans, channels)."""
+        import torch
+
+        return torch.from_numpy(np.ascontiguousarray(self.values[scans].transpose(1, 0, 2), np.float32))
+
+    def sparse_batch(self, scans: Sequence[int] | NDArray[np.int64]) -> Tensor:
+        """Return the same tensor in torch's coordinate format: indices (step, scan, channel), events only."""
+        return self.batch(scans).to_sparse()
+
+
+def load_recordings(
+    paths: Path | Iterable[Path], bins: BinConfig, class_names: Sequence[str] | None = None
+) -> ScanData:
+    """Return the event counts of event files, as a replay leaves them.
+
+    Parameters
+    ----------
+    paths : Path or iterable of Path
+        Event files, or a folder that holds them at any depth, taken in the order of their names.
+    bins : BinConfig
+    class_names : sequence of str, optional
+        Classes in the order of the labels; by default those that occur, in alphabetical order.
+
+    Raises
+    ------
+    InputError
+        If there is no file, a file is damaged or empty, has no class or an unknown one, or the files come
+        from different readouts.
+    """
+    if isinstance(paths, Path):
+        folder = paths
+        if not folder.is_dir():
+            raise InputError(f"event folder {folder} does not exist; make one with python -m cocotb_tests replay")
+        paths = event_files(folder)
+    pairs = [(path, Recording.load(path)) for path in paths]
+    if not pairs:
+        raise InputError("the list of event files is empty; give at least one")
+    for path, recording in pairs:
+        if not isinstance(recording.metadata.get("class"), str):
+            raise InputError(f"{path} does not say its class; its metadata need the key 'class'")
+    return collect([recording for _, recording in pairs], bins, class_names)
+
+
+def event_files(folder: Path) -> list[Path]:
+    """Return the event files of a folder, at any depth, in the order of their names; refuse one without any."""
+    found = sorted(folder.rglob("*.npz"))
+    if not found:
+        raise InputError(
+            f"event folder {folder} holds no event files (.npz); record some with python -m cocotb_tests replay"
+        )
+    return found
+
+
+def collect(recordings: Sequence[Recording], bins: BinConfig, class_names: Sequence[str] | None = None) -> ScanData:
+    """Return the event counts of recordings whose metadata give name, class and start row.
+
+    Recordings of equal name are scans of one image. Shorter ones are filled up with steps without events.
+    """
+    first = recordings[0].config
+    found = [str(recording.metadata["class"]) for recording in recordings]
+    classes = tuple(sorted(set(found)) if class_names is None else class_names)
+    names = [str(recording.metadata.get("name", number)) for number, recording in enumerate(recordings)]
+    for name, class_name, recording in zip(names, found, recordings, strict=True):
+        if class_name not in classes:
+            raise InputError(f"{name} is of unknown class {class_name!r}; known are {', '.join(classes)}")
+        if recording.config.taxels != first.taxels:
+            raise InputError(
+                f"{name} has {recording.config.taxels} taxels, {names[0]} has {first.taxels}; "
+                f"train on recordings of one array"
+            )
+        if recording.config != first:
+            raise InputError(f"{name} comes from another readout configuration than {names[0]}; keep them apart")
+    sparse = [bin_recording(recording, bins) for recording in recordings]
+    steps = max(counts.shape[0] for counts in sparse)
+    values = np.zeros((len(sparse), steps, bins.channels(first)), np.int16)
+    for scan, counts in zip(values, sparse, strict=True):
+        if counts.number.max() > np.iinfo(np.int16).max:
+            raise InputError(f"a time bin of {bins.bin_s:g} s holds {counts.number.max()} events; choose a shorter one")
+        scan[counts.step, counts.channel] = counts.number
+    unique = tuple(dict.fromkeys(names))
+    number = {name: index for index, name in enumerate(unique)}
+    return ScanData(
+        values=values,
+        labels=np.array([classes.index(name) for name in found], np.int64),
+        images=np.array([number[name] for name in names], np.int64),
+        names=unique,
+        class_names=classes,
+        taxels=first.taxels,
+        step_s=bins.bin_s,
+        rate_hz=float(np.mean([counted_rate_hz(recording) for recording in recordings])),
+    )
+
+
+def counted_rate_hz(recording: Recording) -> float:
+    """Return the population event rate as published rates are: counted events over the whole observation."""
+    counted = int(np.count_nonzero(recording.events["t"] >= _counted_from(recording)))
+    return counted / recording.duration_s

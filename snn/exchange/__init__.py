@@ -1,0 +1,1 @@
+"""Trained networks and events for other libraries: NumPy archives, NIR, torch transforms."""

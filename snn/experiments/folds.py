@@ -1,0 +1,50 @@
+"""Stratified folds, the same for every network."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import InputError
+from snn.data.scans import ScanData
+
+INNER_FOLDS = 5
+"""One of so many parts of the training images is the inner validation."""
+
+
+def stratified_folds(labels: NDArray[np.int64], folds: int, seed: int = 0) -> list[NDArray[np.int64]]:
+    """Return the test images of each fold: every image once, every class spread evenly.
+
+    A class whose images do not divide by the folds gives its spare ones to the folds that have fewest.
+
+    Parameters
+    ----------
+    labels : shape (images,)
+    folds, seed : int
+        The same seed gives the same folds.
+    """
+    counts = np.bincount(labels)
+    fewest = int(counts[counts > 0].min())
+    if not 2 <= folds <= fewest:
+        raise InputError(f"the number of folds must be in 2..{fewest}, the images of the smallest class, not {folds}")
+    generator = np.random.default_rng([seed, folds])
+    fold_of = np.empty(len(labels), np.int64)
+    following = 0
+    for label in range(len(counts)):
+        images = generator.permutation(np.flatnonzero(labels == label))
+        fold_of[images] = (following + np.arange(len(images))) % folds
+        following += len(images)
+    return [np.flatnonzero(fold_of == fold) for fold in range(folds)]
+
+
+def check_folds(data: ScanData, folds: int, fold_seed: int) -> None:
+    """Refuse folds for which a class has too few images, also for the inner validation of every fold."""
+    labels = data.image_labels
+    for fold, test in enumerate(stratified_folds(labels, folds, fold_seed)):
+        left = np.bincount(labels) - np.bincount(labels[test], minlength=int(labels.max()) + 1)
+        for label in np.unique(labels):
+            if left[label] < INNER_FOLDS:
+                raise InputError(
+                    f"inner validation needs {INNER_FOLDS} training images of each class, fold {fold} leaves "
+                    f"{left[label]} of {data.class_names[label]}; take more images or other folds"
+                )

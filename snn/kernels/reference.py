@@ -1,0 +1,45 @@
+"""The layer as a plain loop that autograd differentiates: what all kernels are held to."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from snn.kernels.rule import NeuronRule
+
+
+class _Spike(torch.autograd.Function):
+    """A step at 1 whose derivative is the surrogate."""
+
+    @staticmethod
+    def forward(ctx: Any, v: Tensor, rule: NeuronRule) -> Tensor:
+        ctx.rule = rule
+        ctx.save_for_backward(v)
+        return (v > 1.0).to(v)
+
+    @staticmethod
+    def backward(ctx: Any, grad: Tensor) -> tuple[Tensor, None]:
+        (v,) = ctx.saved_tensors
+        return grad * ctx.rule.slope(v), None
+
+
+def layer_reference(
+    rule: NeuronRule, x: Tensor, w_in: Tensor, bias: Tensor, decay: Tensor, w_rec: Tensor | None = None
+) -> Tensor:
+    """Return what ``layer`` returns, by a plain loop that autograd differentiates."""
+    currents = functional.linear(x, w_in, bias).unbind()  # indexing x[t] instead makes backward quadratic
+    carry = torch.zeros_like(currents[0])
+    spikes: list[Tensor] = []
+    for current in currents:
+        v = current + decay * carry
+        if w_rec is not None and spikes:
+            v = v + functional.linear(spikes[-1], w_rec)
+        v = torch.where(v > rule.floor, v, rule.floor)  # no gradient at the floor
+        s = _Spike.apply(v, rule)
+        resetting = s if rule.reset_gradient else s.detach()
+        carry = v - resetting if rule.reset == "subtract" else v * (1.0 - resetting)
+        spikes.append(s)
+    return torch.stack(spikes)

@@ -1,0 +1,69 @@
+"""The constants of a neuron, and the surrogate derivative of its spike."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import torch
+from torch import Tensor
+
+from model.errors import InputError
+
+Reset = Literal["zero", "subtract"]
+
+SURROGATES = ("gaussian", "fast-sigmoid", "triangle", "arctan")
+"""Shapes of the derivative, in the order of the switch in cpu.cpp."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class NeuronRule:
+    """The constants of a neuron; the threshold is 1.
+
+    Parameters
+    ----------
+    floor : float
+        v is held above it (paper's network: -1); minus infinity for none.
+    reset : "zero" or "subtract"
+    reset_gradient : bool
+        The gradient also flows through the spike that resets, as in the rule as written; else that spike counts as
+        a constant, and with reset by subtraction gradients become large (docs/classifier.md).
+    surrogate : str
+        Shape f of the derivative of a spike, scale / width * f((v - 1) / width): gaussian (normal density),
+        fast-sigmoid 1 / (1 + |d|)**2, triangle max(0, 1 - |d|), arctan 1 / (1 + d**2).
+    surrogate_scale, surrogate_width : float
+        Paper's network: 0.5 times the normal density with sigma 0.5.
+    """
+
+    floor: float = -1.0
+    reset: Reset = "zero"
+    reset_gradient: bool = True
+    surrogate: str = "gaussian"
+    surrogate_scale: float = 0.5
+    surrogate_width: float = 0.5
+
+    def __post_init__(self) -> None:
+        if self.reset not in ("zero", "subtract"):
+            raise InputError(f"reset must be zero or subtract, not {self.reset!r}")
+        if self.surrogate not in SURROGATES:
+            raise InputError(f"surrogate must be one of {', '.join(SURROGATES)}, not {self.surrogate!r}")
+        if not self.floor < 1:
+            raise InputError(f"floor must be below the threshold of 1, not {self.floor!r}")
+        for name in ("surrogate_scale", "surrogate_width"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0):
+                raise InputError(f"{name} must be a positive number, not {value!r}")
+
+    def slope(self, v: Tensor) -> Tensor:
+        """Return the surrogate derivative ds/dv, in the shape of v."""
+        d = (v - 1.0) / self.surrogate_width
+        if self.surrogate == "gaussian":
+            shape = torch.exp(-0.5 * d * d) / math.sqrt(2 * math.pi)
+        elif self.surrogate == "fast-sigmoid":
+            shape = (1.0 + d.abs()) ** -2
+        elif self.surrogate == "triangle":
+            shape = (1.0 - d.abs()).clamp_min(0.0)
+        else:
+            shape = 1.0 / (1.0 + d * d)
+        return shape * (self.surrogate_scale / self.surrogate_width)

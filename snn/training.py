@@ -1,0 +1,137 @@
+"""What a training is set to, and what it has reached."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import torch
+from torch import nn
+
+from model.errors import InputError
+from snn.data.augment import AugmentConfig
+
+LARGE_GRADIENT = 1e4
+"""Norm of the gradient, before clipping, that is reported as a sign of divergence."""
+
+
+SILENT, SATURATED = 1e-4, 0.5
+"""Mean spikes per step and hidden neuron outside of which the surrogate gradient teaches little."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainConfig:
+    """How a network is trained. Paper: Adam 1e-3, batch 32, up to 500 epochs.
+
+    Parameters
+    ----------
+    epochs, batch : int
+    learning_rate : float
+    weight_decay : float
+        Decoupled (AdamW) where not zero.
+    cosine : bool
+        The learning rate falls to zero along half a cosine; else it is constant.
+    clip : float
+        Largest norm of the gradient.
+    shift_steps, speed_spread, drop_taxels
+        See ``AugmentConfig``.
+    """
+
+    epochs: int = 100
+    batch: int = 32
+    learning_rate: float = 1e-3
+    weight_decay: float = 0.0
+    cosine: bool = False
+    clip: float = 1.0
+    shift_steps: int = 0
+    speed_spread: float = 0.0
+    drop_taxels: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("epochs", "batch"):
+            if getattr(self, name) < 1:
+                raise InputError(f"{name} must be at least 1, not {getattr(self, name)}")
+        for name in ("learning_rate", "clip"):
+            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0):
+                raise InputError(f"{name} must be a positive number, not {getattr(self, name)!r}")
+        if not (math.isfinite(self.weight_decay) and self.weight_decay >= 0):
+            raise InputError(f"weight_decay must be a number from 0, not {self.weight_decay!r}")
+        self.augmentation  # noqa: B018  # its fields are checked on construction
+
+    @property
+    def augmentation(self) -> AugmentConfig:
+        """What is changed at random in every scan."""
+        return AugmentConfig(shift_steps=self.shift_steps, speed_spread=self.speed_spread, drop_taxels=self.drop_taxels)
+
+    def rate_at(self, epoch: int) -> float:
+        """Return the learning rate of an epoch, counted from 0."""
+        return self.learning_rate * (0.5 * (1 + math.cos(math.pi * epoch / self.epochs)) if self.cosine else 1.0)
+
+
+@dataclass(frozen=True)
+class Epoch:
+    """What one epoch gave.
+
+    Attributes
+    ----------
+    number : int
+        From 1.
+    loss : float
+        Mean cross-entropy over the training scans, penalty included.
+    accuracy : float
+        Of the training scans while they were learned.
+    held_out : float or None
+        Accuracy on the images that were held out for selection or display.
+    rate : float
+        Mean spikes per step and hidden neuron.
+    gradient : float
+        Largest norm of the gradient before clipping.
+    silent_outputs : int
+        Outputs that were 0 for all training scans: output neurons that never fired.
+    """
+
+    number: int
+    loss: float
+    accuracy: float
+    held_out: float | None
+    rate: float
+    gradient: float
+    silent_outputs: int = 0
+
+    def warnings(self, spiking: bool, classes: int) -> list[str]:
+        """Return the signs of divergence, as sentences."""
+        found = []
+        if self.loss > 3 * math.log(classes) and self.number > 1:
+            found.append(f"the loss of {self.loss:.3g} is more than three times that of guessing")
+        if self.gradient > LARGE_GRADIENT:
+            found.append(f"the gradient reached a norm of {self.gradient:.3g} before clipping")
+        if self.silent_outputs:
+            found.append(f"output neurons never fire ({self.silent_outputs} of {classes}): try another seed or readout")
+        if spiking and not SILENT <= self.rate <= SATURATED:
+            state = "hardly fire" if self.rate < SILENT else "fire in most steps"
+            found.append(f"the hidden neurons {state} ({self.rate:.2g} spikes per step)")
+        return found
+
+
+@dataclass
+class Training:
+    """A network being trained, and all that a checkpoint holds.
+
+    Attributes
+    ----------
+    network : nn.Module
+    optimizer : torch.optim.Optimizer
+    history : list of Epoch
+    best : dict
+        Epoch and predictions of the epoch with the highest held-out accuracy, the latest among equals.
+    """
+
+    network: nn.Module
+    optimizer: torch.optim.Optimizer
+    history: list[Epoch] = field(default_factory=list)
+    best: dict[str, Any] = field(default_factory=dict)
+
+
+class DivergedError(InputError):
+    """The loss is no longer a number."""
