@@ -22,9 +22,9 @@ import typer
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
 
-from cocotb_tests.bench import Bench
-from cocotb_tests.simulator import BUILD, VERILATOR_FLAGS, build, build_environment
-from cocotb_tests.textures import scan
+from cocotb_tests.bench.readout import Bench
+from cocotb_tests.bench.textures import scan
+from cocotb_tests.session.simulator import BUILD, VERILATOR_FLAGS, build, build_environment
 from model.config import ReadoutConfig
 from model.readout import Stimulus, simulate
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from cocotb_tests.commands import replay, sim
+from cocotb_tests.commands.replay import replay
+from cocotb_tests.commands.sim import sim
 from model.cli.app import make_app, run
 
 app = make_app("Co-simulation of the spiking e-skin readout: RTL against golden model.")

@@ -11,9 +11,9 @@ from typing import Any
 import cocotb
 import pytest
 
-from cocotb_tests.agents import Block, Checker, Sink, bits, cosimulate, job, payload, report
-from cocotb_tests.reference import AddressEvent, ArbiterReference
-from cocotb_tests.simulator import Simulator
+from cocotb_tests.bench.block import Block, Checker, Sink, bits, cosimulate, job, payload, report
+from cocotb_tests.bench.reference import AddressEvent, ArbiterReference
+from cocotb_tests.session.simulator import Simulator
 from model.config import ReadoutConfig
 
 Want = Callable[[int, int], bool]

@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-import cocotb_tests.simulator as simulator
-from cocotb_tests.commands import reproduce
-from cocotb_tests.player import Job
-from cocotb_tests.session import MismatchFound, run_job
-from cocotb_tests.stimuli import settled
+import cocotb_tests.session.simulator as simulator
+from cocotb_tests.bench.stimuli import settled
+from cocotb_tests.commands.sim import reproduce
+from cocotb_tests.session.player import Job
+from cocotb_tests.session.session import MismatchFound, run_job
 from model.config import ReadoutConfig
 from model.events.recording import Recording
 from model.readout import simulate

@@ -13,10 +13,10 @@ import cocotb
 import numpy as np
 import pytest
 
-from cocotb_tests.agents import JOB, Sink, report
-from cocotb_tests.frame_bench import FrameBench, SarAdc
-from cocotb_tests.simulator import Simulator, build
-from cocotb_tests.textures import random_scan, scan
+from cocotb_tests.bench.block import JOB, Sink, report
+from cocotb_tests.bench.frame import FrameBench, SarAdc
+from cocotb_tests.bench.textures import random_scan, scan
+from cocotb_tests.session.simulator import Simulator, build
 from model.config import ReadoutConfig
 from model.frame import FrameConfig, FrameStimulus, adc_code, simulate, unpack
 

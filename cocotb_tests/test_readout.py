@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from cocotb_tests.commands import reproduce
-from cocotb_tests.player import Job
-from cocotb_tests.session import run_job
-from cocotb_tests.simulator import Simulator, build
+from cocotb_tests.commands.sim import reproduce
+from cocotb_tests.session.player import Job
+from cocotb_tests.session.session import run_job
+from cocotb_tests.session.simulator import Simulator, build
 from model.config import ReadoutConfig
 
 ARRAYS = [(1, 1), (1, 4), (3, 5), (8, 8), (12, 16)]

@@ -10,9 +10,9 @@ from typing import Any
 import cocotb
 import pytest
 
-from cocotb_tests.agents import Block, Checker, cosimulate, job, report
-from cocotb_tests.reference import TaxelReference
-from cocotb_tests.simulator import Simulator
+from cocotb_tests.bench.block import Block, Checker, cosimulate, job, report
+from cocotb_tests.bench.reference import TaxelReference
+from cocotb_tests.session.simulator import Simulator
 from model.config import ReadoutConfig
 
 PHASES, CLOCKS = 14, 160

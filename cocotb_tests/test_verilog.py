@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from cocotb_tests.simulator import build_environment, require_programs
+from cocotb_tests.session.simulator import build_environment, require_programs
 from model.config import ReadoutConfig
 from rtl.verilog import ports, verilog, write
 

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cocotb_tests.reference import AddressEvent, ArbiterReference, Requests
+from cocotb_tests.bench.reference import AddressEvent, ArbiterReference, Requests
 from model.arbiter import ZERO, lowest, next_row, rows_behind, without_lowest
 from model.config import ReadoutConfig
 

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cocotb_tests.reference import AddressEvent, LinkReference, ReceiverReference
+from cocotb_tests.bench.reference import AddressEvent, LinkReference, ReceiverReference
 from model import link
 
 DELAYS = st.lists(st.integers(1, 100).filter(lambda delay: delay % 8), min_size=1, max_size=6)

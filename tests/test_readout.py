@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from cocotb_tests.reference import ReadoutReference, TimedEvent, play
+from cocotb_tests.bench.reference import ReadoutReference, TimedEvent, play
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.readout import Stimulus, simulate, state_at

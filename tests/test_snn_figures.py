@@ -262,7 +262,6 @@ def test_the_kept_sweeps_are_the_default(
     snn: Call, files: list[str], folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(figures, "KEPT", folder)
-    (folder / "other.json").write_text('{"images": []}')  # results of another kind are kept there too
     assert snn("fig9")[0] == 0
     assert list(json.loads((folder / "out" / "fig9.json").read_text())["commands"]) == ["plain"]
     (folder / "out" / "sweep").mkdir()

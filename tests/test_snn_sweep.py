@@ -23,7 +23,8 @@ from snn.__main__ import app
 from snn.commands.sweep import _print_table, parse_points
 from snn.data.record import FrameConfig
 from snn.data.scans import ScanData
-from snn.experiments import cluster, workers
+from snn.experiments import cluster as dask_cluster
+from snn.experiments import workers
 from snn.experiments.cluster import Cluster
 from snn.experiments.experiment import Experiment
 from snn.experiments.sweep import PointRun, SweepPoint, sweep
@@ -211,7 +212,7 @@ def test_points_are_encoder_and_number() -> None:
 def test_a_scheduler_that_is_not_there_gets_one_sentence(
     address: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cluster, "CONNECT_S", 1.0)
+    monkeypatch.setattr(dask_cluster, "CONNECT_S", 1.0)
     began = time.monotonic()
     with pytest.raises(SystemExit) as left:
         run(app, "python -m snn", [*command(tmp_path), "--scheduler", address, "--out", str(tmp_path / "out")])
@@ -268,7 +269,7 @@ def cluster(scheduler: str) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
 
 
 def test_a_scheduler_without_workers_is_refused(scheduler: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster, "WORKERS_S", 0.3)
+    monkeypatch.setattr(dask_cluster, "WORKERS_S", 0.3)
     with pytest.raises(InputError, match=r"has no workers; start some with dask worker tcp://.* --nthreads 1"):
         Cluster(scheduler)
 
@@ -277,7 +278,7 @@ def test_a_sweep_outlives_its_workers_and_ends_in_the_files_of_a_serial_one(
     cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     address, processes = cluster
-    monkeypatch.setattr(cluster, "WORKERS_S", 60.0)
+    monkeypatch.setattr(dask_cluster, "WORKERS_S", 60.0)
     slow = {"epochs": 10, "steps": 40}
     killed: list[Any] = []
     with Cluster(address) as crew:
@@ -302,7 +303,7 @@ def test_a_sweep_outlives_its_workers_and_ends_in_the_files_of_a_serial_one(
     sweep(points(**slow), tmp_path / "serial", crew=Local(1), folds=2, seeds=2)
     assert files(tmp_path / "cluster") == files(tmp_path / "serial")
 
-    monkeypatch.setattr(cluster, "version", lambda: "1.0")
+    monkeypatch.setattr(dask_cluster, "version", lambda: "1.0")
     with pytest.raises(InputError, match=r"^worker tcp://\S+ has another version .*; here 1\.0\); install the same"):
         Cluster(address)
 

@@ -23,9 +23,9 @@ from rtl.verilog import verilog
 
 Simulator = Literal["verilator", "icarus"]
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 BUILD = ROOT / "build"
-HARNESS = Path(__file__).with_name("harness.v")
+HARNESS = Path(__file__).parents[1] / "bench" / "harness.v"
 
 VERILATOR_FLAGS = [
     "--timing",

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cocotb_tests.agents import Block, BlockMismatch, Checker, Sink
+from cocotb_tests.bench.block import Block, BlockMismatch, Checker, Sink
 from model.frame import FrameConfig, FrameModel, Inputs, Outputs, adc_code, unpack
 
 

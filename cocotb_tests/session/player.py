@@ -12,9 +12,9 @@ from typing import Any
 
 import cocotb
 
-from cocotb_tests.bench import Bench, Mismatch
-from cocotb_tests.stimuli import outstanding, scenarios, settled
-from cocotb_tests.textures import large_enough
+from cocotb_tests.bench.readout import Bench, Mismatch
+from cocotb_tests.bench.stimuli import outstanding, scenarios, settled
+from cocotb_tests.bench.textures import large_enough
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.readout import Stimulus

@@ -74,7 +74,7 @@ def together(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Sam
 
 def texture(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
     """A scan over an embedded photograph, from a random place on."""
-    from cocotb_tests.textures import random_scan
+    from cocotb_tests.bench.textures import random_scan
 
     return random_scan(config, ticks, rng)
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from cocotb.triggers import Timer
 
-from cocotb_tests.simulator import Simulator, build
+from cocotb_tests.session.simulator import Simulator, build
 from model.config import ReadoutConfig
 
 JOB = "ESKIN_BLOCK_JOB"

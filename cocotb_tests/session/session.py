@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cocotb_tests.player import JOB, Job
-from cocotb_tests.simulator import Build
+from cocotb_tests.session.player import JOB, Job
+from cocotb_tests.session.simulator import Build
 from model.errors import InputError
 
 POLL_S = 0.2
@@ -77,7 +77,7 @@ def run_job(program: Build, job: Job, folder: Path, on_run: Callable[[dict[str, 
 
     def simulate() -> None:
         try:
-            program.test("cocotb_tests.player", folder, "play", {JOB: str((folder / "job.json").resolve())})
+            program.test("cocotb_tests.session.player", folder, "play", {JOB: str((folder / "job.json").resolve())})
         except BaseException as error:
             failure.append(error)
 

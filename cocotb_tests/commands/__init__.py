@@ -1,0 +1,1 @@
+"""The commands of ``python -m cocotb_tests``: they parse and print, and hold no logic."""

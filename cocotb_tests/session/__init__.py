@@ -1,0 +1,1 @@
+"""Builds simulators, plays jobs in them and follows these from outside."""

@@ -1,0 +1,34 @@
+"""What a recording of the RTL stands for: a digest of all that made it."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import cocotb_tests
+import model
+from cocotb_tests.session.simulator import Build
+
+SOURCES = ((model, "*.py"), (model, "textures/*.py"), (cocotb_tests, "bench/*.py"))
+"""Of the samples, the stimulus, the expected events, and the bench that compares them."""
+
+
+def proof(program: Build, texture: Any, start_row: float = 0.0) -> str:
+    """Return a digest of RTL and harness (the name of the program has it), of ``SOURCES``, and of the image."""
+    digest = hashlib.sha256(f"{program.folder.name} {start_row} {_sources()}".encode())
+    digest.update(texture.load().tobytes())
+    return digest.hexdigest()
+
+
+@functools.cache
+def _sources() -> str:
+    digest = hashlib.sha256()
+    for package, pattern in SOURCES:
+        folder = Path(str(package.__file__)).parent
+        files = sorted(folder.glob(pattern))
+        assert files, f"no sources {pattern} in {folder}"
+        for path in files:
+            digest.update(f"{path.relative_to(folder.parent)}\0".encode() + path.read_bytes() + b"\0")
+    return digest.hexdigest()
