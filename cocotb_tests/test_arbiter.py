@@ -11,8 +11,9 @@ from typing import Any
 import cocotb
 import pytest
 
-from cocotb_tests.bench.block import Block, Checker, Sink, bits, cosimulate, job, payload, report
+from cocotb_tests.bench.block import Block, Checker, Sink, bits, job, payload, report
 from cocotb_tests.bench.reference import AddressEvent, ArbiterReference
+from cocotb_tests.session.block import cosimulate
 from cocotb_tests.session.simulator import Simulator
 from model.config import ReadoutConfig
 

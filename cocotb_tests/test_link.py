@@ -13,8 +13,9 @@ from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, ReadOnly, RisingEdge, Timer, ValueChange
 from cocotb.utils import get_sim_time
 
-from cocotb_tests.bench.block import Block, Checker, cosimulate, job, payload, report
+from cocotb_tests.bench.block import Block, Checker, job, payload, report
 from cocotb_tests.bench.reference import AddressEvent, LinkReference
+from cocotb_tests.session.block import cosimulate
 from cocotb_tests.session.simulator import Simulator
 from model.config import ReadoutConfig
 

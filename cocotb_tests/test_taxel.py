@@ -10,8 +10,9 @@ from typing import Any
 import cocotb
 import pytest
 
-from cocotb_tests.bench.block import Block, Checker, cosimulate, job, report
+from cocotb_tests.bench.block import Block, Checker, job, report
 from cocotb_tests.bench.reference import TaxelReference
+from cocotb_tests.session.block import cosimulate
 from cocotb_tests.session.simulator import Simulator
 from model.config import ReadoutConfig
 

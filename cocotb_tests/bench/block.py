@@ -12,7 +12,6 @@ from typing import Any
 
 from cocotb.triggers import Timer
 
-from cocotb_tests.session.simulator import Simulator, build
 from model.config import ReadoutConfig
 
 JOB = "ESKIN_BLOCK_JOB"
@@ -142,33 +141,6 @@ def payload(config: ReadoutConfig, row: int, column: int, polarity: bool) -> dic
         "event_polarity": config.has_polarity,
     }
     return {name: value for name, value in fields.items() if present[name]}
-
-
-# -- from pytest into the simulator and back ---------------------------------------------------------
-
-
-def cosimulate(
-    config: ReadoutConfig, simulator: Simulator, top: str, test: str, folder: Path, seed: int
-) -> Counter[str]:
-    """Run one cocotb test of a block and return what it counted.
-
-    Parameters
-    ----------
-    config : ReadoutConfig
-    simulator : "icarus" or "verilator"
-    top : str
-        The block: ``eskin_taxel``, ``eskin_arbiter`` or ``eskin_link``; its test file has the name of the block.
-    test : str
-        Name of the cocotb test.
-    folder : Path
-        Where it runs and leaves its log.
-    seed : int
-        For everything random in it.
-    """
-    job = {"config": config.to_dict(), "seed": seed}
-    module = top.replace("eskin_", "cocotb_tests.test_")
-    build(config, simulator, top=top).test(module, folder, test, {JOB: json.dumps(job)})
-    return Counter(json.loads((folder / "counts.json").read_text()))
 
 
 def job() -> tuple[ReadoutConfig, random.Random]:

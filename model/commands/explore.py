@@ -8,17 +8,18 @@ from typing import Annotated, Any
 
 import typer
 
-from model.errors import InputError
-from model.figures.results import DEFAULT_OUT, OutOption, write_results
-from model.power.build import (
+from model.commands.options import (
     DatasetOption,
     JsonOption,
+    OutOption,
     PresetOption,
     RatesOption,
     SettingsOption,
     SynthesisOption,
-    rate_table,
 )
+from model.errors import InputError
+from model.figures.results import DEFAULT_OUT, write_results
+from model.power.build import rate_table
 from model.power.equations import (
     CORRECTIONS,
     READOUT_NAMES,
@@ -92,7 +93,9 @@ def explore(
             parameters = parameters.replace(signal_bandwidth_hz=table.bandwidth_hz)
     model = PowerModel(parameters=parameters, corrections=frozenset(CORRECTIONS), measured=measured, gates=gates)
     data = explore_data(model, noise, tau, min_resolution)
-    write_results(out, "explore", data, plot_explore, quiet=as_json)
+    written = write_results(out, "explore", data, plot_explore)
+    if not as_json:
+        print(written)
     if as_json:
         print(json.dumps(data))
     else:

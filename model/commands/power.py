@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from model.figures.results import DEFAULT_OUT, DataOption, OutOption, write_results
-from model.power.build import (
+from model.commands.options import (
+    DataOption,
     DatasetOption,
     JsonOption,
+    OutOption,
     PresetOption,
     RatesOption,
     SettingsOption,
     SynthesisOption,
-    both_modes,
-    build_model,
-    chosen_corrections,
-    rate_table,
 )
+from model.figures.results import DEFAULT_OUT, write_results
+from model.power.build import both_modes, build_model, chosen_corrections, rate_table
 from model.power.parameters import PowerParameters
+from model.power.study import crossover_text
 
 if TYPE_CHECKING:
     from model.power.equations import PowerModel
@@ -191,7 +191,7 @@ def fig6(
         synthesis,
         lambda: rate_table(dataset, preset_name, rates, [FIG_RESOLUTION], [FIG_TAU_S]),
     )
-    write_results(out, "fig6", fig6_data(models), plot_fig6, data_out)
+    print(write_results(out, "fig6", fig6_data(models), plot_fig6, data_out))
 
 
 def fig7(
@@ -210,7 +210,7 @@ def fig7(
     models = both_modes(
         settings, synthesis, lambda: rate_table(dataset, preset_name, rates, list(RESOLUTIONS), list(TAUS_S))
     )
-    write_results(out, "fig7", fig7_data(models), plot_fig7, data_out)
+    print(write_results(out, "fig7", fig7_data(models), plot_fig7, data_out))
 
 
 def sensitivity(
@@ -230,7 +230,9 @@ def sensitivity(
     used = (model.measured.dataset, model.measured.preset)  # type: ignore[union-attr]
     others = {f"{t.dataset} {t.preset} scan": t for t in load_tables() if (t.dataset, t.preset) != used}
     data = sensitivity_data(sensitivity_models(model, others))
-    write_results(out, "sensitivity", data, plot_sensitivity, data_out, quiet=as_json)
+    written = write_results(out, "sensitivity", data, plot_sensitivity, data_out)
+    if not as_json:
+        print(written)
     if as_json:
         print(json.dumps(data))
     else:
@@ -271,10 +273,3 @@ def _print_sensitivity(data: dict[str, Any]) -> None:
 
 
 _TABLE_WIDTH = 132  # of the sensitivity table
-
-
-def crossover_text(crossover: dict[str, Any]) -> str:
-    """Return a crossover in words: ``above 0.54 mV``, ``never``."""
-    value = crossover["noise_v_rms"]
-    side = str(crossover["spikes_win"])
-    return side if value is None else f"{side} {value * 1e3:.3g} mV"

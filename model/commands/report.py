@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
+from model.commands.options import SynthesisOption
 from model.errors import InputError
-from model.power.build import SynthesisOption
 from model.report.page import ACCURACY, BENCHMARKS, REPLAY, SIM, page
 
 

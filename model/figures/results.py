@@ -1,22 +1,15 @@
-"""Data and picture of a figure in files, and the options of the commands that write them."""
+"""Data and picture of a figure in files."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from model.errors import InputError
 from model.files import write_json
 
 DEFAULT_OUT = Path("out")
-
-OutOption = Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="folder for data and picture")]
-DataOption = Annotated[
-    Path | None, typer.Option("--data", metavar="DIR", help="folder for the data, if another", show_default=False)
-]
 
 
 def write_results(
@@ -25,14 +18,18 @@ def write_results(
     data: dict[str, Any],
     plot: Callable[[dict[str, Any], Path], None],
     data_out: Path | None = None,
-    quiet: bool = False,
-) -> None:
+) -> str:
     """Write the data as ``name``.json, then the picture that is made from them as ``name``.png.
 
     Parameters
     ----------
     out, data_out : Path
         Folders of the picture and of the data; made if they are not there.
+
+    Returns
+    -------
+    str
+        What was written, for the user.
     """
     data_out = data_out or out
     for folder in (out, data_out):
@@ -42,5 +39,4 @@ def write_results(
             raise InputError(f"cannot make the folder {folder}: {error.strerror}; choose another --out") from None
     write_json(data_out / f"{name}.json", data)
     plot(data, out / f"{name}.png")
-    if not quiet:
-        print(f"wrote {data_out / name}.json and {out / name}.png")
+    return f"wrote {data_out / name}.json and {out / name}.png"

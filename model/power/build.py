@@ -1,12 +1,10 @@
-"""What the commands of the power model share: their options, and the model that these name."""
+"""The power model that the options of a command name."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, get_args
-
-import typer
+from typing import TYPE_CHECKING, get_args
 
 from model.errors import InputError
 from model.power.parameters import PowerParameters
@@ -14,27 +12,6 @@ from model.power.parameters import PowerParameters
 if TYPE_CHECKING:
     from model.power.equations import PowerModel
     from model.power.rates import RateTable
-
-SettingsOption = Annotated[
-    list[str] | None, typer.Option("--set", metavar="NAME=NUMBER", help="change a parameter, repeatable")
-]
-SynthesisOption = Annotated[
-    list[Path] | None,
-    typer.Option(metavar="FILE", help="synthesis report (JSON) of a readout's digital part, repeatable"),
-]
-DatasetOption = Annotated[
-    str | None, typer.Option(metavar="DIR|embedded", help="measure event rates on these textures [stored rates]")
-]
-PresetOption = Annotated[
-    str, typer.Option("--preset", metavar="paper|physical", help="texture scan of the event rates")
-]
-RatesOption = Annotated[
-    Path | None, typer.Option("--rates", metavar="FILE", help="event rates, from python -m model event-rates")
-]
-JsonOption = Annotated[bool, typer.Option("--json", help="print one JSON object")]
-
-
-# -- from options to a model -------------------------------------------------------------------------
 
 
 def chosen_corrections(mode: str | None, correct: str | None, without: str | None) -> frozenset[str]:

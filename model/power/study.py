@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from model.power.equations import PowerModel
+
+
 import math
 from collections.abc import Iterable, Mapping
-from typing import Any
 
 from model.power.equations import CORRECTIONS, READOUTS, SPIKING, PowerModel
 from model.power.parameters import MAX_RESOLUTION, MIN_RESOLUTION
@@ -164,3 +169,10 @@ def sensitivity_data(cases: Mapping[str, tuple[str, PowerModel]]) -> Data:
         "ratio": "spiking power / frame power",
         "rows": rows,
     }
+
+
+def crossover_text(crossover: dict[str, Any]) -> str:
+    """Return a crossover in words: ``above 0.54 mV``, ``never``."""
+    value = crossover["noise_v_rms"]
+    side = str(crossover["spikes_win"])
+    return side if value is None else f"{side} {value * 1e3:.3g} mV"

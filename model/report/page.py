@@ -161,8 +161,8 @@ def _fig7_table(fig7: Data) -> str:
 
 
 def _sensitivity_table(study: Data) -> str:
-    from model.commands.power import crossover_text
     from model.power.equations import READOUT_NAMES, SPIKING
+    from model.power.study import crossover_text
 
     rows = [
         (row["case"], *(x for s in SPIKING for x in (*row["ratio"][s], crossover_text(row["crossover"][s]))))

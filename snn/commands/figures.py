@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
+from model.commands.options import DataOption, OutOption
 from model.errors import InputError
-from model.figures.results import DEFAULT_OUT, DataOption, OutOption, write_results
+from model.figures.results import DEFAULT_OUT, write_results
 
 
 def fig9(
@@ -32,9 +33,9 @@ def fig9(
     sweeps = load_sweeps(sweep or [])
     matrices = confusion_data(sweeps, reading, confusion)
     data = fig9_data(sweeps, reading)
-    write_results(out, "fig9", data, plot_fig9, data_out)
+    print(write_results(out, "fig9", data, plot_fig9, data_out))
     if matrices["points"]:
-        write_results(out, "confusion", matrices, plot_confusion, data_out)
+        print(write_results(out, "confusion", matrices, plot_confusion, data_out))
     for point in data["left_out"]:
         print(f"left out, as no seed is finished: {point}")
 
@@ -60,5 +61,5 @@ def fig8(
     from snn.figures.fig8_play import play
 
     played = play(weights, result or weights.parent / "result.json", dataset, image)
-    write_results(out, "fig8", played.to_dict(), lambda _, path: plot_fig8(played, path), data_out)
+    print(write_results(out, "fig8", played.to_dict(), lambda _, path: plot_fig8(played, path), data_out))
     print(f"{played.texture.name}: true {played.texture.class_name}, predicted {played.predicted}")

@@ -30,9 +30,9 @@ from snn.experiments.experiment import Experiment
 from snn.experiments.sweep import PointRun, SweepPoint, sweep
 from snn.experiments.workers import Local
 from snn.training import TrainConfig
-from tests.test_snn_train import easy_data
+from tests.snn.helpers import easy_data
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 
 def points(epochs: int = 2, **data: Any) -> list[SweepPoint]:

@@ -14,7 +14,7 @@ from model.errors import InputError
 from model.frame_config import FrameConfig
 from rtl.gates import count_gates
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 
 LIBRARY = ROOT.parent / "shared" / "data" / "ihp-sg13g2" / "sg13g2_stdcell_typ_1p20V_25C.lib"
 

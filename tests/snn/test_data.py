@@ -23,7 +23,7 @@ from snn.data.bins import BinConfig, bin_recording
 from snn.data.record import FrameConfig, frame_dataset, record, record_dataset
 from snn.data.scans import collect, load_recordings
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 CONFIG = ReadoutConfig(rows=2, columns=3, resolution=4, sample_rate_hz=1000.0, clocks_per_sample=10)
 """A clock of 10 kHz: a bin of 1 ms is ten clocks."""
 

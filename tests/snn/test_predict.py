@@ -30,7 +30,7 @@ from snn.experiments.predict import Check
 from snn.experiments.trained import load_trained
 from snn.network import NetworkConfig, build
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 CONFIG = ReadoutConfig(rows=1, columns=4)
 BINS = BinConfig(bin_s=0.01)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-DOCUMENT = Path(__file__).parents[1] / "docs" / "files.md"
+DOCUMENT = Path(__file__).parents[2] / "docs" / "files.md"
 
 
 def blocks(language: str) -> list[str]:

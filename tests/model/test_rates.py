@@ -47,7 +47,7 @@ def paper(encoding: str, resolution: int, **fields) -> ReadoutConfig:
 
 def run(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "model", "rates", *arguments]
-    root = Path(__file__).resolve().parents[1]
+    root = Path(__file__).resolve().parents[2]
     return subprocess.run(command, capture_output=True, text=True, cwd=root, env=os.environ | environment, check=False)
 
 

@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from test_snn_network import RULES, run, tensors
 from torch import Tensor
 
 from model.errors import InputError
 from snn.kernels.layer import layer
 from snn.kernels.reference import layer_reference
 from snn.kernels.rule import NeuronRule
+from tests.snn.test_network import RULES, run, tensors
 
 triton = pytest.importorskip("triton", reason="triton is not installed: pip install '.[gpu]'")
 
@@ -44,7 +44,7 @@ def test_in_the_interpreter() -> None:
     result = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", __file__],
         env={**os.environ, "TRITON_INTERPRET": "1"},
-        cwd=Path(__file__).parents[1],
+        cwd=Path(__file__).parents[2],
         capture_output=True,
         text=True,
     )
@@ -277,4 +277,4 @@ def test_other_tensors_are_refused(dtype: torch.dtype) -> None:
 @compiler_only
 def test_triton_is_imported_on_demand_only() -> None:
     code = "import sys, snn.kernels.layer; sys.exit('triton' in sys.modules)"
-    subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).parents[1])
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).parents[2])

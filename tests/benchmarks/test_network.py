@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from snn.kernels import cpu as kernel
 
-SCRIPT = Path(__file__).parents[1] / "benchmarks" / "network.py"
+SCRIPT = Path(__file__).parents[2] / "benchmarks" / "network.py"
 SMALL = ["--steps", "12", "--batch", "4", "--rate", "0.3", "--rounds", "1", "--no-memory"]
 
 pytestmark = pytest.mark.skipif(not kernel.available(), reason="no C++ compiler for the kernel")

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-SCRIPT = Path(__file__).parents[1] / "benchmarks" / "encoder.py"
+SCRIPT = Path(__file__).parents[2] / "benchmarks" / "encoder.py"
 SMALL = ["--signals", "128", "--samples", "300", "--rounds", "1"]
 
 

@@ -20,7 +20,7 @@ from model.textures.dataset import open_dataset
 from model.textures.presets import preset
 from model.textures.rates import measure_rates
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 RATES = stored_table("paper")
 MODELS = {
     "paper": PowerModel(),

@@ -1,0 +1,29 @@
+"""Small data and networks for the tests of the classifier."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from snn.data.scans import ScanData
+from snn.network import NetworkConfig
+
+CLASSES = ("brick", "grass", "gravel")
+
+
+def easy_data(images: int = 30, steps: int = 15, channels: int = 8) -> ScanData:
+    """Return scans in which every class has channels of its own that are busy."""
+    generator = np.random.default_rng(0)
+    labels = np.arange(images) % 3
+    rates = np.full((images, channels), 0.2)
+    for label in range(3):
+        rates[labels == label, label::3] = 1.5
+    values = generator.poisson(rates[:, None, :], (images, steps, channels)).astype(np.int16)
+    names = tuple(f"scan-{number}" for number in range(images))
+    return ScanData(values, labels, np.arange(images), names, CLASSES, channels // 2, 0.004, 1000.0)
+
+
+def small_network(**fields: Any) -> NetworkConfig:
+    defaults: dict[str, Any] = {"inputs": 8, "classes": 3, "hidden": 16, "readout": "membrane", "decay": 0.8}
+    return NetworkConfig(**(defaults | fields))
