@@ -1,6 +1,6 @@
 """How close the integer leak of N-LCS comes to float models: event rates, in percent of difference.
 
-``python benchmarks/leak.py --json benchmarks/results/leak.json`` prints the tables of docs/encoders.md.
+``python benchmarks/leak.py --json benchmarks/results/leak.json`` prints the tables of docs/reference/encoders.md.
 
 ``fractions``: constant inputs, integers with F fraction bits against the same leak ticks in floating point;
 the worst of many inputs from 1.5 D to full scale. ``exponential``: the same inputs, the leak ticks in float

@@ -1,4 +1,4 @@
-"""The frame-based readout, clock by clock: every taxel in turn to one ADC, whole frames sent (docs/frame.md).
+"""The frame-based readout, clock by clock: every taxel in turn to one ADC, whole frames sent (docs/reference/frame.md).
 
 This is the golden model that ``rtl/frame.py`` is held to; it knows no bit slices, only numbers.
 """

@@ -1,4 +1,4 @@
-"""The parameter object of the frame readout, its ADC codes, and how samples become words (docs/frame.md)."""
+"""The parameter object of the frame readout, its ADC codes, and how samples become words (docs/reference/frame.md)."""
 
 from __future__ import annotations
 

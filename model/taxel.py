@@ -1,4 +1,4 @@
-"""The three encoders of a taxel and their decoders, integer-exact and without contention (docs/encoders.md).
+"""The three encoders of a taxel and their decoders, integer-exact and without contention (docs/reference/encoders.md).
 
 A request is taken in the clock after it was raised, as with one taxel and a sink that is always ready. The
 model starts with the first sample: should the reference reset so far from 0 that it fires at the silent
@@ -38,7 +38,7 @@ Flags = NDArray[np.bool_]
 """One flag for each sample, shape (ticks, taxels)."""
 
 EVENT_LATENCY = 3
-"""Clocks from ``sample_valid`` to the first event that it causes (docs/microarchitecture.md, Time)."""
+"""Clocks from ``sample_valid`` to the first event that it causes (docs/design/microarchitecture.md, Time)."""
 
 _BLOCK_BYTES = 2**20
 """Samples handled at a time where counts are not kept: their counts stay in the cache."""

@@ -1,7 +1,7 @@
 """The networks: the paper's recurrent spiking network with its variants, and baselines for frames.
 
 Every network takes a tensor of shape (steps, scans, channels) and returns an ``Output``. A variant is a value in
-``NetworkConfig``, whose defaults are the paper's network (docs/classifier.md).
+``NetworkConfig``, whose defaults are the paper's network (docs/guide/classifier.md).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The commands encode, decode and compare (docs/files.md)."""
+"""The commands encode, decode and compare (docs/guide/files.md)."""
 
 from __future__ import annotations
 

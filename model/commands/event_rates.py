@@ -1,4 +1,4 @@
-"""The command event-rates (docs/power.md)."""
+"""The command event-rates (docs/guide/power.md)."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def event_rates(
     limit: Annotated[int | None, typer.Option(metavar="K", help="only K images, evenly spread")] = None,
     workers: Annotated[int | None, typer.Option(metavar="N", help="threads [one per core]")] = None,
 ) -> None:
-    """Measure the event rates of every taxel, N = 1..10, for the power model (docs/power.md)."""
+    """Measure the event rates of every taxel, N = 1..10, for the power model (docs/guide/power.md)."""
     from model.files import atomic_write, check_writable
     from model.textures.dataset import EMBEDDED, open_dataset
 

@@ -1,4 +1,4 @@
-"""The command explore (docs/power.md)."""
+"""The command explore (docs/guide/power.md)."""
 
 from __future__ import annotations
 

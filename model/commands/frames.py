@@ -1,4 +1,4 @@
-"""The command ``frames``: what the spiking readouts and the frame readout send, on the same scans (docs/frame.md)."""
+"""The command ``frames``: what spiking readouts and frame readout send, on the same scans (docs/reference/frame.md)."""
 
 from __future__ import annotations
 

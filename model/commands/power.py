@@ -1,4 +1,4 @@
-"""The commands power, fig6, fig7 and sensitivity (docs/power.md)."""
+"""The commands power, fig6, fig7 and sensitivity (docs/guide/power.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command report (docs/report.md)."""
+"""The command report (docs/guide/report.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Address events in memory and on disk (readout specification, section 5; docs/files.md)."""
+"""Address events in memory and on disk (docs/specification.md, section 5; docs/guide/files.md)."""
 
 from __future__ import annotations
 

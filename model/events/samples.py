@@ -1,4 +1,4 @@
-"""Reads a user's own samples, .npy, .npz or .csv, and writes reconstructed ones (docs/files.md)."""
+"""Reads a user's own samples, .npy, .npz or .csv, and writes reconstructed ones (docs/guide/files.md)."""
 
 from __future__ import annotations
 

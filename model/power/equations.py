@@ -2,7 +2,7 @@
 
 With no correction this is the model behind Fig. 5 to 7 of the paper (mode ``paper``); with all of them it is mode
 ``consistent``. There is one set of equations: a correction changes one quantity in them. Equations, sources and
-outcome: docs/power.md.
+outcome: docs/results/power.md.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ CORRECTIONS = {
     "afe_nef": "AFE by its noise-efficiency factor",
     "digital": "logic from synthesised gates instead of a guessed capacitance",
 }
-"""The corrections of mode ``consistent``, in the order of docs/power.md."""
+"""The corrections of mode ``consistent``, in the order of docs/results/power.md."""
 
 NOISE_RANGE_V = (1e-9, 1e3)
 """Where crossovers are searched; the original's search ended at 1000 V too."""

@@ -1,4 +1,4 @@
-"""Every constant of the power model, with unit and source (docs/power.md)."""
+"""Every constant of the power model, with unit and source (docs/results/power.md)."""
 
 from __future__ import annotations
 

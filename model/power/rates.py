@@ -47,7 +47,7 @@ class RateTable:
     Attributes
     ----------
     dataset, preset : str
-        What was scanned and how (docs/textures.md).
+        What was scanned and how (docs/guide/textures.md).
     images : int
         Number of images.
     rows, columns : int

@@ -1,4 +1,4 @@
-"""The data of Fig. 6 and 7 and of the sensitivity study, as plain dictionaries for JSON (docs/power.md)."""
+"""The data of Fig. 6 and 7 and of the sensitivity study, as plain dictionaries for JSON (docs/results/power.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reports of synthesised gates: what the power model needs to know of a netlist (docs/power.md)."""
+"""Reports of synthesised gates: what the power model needs to know of a netlist (docs/guide/power.md)."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ class SynthesisReport:
         known = dataclasses.fields(cls)
         required = [f.name for f in known if f.default is dataclasses.MISSING]
         if missing := [name for name in required if name not in values]:
-            raise InputError(f"a synthesis report needs the field {missing[0]!r}; docs/power.md lists all")
+            raise InputError(f"a synthesis report needs the field {missing[0]!r}; docs/guide/power.md lists all")
         return cls(**{f.name: values[f.name] for f in known if f.name in values})
 
     @classmethod

@@ -1,4 +1,4 @@
-"""What the report shows, as one plain dictionary for JSON (docs/report.md)."""
+"""What the report shows, as one plain dictionary for JSON (docs/guide/report.md)."""
 
 from __future__ import annotations
 
@@ -243,7 +243,7 @@ def read_json(path: Path, what: str) -> Any:
 
 
 def fig9_data(path: Path) -> Data:
-    """Return accuracy against data rate from a file of points (format: docs/report.md).
+    """Return accuracy against data rate from a file of points (format: docs/guide/report.md).
 
     Raises
     ------
@@ -256,7 +256,7 @@ def fig9_data(path: Path) -> Data:
     values = read_json(path, what)
     points = values.get("points", values.get("results")) if isinstance(values, dict) else values
     if not isinstance(points, list) or not points:
-        raise InputError(f"{what} {path} need a list of points; docs/report.md shows one")
+        raise InputError(f"{what} {path} need a list of points; docs/guide/report.md shows one")
     found = []
     for number, point in enumerate(points):
         where = f"{what} {path}: point {number}"
@@ -379,12 +379,12 @@ def report_data(sim: Path, replay: Path, benchmarks: Path, accuracy: Path, synth
     if fig9 is None:
         missing["fig9"] = [
             "The accuracy results are not there, so Fig. 9 is not drawn. Make them with python -m snn sweep and "
-            "python -m snn fig9 --data docs/data, or give a file with --accuracy (format: docs/report.md)."
+            "python -m snn fig9 --data docs/data, or give a file with --accuracy (format: docs/guide/report.md)."
         ]
     if not gates:
         missing["synthesis"] = [
             "No synthesis report was given, so consistent mode uses the published 435 fJ an event for the logic. "
-            "Give reports with --synthesis FILE, once for each readout (format: docs/power.md)."
+            "Give reports with --synthesis FILE, once for each readout (format: docs/guide/power.md)."
         ]
     replays = replay_data(replay)
     if not replays:

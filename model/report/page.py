@@ -1,4 +1,4 @@
-"""One HTML file with the figures of the whole project (docs/report.md).
+"""One HTML file with the figures of the whole project (docs/guide/report.md).
 
 The page is ``page.html`` with a style sheet, two scripts and the data as JSON put into it. The scripts are written
 by hand, since a chart library in every page would be ten times as large as all the rest. They compute no power: all

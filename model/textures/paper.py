@@ -1,4 +1,4 @@
-"""The scan of the original model, with which the published event rates were made (docs/textures.md)."""
+"""The scan of the original model, with which the published event rates were made (docs/guide/textures.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The scan that the paper describes (docs/textures.md)."""
+"""The scan that the paper describes (docs/guide/textures.md)."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 ``PaperScan`` has the constants of the original model, with which the published event rates were made, and
 ``PhysicalScan`` is what the paper describes. All their constants are fields. A scan never repeats what
 ``ReadoutConfig`` says (array, sample rate, bits): ``configure`` sets the fields that belong to the preset,
-``signals`` and ``samples`` then follow the configuration. The readings behind it: docs/textures.md.
+``signals`` and ``samples`` then follow the configuration. The readings behind it: docs/guide/textures.md.
 """
 
 from __future__ import annotations

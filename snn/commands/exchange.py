@@ -1,4 +1,4 @@
-"""The commands export, import and convert (docs/exchange.md)."""
+"""The commands export, import and convert (docs/guide/exchange.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The commands fig8 and fig9 (docs/classifier.md)."""
+"""The commands fig8 and fig9 (docs/guide/classifier.md)."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="field of NetworkConfig or TrainConfig, repeatable"),
 ]
-Recipe = Annotated[str, typer.Option(metavar="|".join(RECIPES), help="fields to start from: docs/classifier.md")]
+Recipe = Annotated[str, typer.Option(metavar="|".join(RECIPES), help="fields to start from: docs/guide/classifier.md")]
 Folds = Annotated[int, typer.Option(min=2, help="stratified folds")]
 Seeds = Annotated[int, typer.Option(min=1, help="seeds per fold")]
 Workers = Annotated[int | None, typer.Option(min=1, help="processes of one thread [one per usable core]")]

@@ -1,4 +1,4 @@
-"""The command predict (docs/classifier.md)."""
+"""The command predict (docs/guide/classifier.md)."""
 
 from __future__ import annotations
 

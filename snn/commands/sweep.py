@@ -1,4 +1,4 @@
-"""The command sweep (docs/classifier.md)."""
+"""The command sweep (docs/guide/classifier.md)."""
 
 from __future__ import annotations
 

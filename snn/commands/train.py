@@ -1,4 +1,4 @@
-"""The commands train and crossval (docs/classifier.md)."""
+"""The commands train and crossval (docs/guide/classifier.md)."""
 
 from __future__ import annotations
 

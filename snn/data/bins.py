@@ -1,4 +1,4 @@
-"""Event files in, event counts per time bin out, as the tensors that the networks take (docs/classifier.md).
+"""Event files in, event counts per time bin out, as the tensors that the networks take (docs/guide/classifier.md).
 
 Recordings of the RTL and of the model (``snn.data.record``) pass through the same ``collect``, so equal events give
 equal tensors.

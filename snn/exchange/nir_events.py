@@ -1,4 +1,4 @@
-"""Recordings as NIRData, the event data of NIR, and as the structured arrays of event tools (docs/exchange.md)."""
+"""Recordings as NIRData, the event data of NIR, and as structured arrays of event tools (docs/guide/exchange.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Trained networks as graphs of the Neuromorphic Intermediate Representation, NIR (docs/exchange.md).
+"""Trained networks as graphs of the Neuromorphic Intermediate Representation, NIR (docs/guide/exchange.md).
 
 NIR states neurons by differential equations (Pedersen et al., Nature Communications 15, 8122, 2024). Here and in
 snnTorch they are solved by the forward Euler method, the input current I being held during a step dt::

@@ -1,4 +1,4 @@
-"""Trained networks as plain NumPy archives, in float32 or 8 bits (docs/exchange.md)."""
+"""Trained networks as plain NumPy archives, in float32 or 8 bits (docs/guide/exchange.md)."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ def summarise(cells: list[dict[str, Any]], images: int, classes: int) -> dict[st
     """Return means, deviations, intervals and confusion of both readings over the cells of whole seeds.
 
     ``wilson_95`` takes every image once, with its mean over these seeds; ``bootstrap_95`` is over images and seeds.
-    The patches of a class come from one surface, so both are too narrow for another surface (docs/classifier.md).
+    The patches of a class come from one surface, so both are too narrow for another surface (docs/guide/classifier.md).
     ``sd_over_cells``, over single trainings, is what compares with a published deviation over folds.
     """
     result: dict[str, Any] = {}

@@ -1,4 +1,4 @@
-"""Classify event files with a trained network, and hold RTL recordings to the model's (docs/classifier.md)."""
+"""Classify event files with a trained network, and hold RTL recordings to the model's (docs/guide/classifier.md)."""
 
 from __future__ import annotations
 

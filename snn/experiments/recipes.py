@@ -1,4 +1,4 @@
-"""Named sets of fields of NetworkConfig and TrainConfig, for ``--recipe`` (docs/classifier.md)."""
+"""Named sets of fields of NetworkConfig and TrainConfig, for ``--recipe`` (docs/guide/classifier.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cross-validation of many points at once, resumable per cell, on this machine or on a cluster (docs/classifier.md).
+"""Cross-validation of many points at once, resumable per cell, here or on a cluster (docs/guide/classifier.md).
 
 The cells of all points run side by side: all folds of seed 0 of every point, then those of seed 1, and so on, so that
 a sweep that is stopped early has whole seeds of every point.

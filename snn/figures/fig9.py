@@ -158,7 +158,7 @@ def _check_point(point: Any, where: str) -> None:
 
 
 def fig9_data(sweeps: Sequence[Sweep], reading: str) -> Data:
-    """Return published and own points in the format of the report (docs/report.md).
+    """Return published and own points in the format of the report (docs/guide/report.md).
 
     Points without results are left out, and named in ``left_out``.
     """

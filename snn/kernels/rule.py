@@ -28,7 +28,7 @@ class NeuronRule:
     reset : "zero" or "subtract"
     reset_gradient : bool
         The gradient also flows through the spike that resets, as in the rule as written; else that spike counts as
-        a constant, and with reset by subtraction gradients become large (docs/classifier.md).
+        a constant, and with reset by subtraction gradients become large (docs/guide/classifier.md).
     surrogate : str
         Shape f of the derivative of a spike, scale / width * f((v - 1) / width): gaussian (normal density),
         fast-sigmoid 1 / (1 + |d|)**2, triangle max(0, 1 - |d|), arctan 1 / (1 + d**2).

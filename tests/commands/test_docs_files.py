@@ -1,4 +1,4 @@
-"""docs/files.md: its session and its program do what they show."""
+"""docs/guide/files.md: its session and its program do what they show."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "files.md"
+DOCUMENT = Path(__file__).parents[2] / "docs" / "guide" / "files.md"
 
 
 def blocks(language: str) -> list[str]:

@@ -163,7 +163,10 @@ def test_bad_options_are_one_sentence(call, line, sentence):
     [
         ("{", "the synthesis report gates.json is not JSON"),
         ("[]", "synthesis report gates.json: a synthesis report must be a JSON object, not list"),
-        ("{}", "synthesis report gates.json: a synthesis report needs the field 'readout'; docs/power.md lists all"),
+        (
+            "{}",
+            "synthesis report gates.json: a synthesis report needs the field 'readout'; docs/guide/power.md lists all",
+        ),
         (
             json.dumps(REPORT | {"leakage_w": -1}),
             "synthesis report gates.json: leakage_w must be at least 0, not -1",

@@ -139,7 +139,7 @@ def test_frame_clocks_are_the_shortest_period(config: FrameConfig, seed: int) ->
 
 
 def test_what_happens_in_which_clock() -> None:
-    """The table of docs/frame.md: 1 x 2 taxels, N = 8, 2 settling clocks, 3 conversion clocks."""
+    """The table of docs/reference/frame.md: 1 x 2 taxels, N = 8, 2 settling clocks, 3 conversion clocks."""
     config = FrameConfig(readout=ReadoutConfig(rows=1, columns=2, resolution=8), settle_clocks=2)
     model, seen = FrameModel(config), []
     for t in range(16):

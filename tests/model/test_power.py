@@ -95,7 +95,7 @@ def test_paper_mode_afe_is_worth_the_published_noise_efficiency():
 
 
 def test_consistent_mode_is_against_spikes_at_six_bits_and_for_leaky_ones_at_four():
-    """The outcome that docs/power.md states; a change of it must change the text."""
+    """The outcome that docs/results/power.md states; a change of it must change the text."""
     ratio = {
         (r, n): float(CONSISTENT.breakdown(r, n, 1e-3).total / CONSISTENT.breakdown("frame", n, 1e-3).total)
         for r in SPIKING

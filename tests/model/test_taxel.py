@@ -386,5 +386,5 @@ def test_samples_of_any_layout_give_the_same_events_and_stay_untouched() -> None
 
 
 def test_the_example_of_the_manual_runs() -> None:
-    text = (Path(__file__).parents[2] / "docs" / "encoders.md").read_text()
+    text = (Path(__file__).parents[2] / "docs" / "reference" / "encoders.md").read_text()
     exec(text.split("```python\n")[1].split("```")[0], {})

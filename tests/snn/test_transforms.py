@@ -19,7 +19,7 @@ from model.taxel import encode
 from model.textures.scan import quantise
 from snn.exchange.transforms import LevelCrossing
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "exchange.md"
+DOCUMENT = Path(__file__).parents[2] / "docs" / "guide" / "exchange.md"
 CONFIGS = {
     "lcs": ReadoutConfig(rows=2, columns=3, resolution=4),
     "lcs, once per sample": ReadoutConfig(rows=2, columns=3, resolution=4, decide_every="sample"),
