@@ -12,6 +12,6 @@ def decay_phases(config: ReadoutConfig) -> NDArray[np.int64]:
     """Return, for every row, the phase of its decay tick within the leak period: floor(r * P / rows).
 
     Row r leaks at sample ticks j (counted from 0 after reset) with ``j mod leak_period == phase[r]``, so the rows
-    do not fire together (specification, section 2, N-LCS).
+    do not fire together (docs/specification.md, section 2, N-LCS).
     """
     return np.arange(config.rows, dtype=np.int64) * config.leak_period // config.rows

@@ -15,7 +15,7 @@ from numba import njit
 
 @njit(cache=True, nogil=True)
 def leak_of(u: Any, leak_shift: int) -> Any:
-    """Return the leak of a reference, u 2**-k rounded half up (specification, section 2, N-LCS)."""
+    """Return the leak of a reference, u 2**-k rounded half up (docs/specification.md, section 2, N-LCS)."""
     return (u + (1 << (leak_shift - 1))) >> leak_shift
 
 

@@ -1,6 +1,6 @@
 """The readout in plain Python, one clock at a time: obviously right rather than fast.
 
-Written from the specification and docs/design/microarchitecture.md alone, to hold both the clock-skipping
+Written from docs/specification.md and docs/design/microarchitecture.md alone, to hold both the clock-skipping
 model and the RTL to. What a block shows just before a rising edge are its properties and methods, and
 ``clock`` is that edge.
 """

@@ -67,7 +67,7 @@ class PaperScan(Scan):
     def loop_samples(self, config: ReadoutConfig, tau_s: float | None = None) -> int:
         """Return the loop time in samples of the played line, at least 1.
 
-        LCS and CW-LCS: LSB / maxSR. N-LCS: LSB tau / (LSB + tau maxSR) / 3 (specification, section 6).
+        LCS and CW-LCS: LSB / maxSR. N-LCS: LSB tau / (LSB + tau maxSR) / 3 (docs/specification.md, section 6).
         """
         lsb = 2.0**-config.resolution
         if config.encoding == "nlcs":

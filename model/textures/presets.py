@@ -1,4 +1,4 @@
-"""From a texture image to the samples of the taxel array, in the two presets of the specification, section 6.
+"""From a texture image to the samples of the taxel array, in two presets (docs/specification.md, section 6).
 
 ``PaperScan`` has the constants of the original model, with which the published event rates were made, and
 ``PhysicalScan`` is what the paper describes. All their constants are fields. A scan never repeats what

@@ -22,7 +22,7 @@ Signals = NDArray[np.float64]
 
 
 def quantise(signals: ArrayLike, sample_bits: int) -> tuple[NDArray[np.int32], int]:
-    """Return the codes of signals and how many of them were clipped (specification, section 6).
+    """Return the codes of signals and how many of them were clipped (docs/specification.md, section 6).
 
     Parameters
     ----------

@@ -56,7 +56,7 @@ def run(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]
 
 @pytest.mark.parametrize(("encoding", "resolution"), sorted(PUBLISHED_RATES_HZ))
 def test_published_rates_are_met(kylberg, encoding, resolution):
-    required = {("lcs", 2), ("lcs", 6), ("nlcs", 4), ("nlcs", 8)}  # specification, section 6
+    required = {("lcs", 2), ("lcs", 6), ("nlcs", 4), ("nlcs", 8)}  # docs/specification.md, section 6
     if not FULL and (encoding, resolution) not in required:
         pytest.skip("set ESKIN_FULL=1 for all published rates")
     config = paper(encoding, resolution)

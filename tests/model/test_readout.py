@@ -1,4 +1,4 @@
-"""The clock-skipping model against the plain one, and what section 3 of the specification promises."""
+"""The clock-skipping model against the plain one, and what docs/specification.md, section 3, promises."""
 
 from __future__ import annotations
 
