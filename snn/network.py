@@ -17,10 +17,10 @@ from torch.nn import functional
 
 from model.errors import InputError
 from snn.kernels.layer import Backend, layer
-from snn.kernels.rule import NeuronRule, Reset
+from snn.kernels.rule import NeuronReset, NeuronRule
 
 Kind = Literal["spiking", "rnn", "gru", "cnn"]
-Readout = Literal["spikes", "membrane"]
+OutputMode = Literal["spikes", "membrane"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,13 +74,13 @@ class NetworkConfig:
     decay: float = 1.0
     output_decay: float = 1.0
     learn_decay: bool = False
-    reset: Reset = "zero"
+    reset: NeuronReset = "zero"
     reset_gradient: bool = True
     floor: float = -1.0
     surrogate: str = "gaussian"
     surrogate_scale: float = 0.5
     surrogate_width: float = 0.5
-    readout: Readout = "spikes"
+    readout: OutputMode = "spikes"
     output_scale: float = 1.0
     dropout: float = 0.0
     rate_weight: float = 0.0
@@ -90,7 +90,7 @@ class NetworkConfig:
         for name in ("inputs", "classes", "hidden"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name} must be at least 1, not {getattr(self, name)}")
-        for name, choices in (("kind", get_args(Kind)), ("readout", get_args(Readout))):
+        for name, choices in (("kind", get_args(Kind)), ("readout", get_args(OutputMode))):
             if getattr(self, name) not in choices:
                 raise InputError(f"{name} must be one of {', '.join(choices)}, not {getattr(self, name)!r}")
         for name in ("input_scale", "output_scale"):

@@ -90,12 +90,12 @@ def train(
     for number in range(len(training.history), train_config.epochs):
         epoch = _epoch(training, data, scans, train_config, seed, number, device)
         if held_out is not None and len(held_out):
-            accuracy = float((predict(network, data, held_out, device) == data.image_labels[held_out]).mean())
+            accuracy = float((predicted_classes(network, data, held_out, device) == data.image_labels[held_out]).mean())
             epoch = dataclasses.replace(epoch, held_out=accuracy)
             if accuracy >= training.best.get("held_out", -1.0):
                 training.best = {"epoch": epoch.number, "held_out": accuracy}
                 if test is not None:
-                    training.best["predictions"] = predict(network, data, test, device).tolist()
+                    training.best["predictions"] = predicted_classes(network, data, test, device).tolist()
         training.history.append(epoch)
         if checkpoint is not None and (epoch.number % checkpoint_every == 0 or epoch.number == train_config.epochs):
             save_checkpoint(checkpoint, training, key)
@@ -148,7 +148,7 @@ def _epoch(
     return Epoch(number + 1, loss_sum / count, correct / count, None, rate / count, largest, silent)
 
 
-def predict(
+def predicted_classes(
     network: nn.Module, data: ScanData, images: Sequence[int] | NDArray[np.int64], device: str = "cpu"
 ) -> NDArray[np.int64]:
     """Return the class of every image, from the scan of its first start row, shape (len(images),)."""

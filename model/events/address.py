@@ -46,6 +46,12 @@ def no_events() -> Events:
     return np.empty(0, EVENT_DTYPE)
 
 
+def taxel_of(events: Events, config: ReadoutConfig) -> NDArray[np.int64]:
+    """Return the taxel of every event, row * columns + column, shape (events,)."""
+    taxel: NDArray[np.int64] = events["y"].astype(np.int64) * config.columns + events["x"]
+    return taxel
+
+
 def check_events(events: Events, config: ReadoutConfig, duration_clocks: int) -> None:
     """Raise InputError unless events are of EVENT_DTYPE, in order, in the array and in the duration."""
     if not isinstance(events, np.ndarray) or events.dtype != EVENT_DTYPE or events.ndim != 1:

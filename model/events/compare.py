@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.config import ReadoutConfig
-from model.events.address import Events
+from model.events.address import Events, taxel_of
 
 CONTEXT = 3
 """Events shown before and after a difference."""
@@ -143,7 +143,7 @@ def first_difference(a: Events, b: Events) -> Difference | None:
 
 def count_per_taxel(events: Events, config: ReadoutConfig) -> NDArray[np.int64]:
     """Return the number of events of every taxel, shape (rows, columns)."""
-    index = events["y"].astype(np.int64) * config.columns + events["x"]
+    index = taxel_of(events, config)
     return np.bincount(index, minlength=config.taxels).reshape(config.rows, config.columns)
 
 

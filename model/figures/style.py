@@ -12,8 +12,19 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe-Ito, as in model.figures.raster.
-READOUT_COLOURS = {"nlcs": "#d55e00", "lcs": "#0072b2", "frame": "#000000"}
+PALETTE = {
+    "black": "#000000",
+    "orange": "#e69f00",
+    "sky": "#56b4e9",
+    "green": "#009e73",
+    "blue": "#0072b2",
+    "vermilion": "#d55e00",
+    "purple": "#cc79a7",
+    "grey": "#999999",
+}
+"""The colours of all pictures: those of M. Okabe and K. Ito but yellow, and a grey; told apart by colour-blind eyes."""
+
+READOUT_COLOURS = {"nlcs": PALETTE["vermilion"], "lcs": PALETTE["blue"], "frame": PALETTE["black"]}
 READOUT_MARKERS = {"nlcs": "^", "lcs": "o", "frame": "s"}
 
 

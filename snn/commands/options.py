@@ -107,7 +107,7 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
         If an option has no meaning, or fits no other.
     """
     from snn.data.bins import BinConfig
-    from snn.data.record import FrameConfig
+    from snn.data.record import FrameSteps
     from snn.experiments.experiment import Experiment, has_default_leak
     from snn.training import TrainConfig
 
@@ -133,7 +133,7 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
         events=None if options["events"] is None else str(options["events"]),
         readout=readout,
         tau_s=tau_s,
-        frames=FrameConfig(frames_per_step=options["frames"]) if options["frames"] else None,
+        frames=FrameSteps(frames_per_step=options["frames"]) if options["frames"] else None,
         bins=BinConfig() if options["bin_s"] is None else BinConfig(bin_s=options["bin_s"]),
         network={name: value for name, value in fields.items() if name not in of_training},
         train=TrainConfig(**(training | {"epochs": options["epochs"]})),

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from model.events.recording import Recording
-    from snn.experiments.predict import Check, Score
+    from snn.experiments.evaluate import Check, Score
     from snn.experiments.trained import Trained
 
 MOST_LINES = 20
@@ -47,7 +47,7 @@ def predict(
     """Classify recordings with a trained network; with --check-model RTL and model must agree bit for bit."""
     import torch
 
-    from snn.experiments import predict as work
+    from snn.experiments import evaluate as work
     from snn.experiments.trained import load_trained
 
     torch.set_num_threads(1)
@@ -94,7 +94,7 @@ def predict(
 
 def _print_recordings(recordings: Sequence[Recording], logits: NDArray[np.float32], trained: Trained) -> None:
     """Print name, class and prediction of a few recordings, or of those that have no class."""
-    from snn.experiments.predict import class_of
+    from snn.experiments.evaluate import class_of
 
     for recording, row in zip(recordings, logits, strict=True):
         if len(recordings) <= MOST_LINES or class_of(recording) is None:
@@ -133,7 +133,7 @@ def _report(
     check: Check | None,
 ) -> dict[str, Any]:
     """Return the content of the output file."""
-    from snn.experiments.predict import class_of
+    from snn.experiments.evaluate import class_of
     from snn.experiments.trained import TRAINING
 
     names = trained.weights.class_names

@@ -96,13 +96,13 @@ def parse_points(text: str) -> list[tuple[str, int]]:
 
 def _point(readout: str, number: int, options: dict[str, Any]) -> SweepPoint:
     """Return the point, which takes all other options of the command."""
-    from snn.data.record import FrameConfig
+    from snn.data.record import FrameSteps
     from snn.experiments.sweep import SweepPoint
 
     options = options | {"encoding": None, "resolution": None, "events": None, "frames": 0}
     try:
         if readout in BASELINES:
-            frames = FrameConfig(frames_per_step=number).frames_per_step
+            frames = FrameSteps(frames_per_step=number).frames_per_step
             options |= {"frames": frames, "recipe": readout, "tau": None, "bin_s": None}
         else:
             options |= {"encoding": readout, "resolution": number}

@@ -45,7 +45,7 @@ def train(
     from snn.exchange.weights import Weights, save_weights
     from snn.experiments.folds import stratified_folds
     from snn.kernels import cpu as kernel
-    from snn.train import predict
+    from snn.train import predicted_classes
 
     labels = data.image_labels
     test = stratified_folds(labels, folds)[fold]
@@ -59,7 +59,7 @@ def train(
     training = _learn(
         made, data, images, seed, checkpoint=out / "checkpoint.pt", checkpoint_every=checkpoint_every, device=device
     )
-    predicted = predict(training.network, data, test, device)
+    predicted = predicted_classes(training.network, data, test, device)
     accuracy = float((predicted == labels[test]).mean())
     result = {
         "experiment": made.to_dict(),

@@ -8,19 +8,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.config import ReadoutConfig
 from model.errors import InputError
-from model.events.address import Events
+from model.events.address import Events, taxel_of
 from model.events.recording import Recording
 from model.textures.presets import preset
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,8 +56,7 @@ class BinConfig:
 
     def channel_of(self, events: Events, config: ReadoutConfig) -> NDArray[np.int64]:
         """Return the channel of every event: row * columns + column, plus the number of taxels for OFF apart."""
-        channel = events["y"].astype(np.int64) * config.columns + events["x"]
-        return channel + np.where(events["p"], 0, self.channels(config) - config.taxels)
+        return taxel_of(events, config) + np.where(events["p"], 0, self.channels(config) - config.taxels)
 
 
 class SparseCounts(NamedTuple):

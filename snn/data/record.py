@@ -16,7 +16,8 @@ from model.textures.presets import Scan
 from snn.data.bins import BinConfig
 from snn.data.scans import ScanData, collect
 
-Progress = Callable[[], object]
+Tick = Callable[[], object]
+"""Called after each scan or recording that is done."""
 
 
 def record(texture: Texture, dataset_name: str, scan: Scan, config: ReadoutConfig, start_row: float = 0.0) -> Recording:
@@ -50,7 +51,7 @@ def record_dataset(
     config: ReadoutConfig,
     bins: BinConfig,
     start_rows: Sequence[float] = (0.0,),
-    progress: Progress | None = None,
+    progress: Tick | None = None,
 ) -> ScanData:
     """Return the event counts of all textures, one scan per start row, from the clock-by-clock model.
 
@@ -74,7 +75,7 @@ def record_dataset(
 
 
 @dataclass(frozen=True, kw_only=True)
-class FrameConfig:
+class FrameSteps:
     """Frames of all taxels, as one shared converter gives them.
 
     Parameters
@@ -103,9 +104,9 @@ def frame_dataset(
     dataset: Dataset,
     scan: Scan,
     config: ReadoutConfig,
-    frames: FrameConfig,
+    frames: FrameSteps,
     start_rows: Sequence[float] = (0.0,),
-    progress: Progress | None = None,
+    progress: Tick | None = None,
 ) -> ScanData:
     """Return the frames of the same scans in full scales, float32; ``config`` gives the array only."""
     sampled = ReadoutConfig(

@@ -86,10 +86,6 @@ class ScanData:
 
         return torch.from_numpy(np.ascontiguousarray(self.values[scans].transpose(1, 0, 2), np.float32))
 
-    def sparse_batch(self, scans: Sequence[int] | NDArray[np.int64]) -> Tensor:
-        """Return the same tensor in torch's coordinate format: indices (step, scan, channel), events only."""
-        return self.batch(scans).to_sparse()
-
 
 def load_recordings(
     paths: Path | Iterable[Path], bins: BinConfig, class_names: Sequence[str] | None = None

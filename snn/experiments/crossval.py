@@ -25,7 +25,7 @@ def run_cell(
     experiment: Experiment, data: ScanData, fold: int, seed: int, folds: int, fold_seed: int
 ) -> dict[str, Any]:
     """Return the result of one fold and seed: the predictions of the test images in both readings."""
-    from snn.train import predict, train
+    from snn.train import predicted_classes, train
 
     labels = data.image_labels
     test = stratified_folds(labels, folds, fold_seed)[fold]
@@ -40,7 +40,7 @@ def run_cell(
         "seed": seed,
         "test_images": test.tolist(),
         "labels": labels[test].tolist(),
-        "last": predict(whole.network, data, test).tolist(),
+        "last": predicted_classes(whole.network, data, test).tolist(),
         "selected": part.best["predictions"],
         "selected_epoch": part.best["epoch"],
         "inner_accuracy": part.best["held_out"],

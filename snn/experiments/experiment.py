@@ -15,7 +15,7 @@ from model.textures.physical import PhysicalScan
 from model.textures.presets import Scan, preset
 from model.textures.rates import PAPER_TAU_S
 from snn.data.bins import BinConfig
-from snn.data.record import FrameConfig, Progress, frame_dataset, record_dataset
+from snn.data.record import FrameSteps, Tick, frame_dataset, record_dataset
 from snn.data.scans import ScanData, load_recordings
 from snn.network import NetworkConfig
 from snn.training import TrainConfig
@@ -36,7 +36,7 @@ class Experiment:
         Before the preset sets its fields.
     tau_s : float or None
         N-LCS: time constant in seconds; without it the leak of ``readout``, or 0.2 s where that has the default leak.
-    frames : FrameConfig or None
+    frames : FrameSteps or None
         Frames instead of events.
     start_rows : int
         Scans of each image, evenly spread over it; tests take the first.
@@ -51,7 +51,7 @@ class Experiment:
     preset: str = "physical"
     readout: ReadoutConfig = field(default_factory=lambda: ReadoutConfig(resolution=4))
     tau_s: float | None = None
-    frames: FrameConfig | None = None
+    frames: FrameSteps | None = None
     start_rows: int = 1
     bins: BinConfig = field(default_factory=BinConfig)
     network: dict[str, Any] = field(default_factory=dict)
@@ -73,7 +73,7 @@ class Experiment:
                 f"rnn, gru or cnn, events neither"
             )
 
-    def data(self, progress: Progress | None = None) -> ScanData:
+    def data(self, progress: Tick | None = None) -> ScanData:
         """Return the scans; the model's take a few hundredths of a second each."""
         if self.events is not None:
             return load_recordings(Path(self.events), self.bins)
@@ -116,7 +116,7 @@ class Experiment:
         hints = get_type_hints(NetworkConfig)
         network = {name: float(v) if hints.get(name) is float else v for name, v in fields["network"].items()}
         made: dict[str, Any] = {
-            "frames": None if fields["frames"] is None else FrameConfig(**fields["frames"]),
+            "frames": None if fields["frames"] is None else FrameSteps(**fields["frames"]),
             "bins": BinConfig(**fields["bins"]),
             "network": network,
             "train": TrainConfig(**fields["train"]),

@@ -26,7 +26,8 @@ from snn.experiments.workers import Crew, Local, pack, sentence
 PUBLISHED_BPS = 640e3
 """Data rate by which published ones are divided."""
 
-Progress = Callable[["PointRun", "dict[str, Any] | None"], object]
+OnCell = Callable[["PointRun", "dict[str, Any] | None"], object]
+"""Called with a point and the result of a cell; None: the point is being prepared, or was."""
 
 
 @dataclass(frozen=True)
@@ -190,7 +191,7 @@ class PointRun:
         }
 
 
-def run_points(runs: Sequence[PointRun], crew: Crew, progress: Progress | None = None) -> None:
+def run_points(runs: Sequence[PointRun], crew: Crew, progress: OnCell | None = None) -> None:
     """Run all cells that have no result yet; every result is in its file as soon as it is there.
 
     Parameters
@@ -230,7 +231,7 @@ def run_points(runs: Sequence[PointRun], crew: Crew, progress: Progress | None =
 class _Flight:
     """The cells that are on their way, and what went wrong."""
 
-    def __init__(self, crew: Crew, progress: Progress) -> None:
+    def __init__(self, crew: Crew, progress: OnCell) -> None:
         self.cells = 0
         self.failures: list[str] = []
         self._crew, self._progress = crew, progress
@@ -339,7 +340,7 @@ def sweep(
     seeds: int = 3,
     fold_seed: int = 0,
     command: str | None = None,
-    progress: Progress | None = None,
+    progress: OnCell | None = None,
 ) -> list[dict[str, Any]]:
     """Cross-validate every point in a folder of its own; return the summaries, which also stand in ``sweep.json``.
 

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from model.events.address import taxel_of
 from model.figures.raster import OFF_COLOUR, ON_COLOUR
-from model.figures.style import dress, new_figure, save_figure
+from model.figures.style import PALETTE, dress, new_figure, save_figure
 from model.textures.physical import PhysicalScan
 from snn.figures.fig8_play import Played
 
@@ -17,8 +18,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-CLASS_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#999999")
-"""Okabe and Ito, and a grey; more classes take them again."""
+CLASS_COLOURS = tuple(
+    PALETTE[name] for name in ("blue", "vermilion", "green", "purple", "orange", "sky", "black", "grey")
+)
+"""Colours of the classes; more classes take them again."""
 
 _GREY = "#555555"
 _INK = "#333333"
@@ -120,7 +123,7 @@ def _draw_taxel(panel: Axes, played: Played, taxel: int, offset: float, size: fl
     signal = played.signals[:, taxel] + offset
     number = np.arange(len(signal))[ticks]
     panel.plot(1e3 * number / config.sample_rate_hz, signal[ticks], color=_INK, lw=0.7)
-    index = events["y"].astype(int) * config.columns + events["x"]
+    index = taxel_of(events, config)
     for on, marker, colour in ((True, "^", ON_COLOUR), (False, "v", OFF_COLOUR)):
         clocks = events["t"][(index == taxel) & (events["p"] == on)]
         at = np.minimum(clocks // config.clocks_per_sample, len(signal) - 1)
@@ -134,7 +137,7 @@ def _draw_taxel(panel: Axes, played: Played, taxel: int, offset: float, size: fl
 def _draw_events(panel: Axes, played: Played) -> None:
     """Draw the address events of all taxels."""
     config, events = played.recording.config, played.recording.events
-    index = events["y"].astype(int) * config.columns + events["x"]
+    index = taxel_of(events, config)
     for on, colour in ((True, ON_COLOUR), (False, OFF_COLOUR)):
         chosen = events["p"] == on
         panel.plot(1e3 * events["t"][chosen] / config.clock_hz, index[chosen], ls="", marker="|", ms=2, mew=0.6,

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from model.errors import InputError
-from model.figures.style import READOUT_COLOURS, READOUT_MARKERS, dress, new_figure, save_figure
+from model.figures.style import PALETTE, READOUT_COLOURS, READOUT_MARKERS, dress, new_figure, save_figure
 from model.power.equations import READOUT_NAMES
 from model.report.data import read_json
 from model.textures.presets import PRESETS
@@ -32,7 +32,7 @@ LATEST = Path("out/sweep/sweep.json")
 
 READINGS = {"last": "last epoch", "selected": "epoch selected by inner validation"}
 NAMES = READOUT_NAMES | {"cw-lcs": "CW-LCS"}
-COLOURS = READOUT_COLOURS | {"cw-lcs": "#cc79a7"}
+COLOURS = READOUT_COLOURS | {"cw-lcs": PALETTE["purple"]}
 MARKERS = READOUT_MARKERS | {"cw-lcs": "D"}
 STYLES = (("-", "full"), ("--", "left"), ("-.", "bottom"), (":", "right"))
 """Line and filling of the marks of each sweep, in turn."""

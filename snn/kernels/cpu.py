@@ -40,7 +40,7 @@ class _Rule(ctypes.Structure):
     ]
 
 
-class Events(NamedTuple):
+class Entries(NamedTuple):
     """The non-zero entries of a matrix, row by row.
 
     Attributes
@@ -58,7 +58,7 @@ class Events(NamedTuple):
     value: Tensor | None
 
     @property
-    def entries(self) -> int:
+    def filled(self) -> int:
         """Number of entries."""
         return int(self.first[-1])
 
@@ -74,32 +74,32 @@ def pad(columns: int) -> int:
     return -(-columns // unit) * unit
 
 
-def events_of(x: Tensor) -> Events:
+def entries_of(x: Tensor) -> Entries:
     """Return the non-zero entries of a matrix, shape (rows, columns)."""
     rows, columns = x.shape
     first = torch.empty(rows + 1, dtype=torch.int32)
     index = torch.empty(x.numel() + 1, dtype=torch.int32)
     value = torch.empty(x.numel() + 1)
     _call("kernel_events", x, rows, columns, first, index, value)
-    return Events(first, index, value)
+    return Entries(first, index, value)
 
 
-def product(events: Events, matrix: Tensor, start: Tensor) -> Tensor:
-    """Return start (width,) plus events (rows, columns) times a matrix (columns, width), shape (rows, width)."""
-    out = torch.empty(len(events.first) - 1, matrix.shape[1])
-    _call("kernel_product", *events, len(out), matrix, matrix.shape[1], start, out)
+def product(entries: Entries, matrix: Tensor, start: Tensor) -> Tensor:
+    """Return start (width,) plus entries (rows, columns) times a matrix (columns, width), shape (rows, width)."""
+    out = torch.empty(len(entries.first) - 1, matrix.shape[1])
+    _call("kernel_product", *entries, len(out), matrix, matrix.shape[1], start, out)
     return out
 
 
-def outer(events: Events, columns: int, grad: Tensor) -> Tensor:
-    """Return the transpose of events (rows, columns) times grad (rows, width), shape (columns, width)."""
+def outer(entries: Entries, columns: int, grad: Tensor) -> Tensor:
+    """Return the transpose of entries (rows, columns) times grad (rows, width), shape (columns, width)."""
     out = torch.zeros(columns, grad.shape[1])
-    _call("kernel_outer", *events, len(grad), columns, grad, grad.shape[1], out)
+    _call("kernel_outer", *entries, len(grad), columns, grad, grad.shape[1], out)
     return out
 
 
-def forward(rule: NeuronRule, decay: Tensor, recurrent: Tensor | None, v: Tensor) -> tuple[Tensor, Events]:
-    """Turn currents into potentials, in place, and return the spikes, dense and as events.
+def forward(rule: NeuronRule, decay: Tensor, recurrent: Tensor | None, v: Tensor) -> tuple[Tensor, Entries]:
+    """Turn currents into potentials, in place, and return the spikes, dense and as entries.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def forward(rule: NeuronRule, decay: Tensor, recurrent: Tensor | None, v: Tensor
     first = torch.empty(steps * batch + 1, dtype=torch.int32)
     index = torch.empty(v.numel() + 1, dtype=torch.int32)
     _call("kernel_forward", steps, batch, width, _rule(rule), decay, recurrent, v, s, first, index)
-    return s, Events(first, index, None)
+    return s, Entries(first, index, None)
 
 
 def backward(

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from model.errors import InputError
 
-Reset = Literal["zero", "subtract"]
+NeuronReset = Literal["zero", "subtract"]
 
 SURROGATES = ("gaussian", "fast-sigmoid", "triangle", "arctan")
 """Shapes of the derivative, in the order of the switch in cpu.cpp."""
@@ -37,7 +37,7 @@ class NeuronRule:
     """
 
     floor: float = -1.0
-    reset: Reset = "zero"
+    reset: NeuronReset = "zero"
     reset_gradient: bool = True
     surrogate: str = "gaussian"
     surrogate_scale: float = 0.5

@@ -27,18 +27,18 @@ class SparseLayer(torch.autograd.Function):
         width = kernel.pad(neurons)
         more = width - neurons
         flat = x.detach().reshape(-1, inputs).contiguous()
-        events = kernel.events_of(flat)
+        entries = kernel.entries_of(flat)
         padded_decay = functional.pad(decay.detach(), (0, more)).contiguous()
         columns = functional.pad(w_in.detach().t(), (0, more)).contiguous()
         padded_bias = functional.pad(bias.detach(), (0, more)).contiguous()
-        sparse = events.entries < DENSE_FROM * flat.numel()
-        v = kernel.product(events, columns, padded_bias) if sparse else torch.addmm(padded_bias, flat, columns)
+        sparse = entries.filled < DENSE_FROM * flat.numel()
+        v = kernel.product(entries, columns, padded_bias) if sparse else torch.addmm(padded_bias, flat, columns)
         v = v.view(steps, batch, width)
         recurrent = None if w_rec is None else functional.pad(w_rec.detach().t(), (0, more, 0, more)).contiguous()
         s, spikes = kernel.forward(rule, padded_decay, recurrent, v)
-        spikes = spikes._replace(column=spikes.column[: spikes.entries].clone())
+        spikes = spikes._replace(column=spikes.column[: spikes.filled].clone())
         ctx.rule, ctx.sparse, ctx.inputs = rule, sparse, inputs
-        ctx.save_for_backward(w_in, w_rec, padded_decay, v, *spikes[:2], *(events if sparse else (flat,)))
+        ctx.save_for_backward(w_in, w_rec, padded_decay, v, *spikes[:2], *(entries if sparse else (flat,)))
         return s[:, :, :neurons] if more else s
 
     @staticmethod
@@ -56,13 +56,13 @@ class SparseLayer(torch.autograd.Function):
             grad_x = torch.mm(rows[:, :neurons], w_in.detach()).view(steps, batch, -1)
         if ctx.needs_input_grad[2]:
             sparse = ctx.sparse
-            product = kernel.outer(kernel.Events(*kept), ctx.inputs, rows) if sparse else torch.mm(kept[0].t(), rows)
+            product = kernel.outer(kernel.Entries(*kept), ctx.inputs, rows) if sparse else torch.mm(kept[0].t(), rows)
             grad_in = product[:, :neurons].t()
         if w_rec is not None and ctx.needs_input_grad[5]:
             before = (steps - 1) * batch  # rows whose spikes still reach a step
             after = rows[batch:]
-            spikes = kernel.Events(first[: before + 1], index, None)
-            if spikes.entries < DENSE_FROM * before * neurons:
+            spikes = kernel.Entries(first[: before + 1], index, None)
+            if spikes.filled < DENSE_FROM * before * neurons:
                 product = kernel.outer(spikes, width, after)
             else:
                 product = torch.mm((v.view(-1, width)[:before] > 1).to(v).t(), after)

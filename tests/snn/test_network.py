@@ -14,11 +14,11 @@ from model.errors import InputError
 from snn.kernels import cpu as kernel
 from snn.kernels.layer import Backend, layer
 from snn.kernels.reference import layer_reference
-from snn.kernels.rule import SURROGATES, NeuronRule, Reset
+from snn.kernels.rule import SURROGATES, NeuronReset, NeuronRule
 from snn.network import NetworkConfig, SpikingNetwork, build
 
 needs_kernel = pytest.mark.skipif(not kernel.available(), reason="no C++ compiler for the kernel")
-RESETS: tuple[Reset, ...] = ("zero", "subtract")
+RESETS: tuple[NeuronReset, ...] = ("zero", "subtract")
 RULES = [
     NeuronRule(reset=reset, reset_gradient=through, surrogate=surrogate, surrogate_width=0.7)
     for reset, through, surrogate in itertools.product(RESETS, (False, True), SURROGATES)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import snn.experiments.predict
+import snn.experiments.evaluate
 from model.cli.app import make_app, run
 from model.config import ReadoutConfig
 from model.events.address import no_events
@@ -26,7 +26,7 @@ from snn.commands.predict import predict
 from snn.data.bins import BinConfig
 from snn.data.record import record, record_dataset
 from snn.exchange.weights import Weights, save_weights
-from snn.experiments.predict import Check
+from snn.experiments.evaluate import Check
 from snn.experiments.trained import load_trained
 from snn.network import NetworkConfig, build
 
@@ -100,7 +100,7 @@ def test_predictions_from_rtl_spikes_are_those_from_model_spikes(tmp_path: Path,
     assert {image["source"] for image in of_rtl} == {"rtl"}
     assert all(image["predicted"] == image["model_predicted"] for image in of_rtl)
     data = record_dataset(embedded_dataset().limit(6), PhysicalScan(), CONFIG, BINS)
-    of_model = snn.experiments.predict.logits_of(load_trained(trained / "weights.npz").weights.network, data)
+    of_model = snn.experiments.evaluate.logits_of(load_trained(trained / "weights.npz").weights.network, data)
     assert [image["name"] for image in of_rtl] == list(data.names)
     assert [image["logits"] for image in of_rtl] == of_model.tolist()
     assert len(np.unique(of_model, axis=0)) == 6
@@ -334,20 +334,20 @@ def test_counts_and_logits_are_compared_by_themselves(
     replayed: Path, call: Call, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Equal events, and a defect behind them: of the binning, then of the network."""
-    original = snn.experiments.predict.bin_recording
+    original = snn.experiments.evaluate.bin_recording
 
     def lossy(recording: Recording, bins: BinConfig) -> Any:
         counts = original(recording, bins)
         return counts._replace(number=np.maximum(counts.number - 1, 1))
 
     with monkeypatch.context() as patch:
-        patch.setattr(snn.experiments.predict, "bin_recording", lossy)
+        patch.setattr(snn.experiments.evaluate, "bin_recording", lossy)
         code, output, _ = call("--events", replayed, "--check-model")
     assert code == 1
     assert "brick/brick-00: step 0, taxel (0, 0), channel 0: model" in output
     assert "differ 0 in events, 6 in tensors, " in output
     calls = 0
-    forward = snn.experiments.predict.logits_of
+    forward = snn.experiments.evaluate.logits_of
 
     def drifting(*arguments: Any) -> Any:
         nonlocal calls
@@ -356,7 +356,7 @@ def test_counts_and_logits_are_compared_by_themselves(
         return found if calls % 2 else np.nextafter(found, np.float32(9))
 
     with monkeypatch.context() as patch:
-        patch.setattr(snn.experiments.predict, "logits_of", drifting)
+        patch.setattr(snn.experiments.evaluate, "logits_of", drifting)
         code, output, _ = call("--events", replayed, "--check-model")
     assert code == 1
     assert "brick/brick-00: logits of the model [" in output

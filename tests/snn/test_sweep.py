@@ -21,7 +21,7 @@ from model.config import ReadoutConfig
 from model.errors import InputError
 from snn.__main__ import app
 from snn.commands.sweep import _print_table, parse_points
-from snn.data.record import FrameConfig
+from snn.data.record import FrameSteps
 from snn.data.scans import ScanData
 from snn.experiments import cluster as dask_cluster
 from snn.experiments import workers
@@ -110,7 +110,7 @@ def test_rates_of_the_summary_by_hand(tmp_path: Path) -> None:
     assert lcs["data_rate_bps"] == 7000
     assert lcs["normalised_rate"] == pytest.approx(7000 / 640_000)
     assert summary(Experiment(readout=ReadoutConfig(encoding="nlcs", resolution=6)))["bits_per_event"] == 6
-    frame = summary(Experiment(frames=FrameConfig(frames_per_step=5), network={"kind": "rnn"}))
+    frame = summary(Experiment(frames=FrameSteps(frames_per_step=5), network={"kind": "rnn"}))
     assert (frame["readout"], frame["resolution"], frame["data_rate_bps"]) == ("frame", 10, 10_000)
 
 

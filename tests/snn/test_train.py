@@ -20,7 +20,7 @@ from model.errors import InputError
 from model.files import write_json
 from snn.__main__ import app
 from snn.commands.options import build_experiment, parse_settings
-from snn.data.record import FrameConfig
+from snn.data.record import FrameSteps
 from snn.data.scans import ScanData
 from snn.experiments.crossval import check_same, summarise
 from snn.experiments.experiment import Experiment
@@ -29,7 +29,7 @@ from snn.experiments.intervals import bootstrap, wilson
 from snn.experiments.recipes import BASELINES, RECIPES
 from snn.experiments.sweep import cross_validate
 from snn.network import NetworkConfig, build
-from snn.train import predict, train
+from snn.train import predicted_classes, train
 from snn.training import DivergedError, Epoch, TrainConfig
 from tests.snn.helpers import easy_data, small_network
 
@@ -43,8 +43,11 @@ def test_a_network_learns_an_easy_task() -> None:
     data = easy_data()
     made = train(data, range(21), small_network(), TrainConfig(epochs=25, batch=8), seed=0)
     assert made.history[-1].loss < 0.5 * made.history[0].loss
-    assert (predict(made.network, data, range(21, 30)) == data.labels[21:]).mean() >= 8 / 9
-    assert predict(made.network, data, [25, 3]).tolist() == predict(made.network, data, [3, 25]).tolist()[::-1]
+    assert (predicted_classes(made.network, data, range(21, 30)) == data.labels[21:]).mean() >= 8 / 9
+    assert (
+        predicted_classes(made.network, data, [25, 3]).tolist()
+        == predicted_classes(made.network, data, [3, 25]).tolist()[::-1]
+    )
 
 
 def test_a_resumed_training_ends_in_the_same_bits(tmp_path: Path) -> None:
@@ -291,14 +294,14 @@ def test_every_recipe_is_a_valid_experiment(name: str) -> None:
     experiment = Experiment(
         network={key: value for key, value in fields.items() if key not in of_training},
         train=TrainConfig(**{key: value for key, value in fields.items() if key in of_training}),
-        frames=FrameConfig() if name in BASELINES else None,
+        frames=FrameSteps() if name in BASELINES else None,
     )
     assert Experiment.from_dict(json.loads(json.dumps(experiment.to_dict()))) == experiment
 
 
 def test_frames_and_the_kind_of_network_belong_together() -> None:
     with pytest.raises(InputError, match=r"^a network of kind spiking is for events, not for frames; frames need both"):
-        Experiment(frames=FrameConfig())
+        Experiment(frames=FrameSteps())
     with pytest.raises(InputError, match=r"^a network of kind gru is for frames, not for events; "):
         Experiment(network={"kind": "gru"})
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,12 +18,11 @@ from model.readout import Stimulus, simulate
 from model.textures.dataset import EMBEDDED, Texture, open_dataset
 from model.textures.presets import preset
 from snn.data.bins import BinConfig, bin_recording
+from snn.data.record import Tick
 from snn.data.scans import ScanData, collect, event_files
 from snn.exchange.weights import config_of
 from snn.experiments.trained import OTHER, TEST, TRAINING, Trained
 from snn.train import check_fits, logits_of
-
-Progress = Callable[[], object]
 
 LEVELS = ("events", "tensors", "logits", "predictions")
 """What ``check_model`` compares, in the order in which one follows from the other."""
@@ -42,7 +41,7 @@ def files_of(paths: Iterable[Path]) -> list[Path]:
     return list({path.resolve(): path for path in found}.values())
 
 
-def read_recordings(files: Sequence[Path], progress: Progress | None = None) -> list[Recording]:
+def read_recordings(files: Sequence[Path], progress: Tick | None = None) -> list[Recording]:
     """Return the recordings of files; one without a name is called as its file."""
     recordings = []
     for path in files:
@@ -131,7 +130,7 @@ def check_model(
     logits: NDArray[np.float32],
     trained: Trained,
     where: str | None = None,
-    progress: Progress | None = None,
+    progress: Tick | None = None,
 ) -> Check:
     """Hold every recording of source "rtl" to the model: events, counts, logits and prediction.
 
