@@ -20,7 +20,7 @@ settings = $(if $(call typed,SET),$(foreach s,$(SET),--set '$(s)'))
 flag = $(if $(filter 1 yes true,$($(1))),--$(2))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup programs sim test verilog replay rates train crossval sweep predict power fig6 fig7 fig8 fig9 sensitivity explore gates frames report bench lint format clean
+.PHONY: help setup programs sim test verilog replay rates train crossval sweep predict power fig6 fig7 fig8 fig9 sensitivity explore gates frames report bench docs lint format clean
 
 help: ## list the targets
 	@echo "make TARGET [VARIABLE=value ...]"
@@ -106,6 +106,10 @@ bench: $(STAMP) ## speed against peers and limits, in one run each; JSON in benc
 	@$(RUN) benchmarks/encoder.py --json benchmarks/results/encoder.json
 	@$(RUN) benchmarks/cosim.py --json benchmarks/results/cosim.json
 	@$(RUN) benchmarks/network.py --json benchmarks/results/network.json
+
+docs: $(STAMP) ## the site of documents and reference pages, out/site/index.html
+	@$(RUN) -c 'import mkdocs' 2>/dev/null || $(RUN) -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[docs]'
+	@NO_MKDOCS_2_WARNING=1 $(RUN) -m mkdocs build --quiet && echo out/site/index.html
 
 lint: $(STAMP) ## format check, lint and types
 	@$(RUN) -m ruff format --check . && $(RUN) -m ruff check . && $(RUN) -m mypy

@@ -188,13 +188,11 @@ class PowerModel:
         ----------
         readout : "nlcs", "lcs" or "frame"
         resolution : array of whole numbers
-            N, 1..10.
+            N, 1..10. The three numbers broadcast against each other.
         noise_v_rms : float array
             AFE output noise in volts rms, for a full scale of 1 V.
         tau_s : float array
             N-LCS time constant in seconds; the other readouts do not depend on it.
-
-        The three broadcast against each other.
 
         Raises
         ------
