@@ -21,6 +21,7 @@ from cocotb_tests.bench.stimuli import settled
 from cocotb_tests.commands.sim import reproduce
 from cocotb_tests.session.player import Job
 from cocotb_tests.session.session import MismatchFound, run_job
+from cocotb_tests.session.store import ROOT
 from model.config import ReadoutConfig
 from model.events.recording import Recording
 from model.readout import simulate
@@ -106,7 +107,7 @@ def test_make_passes_variables_on_and_ignores_the_width_of_the_window() -> None:
     outer = {name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))}
     done = subprocess.run(
         [*command, *variables],
-        cwd=simulator.ROOT,
+        cwd=ROOT,
         capture_output=True,
         text=True,
         check=True,
@@ -185,10 +186,10 @@ FAULTS = {
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_broken_readout_is_found_and_described(fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     config = ReadoutConfig(rows=3, columns=4)
-    text = simulator.verilog(config)
+    text = simulator.verilog_text(config)
     before, after = FAULTS[fault]
     assert before in text
-    monkeypatch.setattr(simulator, "verilog", lambda _: text.replace(before, after, 1))
+    monkeypatch.setattr(simulator, "verilog_text", lambda _: text.replace(before, after, 1))
     monkeypatch.setattr(simulator, "BUILD", tmp_path)
     job = Job(config.to_dict(), reproduce(config, "icarus", 0), seed=0)
     with pytest.raises(MismatchFound) as found:

@@ -12,8 +12,9 @@ from pathlib import Path
 import pytest
 
 from cocotb_tests.session.simulator import build_environment, require_programs
+from cocotb_tests.session.store import verilog_text
 from model.config import ReadoutConfig
-from rtl.verilog import ports, verilog, write
+from rtl.verilog import constraints, core, description, ports, verilog
 
 ARRAYS = [(1, 1), (1, 4), (3, 5), (8, 8), (12, 16)]
 ENCODINGS = ["lcs", "cw-lcs", "nlcs"]
@@ -78,26 +79,26 @@ def lint(path: Path) -> str:
 @pytest.mark.parametrize("config", configurations(), ids=name)
 def test_lint_is_clean(config: ReadoutConfig, tmp_path: Path) -> None:
     path = tmp_path / "eskin_readout.v"
-    path.write_text(verilog(config))
+    path.write_text(verilog_text(config))
     assert lint(path) == ""
 
 
 @pytest.mark.parametrize("fields", extremes(), ids=lambda fields: "-".join(str(value) for value in fields.values()))
 def test_lint_is_clean_at_the_ends_of_the_ranges(fields: dict[str, object], tmp_path: Path) -> None:
     path = tmp_path / "eskin_readout.v"
-    path.write_text(verilog(ReadoutConfig.from_dict(fields)))
+    path.write_text(verilog_text(ReadoutConfig.from_dict(fields)))
     assert lint(path) == ""
 
 
 def test_lint_would_find_a_width_that_does_not_fit(tmp_path: Path) -> None:
     path = tmp_path / "eskin_readout.v"
-    text = verilog(ReadoutConfig(rows=2, columns=2))
+    text = verilog_text(ReadoutConfig(rows=2, columns=2))
     path.write_text(text.replace("output wire event_valid", "output wire [1:0] event_valid", 1))
     assert "WIDTH" in lint(path)
 
 
 def test_largest_array_is_one_module_per_block() -> None:
-    text = verilog(ReadoutConfig(rows=64, columns=64, encoding="nlcs", link="four_phase"))
+    text = verilog_text(ReadoutConfig(rows=64, columns=64, encoding="nlcs", link="four_phase"))
     modules = re.findall(r"^module (\w+)", text, re.MULTILINE)
     assert sorted(modules) == [
         "eskin_arbiter", "eskin_decay", "eskin_link", "eskin_readout", "eskin_row", "eskin_taxel",
@@ -109,7 +110,7 @@ def test_largest_array_is_one_module_per_block() -> None:
 @pytest.mark.parametrize("encoding", ENCODINGS)
 @pytest.mark.parametrize("reset", ["sync", "async"])
 def test_every_register_has_a_reset_and_none_an_initial_value(encoding: str, reset: str) -> None:
-    text = verilog(
+    text = verilog_text(
         ReadoutConfig.from_dict({"rows": 3, "columns": 5, "encoding": encoding, "reset": reset, "link": "four_phase"})
     )
     blocks = re.findall(r"always @\(([^)]*)\)\s+if \((\w+)\) (\w+) <= \d+'[hs]*([0-9a-f]+);", text)
@@ -132,15 +133,16 @@ def test_text_is_stable_from_one_process_to_the_next(tmp_path: Path) -> None:
     for suffix in ("v", "sdc", "json", "core"):
         first, second = ((tmp_path / seed / f"eskin_readout.{suffix}").read_bytes() for seed in ("1", "2"))
         assert first == second
-    assert (tmp_path / "1" / "eskin_readout.v").read_text() == verilog(config)
+    texts = {"v": verilog(config), "sdc": constraints(config), "json": description(config) + "\n", "core": core(config)}
+    for suffix, text in texts.items():
+        assert (tmp_path / "1" / f"eskin_readout.{suffix}").read_text() == text
 
 
 @pytest.mark.parametrize("config", configurations(), ids=name)
-def test_port_list_is_that_of_the_module(config: ReadoutConfig, tmp_path: Path) -> None:
-    write(config, tmp_path)
-    described = json.loads((tmp_path / "eskin_readout.json").read_text())
+def test_port_list_is_that_of_the_module(config: ReadoutConfig) -> None:
+    described = json.loads(description(config))
     assert described["configuration"] == config.to_dict()
-    text = (tmp_path / "eskin_readout.v").read_text()
+    text = verilog_text(config)
     top = text[text.index("module eskin_readout(") :]
     found = re.findall(
         r"^  (input|output) (?:wire|reg) (?:\[(\d+):0\] )?(\w+);", top[: top.index("endmodule")], re.MULTILINE
@@ -156,9 +158,9 @@ def test_port_list_is_that_of_the_module(config: ReadoutConfig, tmp_path: Path) 
     def pins(*names: str) -> list[str]:
         return [n + ("[*]" if listed[n][1] > 1 else "") for n in names]
 
-    constraints = (tmp_path / "eskin_readout.sdc").read_text()
-    groups = re.findall(r"^(\w+) .*\[get_ports \{([^}]*)\}\]$", constraints, re.MULTILINE)
-    assert len(groups) == constraints.count("get_ports")
+    sdc = constraints(config)
+    groups = re.findall(r"^(\w+) .*\[get_ports \{([^}]*)\}\]$", sdc, re.MULTILINE)
+    assert len(groups) == sdc.count("get_ports")
     assert {command: names.split() for command, names in groups} == {
         "create_clock": ["clk"],
         "set_input_delay": pins(

