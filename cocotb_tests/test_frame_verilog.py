@@ -13,7 +13,8 @@ import pytest
 from cocotb_tests.test_verilog import lint
 from model.config import ReadoutConfig
 from model.frame_config import FrameConfig
-from rtl.verilog import ports, verilog, write
+from rtl.delivery import ports, write
+from rtl.verilog import verilog
 
 TOP = "eskin_frame_readout"
 

@@ -14,7 +14,8 @@ import pytest
 from cocotb_tests.session.simulator import build_environment, require_programs
 from cocotb_tests.session.store import verilog_text
 from model.config import ReadoutConfig
-from rtl.verilog import constraints, core, description, ports, verilog
+from rtl.delivery import constraints, core, description, ports
+from rtl.verilog import verilog
 
 ARRAYS = [(1, 1), (1, 4), (3, 5), (8, 8), (12, 16)]
 ENCODINGS = ["lcs", "cw-lcs", "nlcs"]

@@ -33,7 +33,8 @@ def verilog(
 ) -> None:
     """Write eskin_readout.v or eskin_frame_readout.v, .sdc, .json (configuration and ports) and .core (FuseSoC)."""
     from model.frame_config import FrameConfig
-    from rtl.verilog import Config, write
+    from rtl.delivery import write
+    from rtl.verilog import Config
 
     if readout not in READOUTS:
         raise InputError(f"--readout must be one of {', '.join(READOUTS)}, not {readout!r}")

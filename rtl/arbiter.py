@@ -12,7 +12,7 @@ from rtl.block import Block
 from rtl.logic import encode, exclusive_prefix_or, or_tree
 
 
-class Arbiter(Block):
+class Arbiter(Block[ReadoutConfig]):
     """Word-serial arbiter with a burst latch.
 
     A row is granted in the clock in which the latch is empty or gives its last event, so no clock is lost between

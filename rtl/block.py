@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import re
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from amaranth.back import rtlil
 from amaranth.hdl import ClockDomain, ClockSignal, Instance, Module, ResetSignal, Value
 from amaranth.lib import wiring
 
-from model.config import ReadoutConfig
+from rtl import yosys
+
+Config = TypeVar("Config")
 
 
-class Block(wiring.Component):
-    """A component of the readout, configured by a ``ReadoutConfig`` and nothing else.
+class Block(wiring.Component, Generic[Config]):
+    """A component of a readout, configured by the parameter object of that readout and nothing else.
 
     Since all instances of a block in a readout are alike, its Verilog is emitted once, and its parents refer to
     it by name. Everywhere else (Amaranth's simulator, formal) it is an ordinary submodule.
@@ -22,12 +23,15 @@ class Block(wiring.Component):
     ----------
     module_name : str
         Name of the Verilog module.
+    config : Config
+        The parameter object.
     """
 
     module_name: str
+    config: Config
     _MustUse__silence = True  # of many equal blocks one is elaborated: the others' warnings would be false
 
-    def __init__(self, config: ReadoutConfig, ports: dict[str, Any]) -> None:
+    def __init__(self, config: Config, ports: dict[str, Any]) -> None:
         self.config = config
         super().__init__({name: port for name, port in ports.items() if port is not None})
 
@@ -54,9 +58,28 @@ class Netlist:
     def __init__(self, async_reset: bool) -> None:
         self.async_reset = async_reset
         self.modules: dict[str, str] = {}
+        self._made_of: dict[str, tuple[type, Any]] = {}
 
-    def add(self, block: Block) -> str:
-        """Return the RTLIL text of a block, made on first use, after those of the blocks within it."""
+    @property
+    def text(self) -> str:
+        """The RTLIL of all blocks, inner ones first."""
+        return "\n".join(self.modules.values())
+
+    def add(self, block: Block[Any]) -> str:
+        """Return the RTLIL text of a block, made on first use, after those of the blocks within it.
+
+        Raises
+        ------
+        ValueError
+            If a block of another kind or configuration has the same module name: one of them would be lost.
+        """
+        own = (type(block), block.config)
+        first = self._made_of.setdefault(block.module_name, own)
+        if first != own:
+            raise ValueError(
+                f"two different blocks are named {block.module_name}: {first[0].__name__} of {first[1]} and "
+                f"{own[0].__name__} of {own[1]}; give one of them a name of its own"
+            )
         if block.module_name not in self.modules:
             text = rtlil.convert(
                 block,
@@ -65,21 +88,13 @@ class Netlist:
                 emit_src=False,
                 missing_domain=lambda name: ClockDomain(name, async_reset=self.async_reset),
             )
-            self.modules[block.module_name] = _in_order(text, ["clk", "rst", *block.signature.members])
+            self.modules[block.module_name] = yosys.in_order(text, ["clk", "rst", *block.signature.members])
         return self.modules[block.module_name]
 
-    def instance(self, block: Block) -> Instance:
+    def instance(self, block: Block[Any]) -> Instance:
         """Return an instance of a block by name, wired to the block's own port signals."""
-        clocked = re.search(r"^  wire .*input \d+ +\\clk$", self.add(block), re.MULTILINE)
+        clocked = yosys.is_clocked(self.add(block))
         wires: dict[str, Any] = {"i_clk": ClockSignal(), "i_rst": ResetSignal()} if clocked else {}
         for name, member in block.signature.members.items():
             wires[f"{'i' if member.flow is wiring.In else 'o'}_{name}"] = getattr(block, name)
         return Instance(block.module_name, **wires)
-
-
-def _in_order(text: str, names: list[str]) -> str:
-    """Return the RTLIL of a module with its ports numbered in the order of some names."""
-    present = [name for name in names if re.search(rf"^  wire .*put \d+ .*\\{name}$", text, re.MULTILINE)]
-    for number, name in enumerate(present, 1):
-        text = re.sub(rf"^(  wire .*put) \d+ (.*\\{name})$", rf"\1 {number} \2", text, flags=re.MULTILINE)
-    return text

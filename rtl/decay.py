@@ -13,7 +13,7 @@ from model.decay import decay_phases
 from rtl.block import Block
 
 
-class DecayTicks(Block):
+class DecayTicks(Block[ReadoutConfig]):
     """The one counter that times the leak of the whole N-LCS array; only for a leak period of two ticks or more.
 
     Attributes

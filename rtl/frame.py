@@ -12,7 +12,7 @@ from rtl.block import Block
 from rtl.logic import or_tree
 
 
-class FrameSequencer(Block):
+class FrameSequencer(Block[FrameConfig]):
     """Puts one taxel after the other to the ADC and hands on its codes.
 
     One-hot rings, shifted once a conversion, drive the switches: flops, so they cannot glitch. A conversion starts only
@@ -40,9 +40,8 @@ class FrameSequencer(Block):
     module_name = "eskin_frame_sequencer"
 
     def __init__(self, config: FrameConfig) -> None:
-        self.settle_clocks = config.settle_clocks
         super().__init__(
-            config.readout,
+            config,
             {
                 "frame_start": In(1),
                 "row_select": Out(config.rows),
@@ -61,7 +60,7 @@ class FrameSequencer(Block):
         column = Signal(self.config.columns)
         scanning = Signal()
         converting = Signal()
-        settling = Signal(range(self.settle_clocks + 1))
+        settling = Signal(range(self.config.settle_clocks + 1))
         held = Signal()
         overrun = Signal()
         first, last = Signal(), Signal()
@@ -90,11 +89,11 @@ class FrameSequencer(Block):
             m.d.sync += held.eq(0)
 
         with m.If(~scanning), m.If(self.frame_start):
-            m.d.sync += [scanning.eq(1), row.eq(1), column.eq(1), settling.eq(self.settle_clocks)]
+            m.d.sync += [scanning.eq(1), row.eq(1), column.eq(1), settling.eq(self.config.settle_clocks)]
         with m.Elif(taken):
             m.d.sync += [
                 converting.eq(0),
-                settling.eq(self.settle_clocks),
+                settling.eq(self.config.settle_clocks),
                 scanning.eq(~frame_ends),
                 column.eq(Cat(row_ends & ~frame_ends, column[:-1])),
             ]
@@ -107,7 +106,7 @@ class FrameSequencer(Block):
         return m
 
 
-class FramePacker(Block):
+class FramePacker(Block[FrameConfig]):
     """Puts N-bit codes one behind the other into words; every frame begins with a word of its own.
 
     N and the word have a greatest common divisor g, and codes begin at multiples of it only, so the number of places
@@ -127,15 +126,14 @@ class FramePacker(Block):
     module_name = "eskin_frame_packer"
 
     def __init__(self, config: FrameConfig) -> None:
-        self.word_bits = config.word_bits
         self.grain = bit_positions(config)
-        super().__init__(config.readout, {**sample_ports(config, In), **word_ports(config)})
+        super().__init__(config, {**sample_ports(config, In), **word_ports(config)})
 
     def elaborate(self, platform: Any) -> Module:
         m = Module()
-        units, step = self.word_bits // self.grain, self.config.resolution // self.grain
+        units, step = self.config.word_bits // self.grain, self.config.resolution // self.grain
         valid = Signal()
-        word = Signal(self.word_bits)
+        word = Signal(self.config.word_bits)
         sync = Signal()
         opening = Signal()
         flush = Signal()
@@ -157,9 +155,9 @@ class FramePacker(Block):
             return m
 
         # In units of the grain: a code is put at ``fill``, what goes beyond the word stays for the next one.
-        rest = Signal(self.word_bits - self.grain)
+        rest = Signal(self.config.word_bits - self.grain)
         fill = Signal(range(units))
-        placed = Signal(self.word_bits + self.config.resolution - self.grain)
+        placed = Signal(self.config.word_bits + self.config.resolution - self.grain)
         after = Signal(range(units + step))
         complete = Signal()
         remains = Signal(range(units))
@@ -172,7 +170,7 @@ class FramePacker(Block):
         emits = Signal()
         m.d.comb += emits.eq(free & (flush | (self.sample_valid & complete)))
         with m.If(emits):
-            m.d.sync += [valid.eq(1), word.eq(Mux(flush, rest, placed[: self.word_bits])), sync.eq(begins)]
+            m.d.sync += [valid.eq(1), word.eq(Mux(flush, rest, placed[: self.config.word_bits])), sync.eq(begins)]
         with m.If(free & flush):
             m.d.sync += [rest.eq(0), fill.eq(0), flush.eq(0), opening.eq(0)]
         with m.Elif(free & self.sample_valid):
@@ -180,7 +178,7 @@ class FramePacker(Block):
                 fill.eq(remains),
                 flush.eq(self.sample_last & (remains != 0)),
                 opening.eq(begins & ~complete),
-                rest.eq(Mux(complete, placed[self.word_bits :], placed[: len(rest)])),
+                rest.eq(Mux(complete, placed[self.config.word_bits :], placed[: len(rest)])),
             ]
         return m
 
@@ -190,7 +188,7 @@ class FramePacker(Block):
         return Cat(Const(0, position * self.grain), self.sample_code & chosen)
 
 
-class FrameReadout(Block):
+class FrameReadout(Block[FrameConfig]):
     """The delivered top module of the frame-based baseline: sequencer and packer; the ADC is a macro outside.
 
     Attributes
@@ -204,18 +202,17 @@ class FrameReadout(Block):
     module_name = "eskin_frame_readout"
 
     def __init__(self, config: FrameConfig) -> None:
-        self.frame_config = config
         sequencer = FrameSequencer(config)
         inner = sample_ports(config, Out)
         ports = {name: port for name, port in sequencer.signature.members.items() if name not in inner}
-        super().__init__(config.readout, {**ports, **word_ports(config)})
+        super().__init__(config, {**ports, **word_ports(config)})
 
     def elaborate(self, platform: Any) -> Module:
         m = Module()
-        sequencer, packer = FrameSequencer(self.frame_config), FramePacker(self.frame_config)
+        sequencer, packer = FrameSequencer(self.config), FramePacker(self.config)
         sequencer.place(m, "sequencer", platform)
         packer.place(m, "packer", platform)
-        for name in sample_ports(self.frame_config, Out):
+        for name in sample_ports(self.config, Out):
             sequencer.connect(m, name, getattr(packer, name))
         for name in self.signature.members:
             block = packer if name.startswith("word_") else sequencer

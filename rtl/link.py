@@ -12,7 +12,7 @@ from rtl.arbiter import event_ports
 from rtl.block import Block
 
 
-class FourPhaseLink(Block):
+class FourPhaseLink(Block[ReadoutConfig]):
     """Sends the event stream over REQ/ACK.
 
     An event is taken at clock t, REQ rises at the edge of t + 1, falls at the edge that sees ACK through two flops,

@@ -16,7 +16,7 @@ from rtl.link import FourPhaseLink, aer_ports
 from rtl.taxel import Row
 
 
-class Readout(Block):
+class Readout(Block[ReadoutConfig]):
     """The delivered top module; taxel (r, c) has index r * columns + c, index 0 in the least significant bits.
 
     Attributes

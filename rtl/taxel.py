@@ -12,7 +12,7 @@ from rtl.block import Block
 from rtl.window import ClosingWindow
 
 
-class Taxel(Block):
+class Taxel(Block[ReadoutConfig]):
     """One taxel: decides against its reference, raises a request, moves the reference.
 
     A taxel is free while it has no request or its request is being taken; only a free one decides, so a request
@@ -164,7 +164,7 @@ class Taxel(Block):
         return above, below
 
 
-class Row(Block):
+class Row(Block[ReadoutConfig]):
     """A row of taxels on its request line and the array's column lines.
 
     Attributes

@@ -11,7 +11,7 @@ from model.config import ReadoutConfig
 from rtl.block import Block
 
 
-class ClosingWindow(Block):
+class ClosingWindow(Block[ReadoutConfig]):
     """Half-width of one CW-LCS taxel's window: narrower after every ``window_period`` quiet sample ticks.
 
     Attributes

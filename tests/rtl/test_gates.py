@@ -53,6 +53,46 @@ def test_a_real_library_gives_the_same_flops_and_an_area() -> None:
     assert counted.area_um2 < largest_flop * (counted.gates + counted.flops)
 
 
+def cell(name: str, inputs: str, function: str, more: str = "") -> str:
+    """Return a cell of a liberty file."""
+    pins = "".join(f"pin({pin}) {{ direction : input; capacitance : 0.001; }} " for pin in inputs)
+    return f'  cell({name}) {{ area : 1; {more}{pins}pin(Y) {{ direction : output; function : "{function}"; }} }}\n'
+
+
+FLOP = cell("own__dfxtp_1", "CD", "IQ", 'ff(IQ, IQN) { clocked_on : "C"; next_state : "D"; } ')
+GATES = cell("own__inv_1", "A", "!A") + cell("own__buf_1", "A", "A") + cell("own__nand2_1", "AB", "!(A&B)")
+
+
+def library(path: Path, cells: str, end: str = "}\n") -> Path:
+    """Write a small library whose flip-flop is named as SkyWater names them."""
+    path.write_text(f'library(own) {{\n  time_unit : "1ns";\n  /* ff (in a comment) {{ */\n{cells}{end}')
+    return path
+
+
+def test_flops_are_the_cells_with_an_ff_group_whatever_their_names(tmp_path: Path) -> None:
+    config = ReadoutConfig(rows=1, columns=2)
+    counted = count_gates(config, 2, library(tmp_path / "own.lib", GATES + FLOP))
+    assert counted.flops == count_gates(config, 2).flops > 30
+    assert counted.gates > counted.flops
+    assert counted.area_um2 == counted.flops + counted.gates
+
+
+@pytest.mark.parametrize(
+    ("cells", "end", "sentence"),
+    [
+        (GATES + FLOP, "", r"is truncated: it does not close all its groups \(Yosys: Syntax error .*\)$"),
+        (GATES + FLOP[:60], "", r"is truncated: it does not close all its groups \(Yosys: .+\)$"),
+        ("", "}", r"has no cell \(Yosys: FF .* cannot be legalized: D flip-flops are not supported\)$"),
+        (GATES, "}", r"has no flip-flop: no cell of it has an ff group \(Yosys: FF .* not supported\)$"),
+        (FLOP, "}", r"does not do; it needs a flip-flop, an inverter, .* \(Yosys: .*ABC.*\)$"),
+    ],
+)
+def test_a_library_that_does_not_do_is_one_sentence(cells: str, end: str, sentence: str, tmp_path: Path) -> None:
+    path = library(tmp_path / "own.lib", cells, end)
+    with pytest.raises(InputError, match=rf"^the cell library {path} {sentence}"):
+        count_gates(ReadoutConfig(rows=1, columns=1), 1, path)
+
+
 def test_a_file_that_is_no_library_is_one_sentence(tmp_path: Path) -> None:
     path = tmp_path / "few.lib"
     path.write_text("module few; endmodule")

@@ -1,0 +1,177 @@
+"""What a CMOS flow wants beside the Verilog: ports, timing constraints, description, FuseSoC core file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from amaranth.hdl import Shape
+from amaranth.lib import wiring
+
+from model import __version__
+from model.config import ReadoutConfig
+from model.files import atomic_write
+from model.frame_config import FrameConfig
+from rtl.verilog import Config, header, top_block, verilog
+
+PORTS = {
+    "clk": "clock, rising edge",
+    "rst": "reset, active high, {reset}",
+    "taxel_enable": "mask, bit r * columns + c for taxel (r, c); 0 silences a taxel",
+    "sample": "codes of all taxels, signed, {sample_bits} bits each, taxel 0 in the least significant bits",
+    "sample_valid": "sample tick",
+    "above": "comparator decisions, x >= upper, settled before the rising edge",
+    "below": "comparator decisions, x < lower, settled before the rising edge",
+    "upper": "upper thresholds, signed, {threshold_bits} bits each, in codes of {sample_bits}-bit samples",
+    "lower": "lower thresholds, signed, {threshold_bits} bits each, in codes of {sample_bits}-bit samples",
+    "event_valid": "an address event is offered",
+    "event_ready": "the sink takes the event at this edge",
+    "event_row": "row of the event",
+    "event_col": "column of the event",
+    "event_polarity": "1 is ON, 0 is OFF",
+    "aer_req": "request, four-phase",
+    "aer_ack": "acknowledge, asynchronous",
+    "aer_addr": "{{polarity, row, column}}, stable from one clock before aer_req rises until aer_ack has fallen",
+}
+"""What every port of the spiking readout means; fields in braces are those of the configuration."""
+
+FRAME_PORTS = {
+    "clk": PORTS["clk"],
+    "rst": PORTS["rst"],
+    "frame_start": "scan the array once; not heard during a scan",
+    "row_select": "row at the converter, one-hot, 0 between frames",
+    "column_select": "column at the converter, one-hot, 0 between frames",
+    "adc_start": "start of a conversion, one clock; the ADC samples at the edge that ends it",
+    "adc_done": "the code is there; looked at from the clock after adc_start on, a pulse or a level",
+    "adc_code": "code, {resolution} bits, taken in the first clock with adc_done",
+    "word_valid": "a word is offered",
+    "word_ready": "the sink takes the word at this edge",
+    "word_data": "codes of {resolution} bits without gaps, the first in the least significant bits",
+    "word_sync": "first word of a frame",
+    "frame_overrun": "the frame_start of the clock before was not heard",
+}
+"""What every port of the frame readout means."""
+
+
+def ports(config: Config) -> Iterator[dict[str, Any]]:
+    """Yield the ports of the top module as dictionaries: name, direction, width in bits, meaning."""
+    members = top_block(config).signature.members
+    fields, meanings = config.to_dict(), FRAME_PORTS
+    if isinstance(config, ReadoutConfig):
+        fields, meanings = fields | {"threshold_bits": config.threshold_bits}, PORTS
+    for name, meaning in meanings.items():
+        if name in ("clk", "rst"):
+            direction, width = "input", 1
+        elif name in members:
+            direction = "input" if members[name].flow is wiring.In else "output"
+            width = Shape.cast(members[name].shape).width
+        else:
+            continue
+        yield {"name": name, "direction": direction, "width": width, "meaning": meaning.format(**fields)}
+
+
+def description(config: Config) -> str:
+    """Return the JSON text that goes with the Verilog: version, configuration and ports."""
+    return json.dumps(
+        {
+            "top": top_block(config).module_name,
+            "version": __version__,
+            "licence": "Apache-2.0",
+            "configuration": config.to_dict(),
+            "clock_hz": config.clock_hz,
+            "ports": list(ports(config)),
+        },
+        indent=2,
+    )
+
+
+def constraints(config: Config) -> str:
+    """Return the timing constraints (SDC): the clock, the ports' share of it, and what is asynchronous."""
+    period_ns = 1e9 / config.clock_hz
+    pins = {port["name"]: port["name"] + ("[*]" if port["width"] > 1 else "") for port in ports(config)}
+    timed = {
+        way: " ".join(
+            pins[port["name"]]
+            for port in ports(config)
+            if port["direction"] == way and port["name"] not in ("clk", "aer_ack")
+        )
+        for way in ("input", "output")
+    }
+    frame = isinstance(config, FrameConfig)
+    # With the delay on rst, recovery and removal of the flops' asynchronous resets are checked.
+    reset = ["# rst is asserted at any time and released in step with the clock."] if config.reset == "async" else []
+    base = "frame rate times clocks per frame" if frame else "sample rate times clocks per sample"
+    lines = [
+        f"# Clock: {base}. Tighten it to what the technology should reach.",
+        f"set period_ns {period_ns:.6g}",
+        "create_clock -name clk -period $period_ns [get_ports {clk}]",
+        "",
+        "# A fifth of the period belongs to whatever drives an input or takes an output.",
+        *reset,
+        f"set_input_delay [expr 0.2 * $period_ns] -clock clk [get_ports {{{timed['input']}}}]",
+        f"set_output_delay [expr 0.2 * $period_ns] -clock clk [get_ports {{{timed['output']}}}]",
+    ]
+    if "aer_ack" in pins:
+        lines += [
+            "",
+            "# Asynchronous; two flops in the link take it.",
+            "set_false_path -from [get_ports {aer_ack}]",
+        ]
+    return header(config, "#") + "\n" + "\n".join(lines) + "\n"
+
+
+def core(config: Config) -> str:
+    """Return the FuseSoC core file (CAPI2)."""
+    top = top_block(config).module_name
+    kind = "Frame-based" if isinstance(config, FrameConfig) else "Spiking"
+    encoding = "" if isinstance(config, FrameConfig) else f"{config.encoding}, "
+    return (
+        "CAPI=2:\n"
+        + header(config, "#")
+        + f"""
+name: ::{top}:{__version__.split("+")[0]}
+description: {kind} e-skin readout, {config.rows} x {config.columns} taxels, {encoding}{config.resolution} b
+filesets:
+  rtl:
+    files: [{top}.v]
+    file_type: verilogSource-2005
+  constraints:
+    files: [{top}.sdc]
+    file_type: SDC
+targets:
+  default:
+    filesets: [rtl, constraints]
+    toplevel: {top}
+  lint:
+    filesets: [rtl]
+    toplevel: {top}
+    default_tool: verilator
+    tools:
+      verilator:
+        mode: lint-only
+        verilator_options: [-Wall]
+"""
+    )
+
+
+def write(config: Config, folder: Path) -> list[Path]:
+    """Write Verilog, constraints, description and core file into a folder, made if need be; return their paths.
+
+    Each file is written whole or not at all.
+    """
+    top = top_block(config).module_name
+    files = {
+        ".v": verilog(config),
+        ".sdc": constraints(config),
+        ".json": description(config) + "\n",
+        ".core": core(config),
+    }
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for suffix, text in files.items():
+        paths.append(folder / f"{top}{suffix}")
+        with atomic_write(paths[-1]) as file:
+            file.write(text.encode())
+    return paths

