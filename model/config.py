@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args, get_type_hints
 
@@ -25,6 +25,27 @@ MAX_LEAK_PERIOD = 2**20
 
 MAX_TAU_ERROR = 0.05
 """Relative error of a time constant beyond which ``from_tau`` refuses it."""
+
+
+SPECIFICATION = "docs/specification.md, section"
+
+
+def parameter(default: Any, unit: str, source: str, meaning: str, option: str = "") -> Any:
+    """Return a dataclass field that carries what its option, its help and its line of a table say.
+
+    Parameters
+    ----------
+    default : number, str or None
+    unit : str
+        Empty for a pure number and a choice.
+    source : str
+        Where the parameter, or its default, is from.
+    meaning : str
+        One line, as ``--help`` prints it.
+    option : str
+        Name of the command-line option, if not that of the field without its unit.
+    """
+    return field(default=default, metadata={"unit": unit, "source": source, "meaning": meaning, "option": option})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,23 +88,27 @@ class ReadoutConfig:
         If a value is of the wrong type, out of range, or does not fit another.
     """
 
-    rows: int = 8
-    columns: int = 8
-    encoding: Encoding = "lcs"
-    sample_bits: int = 12
-    resolution: int = 6
-    decide_every: DecideEvery = "clock"
-    reference_reset: int = 0
-    closing_shift: int = 2
-    window_period: int = 64
-    leak_shift: int = 6
-    leak_period: int = 63
-    fraction_bits: int = 8
-    link: Link = "stream"
-    frontend: Frontend = "digital"
-    reset: Reset = "sync"
-    sample_rate_hz: float = 20_000.0
-    clocks_per_sample: int = 64
+    rows: int = parameter(8, "", f"{SPECIFICATION} 1", "rows of taxels, 1..64")
+    columns: int = parameter(8, "", f"{SPECIFICATION} 1", "columns of taxels, 1..64")
+    encoding: Encoding = parameter(
+        "lcs", "", f"{SPECIFICATION} 2", "level crossing, with closing window, or leaky neuron"
+    )
+    sample_bits: int = parameter(12, "", f"{SPECIFICATION} 2", "W, bits of a signed sample")
+    resolution: int = parameter(6, "", f"{SPECIFICATION} 2", "N, LSB = 2**-N of full scale, 1..W-2")
+    decide_every: DecideEvery = parameter(
+        "clock", "", f"{SPECIFICATION} 2", "a free taxel decides once per clock or per sample"
+    )
+    reference_reset: int = parameter(0, "codes", f"{SPECIFICATION} 2", "reference after reset, in codes")
+    closing_shift: int = parameter(2, "", f"{SPECIFICATION} 2", "cw-lcs: window closes by D / 2**shift")
+    window_period: int = parameter(64, "", f"{SPECIFICATION} 2", "cw-lcs: sample ticks per closing step")
+    leak_shift: int = parameter(6, "", f"{SPECIFICATION} 2", "nlcs: k of the leak")
+    leak_period: int = parameter(63, "", f"{SPECIFICATION} 2", "nlcs: P, sample ticks per decay tick")
+    fraction_bits: int = parameter(8, "", f"{SPECIFICATION} 2", "nlcs: F, bits of the reference below the sample LSB")
+    link: Link = parameter("stream", "", f"{SPECIFICATION} 3", "valid/ready stream or REQ/ACK")
+    frontend: Frontend = parameter("digital", "", f"{SPECIFICATION} 4", "samples in, or comparator decisions in")
+    reset: Reset = parameter("sync", "", f"{SPECIFICATION} 4", "reset style of the flops")
+    sample_rate_hz: float = parameter(20_000.0, "Hz", f"{SPECIFICATION} 6", "sample ticks per second")
+    clocks_per_sample: int = parameter(64, "", f"{SPECIFICATION} 4", "clocks per sample tick")
 
     def __post_init__(self) -> None:
         for name, hint in get_type_hints(type(self)).items():

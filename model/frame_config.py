@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.config import ReadoutConfig
+from model.config import ReadoutConfig, parameter
 from model.errors import InputError
 
 MAX_WORD_BITS = 64
 MAX_CLOCKS = 1024
 """Largest number of settling and of conversion clocks."""
+
+FRAME = "docs/reference/frame.md"
 
 SHARED_FIELDS = (
     "rows",
@@ -55,9 +57,11 @@ class FrameConfig:
     """
 
     readout: ReadoutConfig = field(default_factory=ReadoutConfig)
-    word_bits: int = 16
-    settle_clocks: int = 1
-    conversion_clocks: int | None = None
+    word_bits: int = parameter(16, "", FRAME, "frame: bits of an output word")
+    settle_clocks: int = parameter(1, "", FRAME, "frame: clocks for the multiplexer to settle")
+    conversion_clocks: int | None = parameter(
+        None, "", FRAME, "frame: clocks of a conversion, for the clock rate [resolution + 1]"
+    )
 
     def __post_init__(self) -> None:
         if not isinstance(self.readout, ReadoutConfig):

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from model.cli.app import make_app, run
 from model.cli.config_options import with_config
+from model.cli.field_options import with_fields
 from model.config import ReadoutConfig
 from model.errors import InputError
+from model.frame_config import OWN_FIELDS, FrameConfig
 
 app = make_app("RTL of the spiking e-skin readout, and of the frame-based one.")
 
@@ -19,27 +21,19 @@ READOUTS = ("spiking", "frame")
 
 @app.command()
 @with_config
+@with_fields(FrameConfig, OWN_FIELDS, "own")
 def verilog(
     config: ReadoutConfig,
+    own: dict[str, Any],
     out: Annotated[Path, typer.Option("-o", "--out", help="folder to write to, made if need be")],
     readout: Annotated[str, typer.Option(metavar="|".join(READOUTS), help="which readout")] = "spiking",
-    word_bits: Annotated[int | None, typer.Option(metavar="N", help="frame: bits of an output word [16]")] = None,
-    settle_clocks: Annotated[
-        int | None, typer.Option(metavar="N", help="frame: clocks for the multiplexer to settle [1]")
-    ] = None,
-    conversion_clocks: Annotated[
-        int | None, typer.Option(metavar="N", help="frame: clocks of a conversion, for the clock rate [resolution + 1]")
-    ] = None,
 ) -> None:
     """Write eskin_readout.v or eskin_frame_readout.v, .sdc, .json (configuration and ports) and .core (FuseSoC)."""
-    from model.frame_config import FrameConfig
     from rtl.delivery import write
     from rtl.verilog import Config
 
     if readout not in READOUTS:
         raise InputError(f"--readout must be one of {', '.join(READOUTS)}, not {readout!r}")
-    asked = {"word_bits": word_bits, "settle_clocks": settle_clocks, "conversion_clocks": conversion_clocks}
-    own = {name: value for name, value in asked.items() if value is not None}
     if own and readout != "frame":
         raise InputError(f"--{next(iter(own)).replace('_', '-')} belongs to the frame readout; add --readout frame")
     chosen: Config = FrameConfig(readout=config, **own) if readout == "frame" else config
@@ -60,7 +54,6 @@ def gates(
     from rich.console import Console
     from rich.table import Table
 
-    from model.frame_config import FrameConfig
     from rtl.gates import count_gates
 
     designs: dict[str, ReadoutConfig | FrameConfig] = {

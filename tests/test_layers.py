@@ -93,7 +93,8 @@ def imports() -> dict[str, set[str]]:
         wanted: set[str] = set()
         for node in ast.walk(tree(path)):
             if isinstance(node, ast.ImportFrom):
-                assert node.level == 0 and node.module, f"{path} has a relative import"
+                assert node.module, f"{path} has a relative import"
+                assert not node.level, f"{path} has a relative import"
                 wanted |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
             elif isinstance(node, ast.Import):
                 wanted |= {alias.name for alias in node.names}

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from model.cli.config_options import with_config
 from model.config import ReadoutConfig
 from model.power.rates import measure_table, tables_text
 from model.textures.presets import preset
@@ -16,7 +17,9 @@ if TYPE_CHECKING:
     pass
 
 
+@with_config(fields=("rows", "columns"), file=False)
 def event_rates(
+    config: ReadoutConfig,
     out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="JSON file to write")],
     dataset: Annotated[
         list[str] | None,
@@ -25,8 +28,6 @@ def event_rates(
     preset_name: Annotated[
         str, typer.Option("--preset", metavar="paper|physical|both", help="constants of the texture scan")
     ] = "both",
-    rows: Annotated[int, typer.Option(metavar="N", help="rows of taxels")] = 8,
-    columns: Annotated[int, typer.Option(metavar="N", help="columns of taxels")] = 8,
     limit: Annotated[int | None, typer.Option(metavar="K", help="only K images, evenly spread")] = None,
     workers: Annotated[int | None, typer.Option(metavar="N", help="threads [one per core]")] = None,
 ) -> None:
@@ -35,7 +36,6 @@ def event_rates(
     from model.textures.dataset import EMBEDDED, open_dataset
 
     check_writable(out)
-    base = ReadoutConfig(rows=rows, columns=columns)
     presets = ("paper", "physical") if preset_name == "both" else (preset_name,)
     scans = [preset(name) for name in presets]
     threads = workers if workers is not None else os.cpu_count() or 1
@@ -45,7 +45,7 @@ def event_rates(
         textures = open_dataset(place)
         textures = textures if limit is None else textures.limit(limit)
         for scan in scans:
-            tables.append(measure_table(textures, scan, base, workers=threads, progress=True))
+            tables.append(measure_table(textures, scan, config, workers=threads, progress=True))
             last = tables[-1]
             rate = last.population_hz("lcs", 6)
             print(

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from model.cli.field_options import with_fields
 from model.commands.options import (
     DatasetOption,
     JsonOption,
@@ -31,15 +32,14 @@ from model.power.explore import GivenRates, explore_data
 from model.power.parameters import PowerParameters
 from model.power.study import RESOLUTIONS
 
+SENSOR = ("rows", "columns", "signal_bandwidth_hz", "supply_v", "pads_voltage_v", "pads_toggle")
+"""Parameters of the power model that have an option of their own; ``--set`` takes the others."""
 
+
+@with_fields(PowerParameters, SENSOR, "sensor", {"signal_bandwidth_hz": "that of the textures"})
 def explore(
-    rows: Annotated[int, typer.Option(metavar="N", help="rows of taxels")] = 8,
-    columns: Annotated[int, typer.Option(metavar="N", help="columns of taxels")] = 8,
-    bandwidth: Annotated[float | None, typer.Option(metavar="HZ", help="of the signal [that of the textures]")] = None,
+    sensor: dict[str, Any],
     noise: Annotated[float, typer.Option(metavar="V", help="AFE output noise, rms, for 1 V full scale")] = 1e-3,
-    supply: Annotated[float | None, typer.Option(metavar="V", help="supply of the core [1]")] = None,
-    pads_voltage: Annotated[float | None, typer.Option(metavar="V", help="supply of the pads [1.8]")] = None,
-    pads_toggle: Annotated[float | None, typer.Option(metavar="SHARE", help="share of data bits charged [0.5]")] = None,
     tau: Annotated[float, typer.Option(metavar="SECONDS", help="time constant of N-LCS")] = 0.2,
     event_rate: Annotated[
         float | None, typer.Option(metavar="HZ", help="events/s of the whole array, instead of textures")
@@ -63,15 +63,7 @@ def explore(
     from model.power.plots import plot_explore
     from model.power.synthesis import load_reports
 
-    changes = {
-        "rows": rows,
-        "columns": columns,
-        "signal_bandwidth_hz": bandwidth,
-        "supply_v": supply,
-        "pads_voltage_v": pads_voltage,
-        "pads_toggle": pads_toggle,
-    }
-    parameters = PowerParameters().replace(**{k: v for k, v in changes.items() if v is not None})
+    parameters = PowerParameters().replace(**sensor)
     parameters = parameters.with_settings(settings or [])
     gates = load_reports(synthesis or [])
     PowerModel().breakdown("frame", rate_resolution, noise, tau)  # refuses bad numbers before anything is measured
@@ -87,9 +79,11 @@ def explore(
                 raise InputError(f"event rate must be a number of events/s from 0, not {rate:g}")
         measured = GivenRates(*rates_hz, rate_resolution)
     else:
-        table = rate_table(dataset, preset_name, rates, list(RESOLUTIONS), [tau], (rows, columns))
+        table = rate_table(dataset, preset_name, rates, list(RESOLUTIONS), [tau], (parameters.rows, parameters.columns))
         measured = table
-        if bandwidth is None and not any(s.startswith("signal_bandwidth_hz=") for s in settings or []):
+        if "signal_bandwidth_hz" not in sensor and not any(
+            s.startswith("signal_bandwidth_hz=") for s in settings or []
+        ):
             parameters = parameters.replace(signal_bandwidth_hz=table.bandwidth_hz)
     model = PowerModel(parameters=parameters, corrections=frozenset(CORRECTIONS), measured=measured, gates=gates)
     data = explore_data(model, noise, tau, min_resolution)

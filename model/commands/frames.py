@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import math
 import os
-from pathlib import Path
 from typing import Annotated, Any, get_args
 
 import typer
 
-from model.cli.config_options import build_config
+from model.cli.config_options import with_config
+from model.cli.field_options import with_fields
 from model.config import Encoding, ReadoutConfig
 from model.errors import InputError
 from model.frame_config import FrameConfig
@@ -70,18 +70,16 @@ def frame_traffic(frame: FrameConfig) -> dict[str, Any]:
     }
 
 
+@with_config(fields=("resolution", "rows", "columns"))
+@with_fields(FrameConfig, ("word_bits",), "own")
 def frames(
-    resolution: Annotated[int | None, typer.Option(metavar="N", help="bits of all readouts [6]")] = None,
+    config: ReadoutConfig,
+    given: frozenset[str],
+    own: dict[str, Any],
     frame_rate: Annotated[
         float | None, typer.Option(metavar="HZ", help=f"frames per second [{ReadoutConfig().sample_rate_hz:g}]")
     ] = None,
-    word_bits: Annotated[int, typer.Option(metavar="N", help="bits of an output word")] = 16,
     tau: Annotated[float | None, typer.Option(metavar="SECONDS", help=f"nlcs: time constant [{PAPER_TAU_S}]")] = None,
-    rows: Annotated[int | None, typer.Option(metavar="N", help="rows of taxels [8]")] = None,
-    columns: Annotated[int | None, typer.Option(metavar="N", help="columns of taxels [8]")] = None,
-    config_file: Annotated[
-        Path | None, typer.Option("--config", metavar="FILE", help="JSON configuration for all other fields")
-    ] = None,
     dataset: Annotated[
         str | None,
         typer.Option(metavar="DIR|embedded", help="textures [$ESKIN_DATA, data/kylberg, else embedded]"),
@@ -95,15 +93,13 @@ def frames(
 ) -> None:
     """Compare events and frames on the same scans: bits per second and activity."""
     scan = preset(preset_name)
-    wanted = {"resolution": resolution, "rows": rows, "columns": columns}
-    base, given = build_config({k: v for k, v in wanted.items() if v is not None}, None, config_file)
     if frame_rate is not None and not (math.isfinite(frame_rate) and frame_rate > 0):
         raise InputError(f"--frame-rate must be a positive number of hertz, not {frame_rate!r}")
-    readout = base if frame_rate is None else base.replace(sample_rate_hz=frame_rate)
-    frame = FrameConfig(readout=readout, word_bits=word_bits)
+    readout = config if frame_rate is None else config.replace(sample_rate_hz=frame_rate)
+    frame = FrameConfig(readout=readout, **own)
     if tau is None and not given & {"leak_shift", "leak_period"}:
         tau = PAPER_TAU_S
-    configs = _configurations(base, scan, tau)
+    configs = _configurations(config, scan, tau)
     textures = open_dataset(dataset)
     if limit is not None:
         textures = textures.limit(limit)
@@ -116,9 +112,9 @@ def frames(
         "dataset": textures.name,
         "images": len(textures),
         "preset": scan.name,
-        "rows": base.rows,
-        "columns": base.columns,
-        "resolution": base.resolution,
+        "rows": config.rows,
+        "columns": config.columns,
+        "resolution": config.resolution,
         "tau_s": configs["nlcs"].tau_s,
         **results,
         "frame": frame_traffic(frame),

@@ -146,9 +146,12 @@ def _print_parameters(parameters: PowerParameters, as_json: bool) -> None:
     """Print every parameter with unit, meaning and source, and the corrections."""
     from model.power.equations import CORRECTIONS
 
+    shown = ("unit", "source", "meaning")
     fields = dataclasses.fields(parameters)
     if as_json:
-        listed = {f.name: {"value": getattr(parameters, f.name), **f.metadata} for f in fields}
+        listed = {
+            f.name: {"value": getattr(parameters, f.name), **{key: f.metadata[key] for key in shown}} for f in fields
+        }
         print(json.dumps({"parameters": listed, "corrections": CORRECTIONS}))
         return
     from rich import box

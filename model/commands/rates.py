@@ -6,33 +6,26 @@ import json
 import os
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from model.cli.config_options import build_config
+from model.cli.config_options import with_config
 from model.config import ReadoutConfig
 from model.textures.dataset import Dataset, open_dataset
 from model.textures.presets import Scan, preset
 from model.textures.rates import PAPER_TAU_S, Rates, measure_rates, published_rate_hz
 
 
+@with_config(fields=("encoding", "resolution", "rows", "columns"))
 def rates(
+    config: ReadoutConfig,
+    given: frozenset[str],
     preset_name: Annotated[
         str, typer.Option("--preset", metavar="paper|physical", help="constants of the texture scan")
     ] = "paper",
-    encoding: Annotated[
-        str | None, typer.Option(metavar="lcs|cw-lcs|nlcs", help="encoder [lcs]", show_default=False)
-    ] = None,
-    resolution: Annotated[int | None, typer.Option(metavar="N", help="LSB = 2**-N of full scale [6]")] = None,
     tau: Annotated[
         float | None, typer.Option(metavar="SECONDS", help=f"nlcs: time constant [{PAPER_TAU_S}], else ignored")
-    ] = None,
-    rows: Annotated[int | None, typer.Option(metavar="N", help="rows of taxels [8]")] = None,
-    columns: Annotated[int | None, typer.Option(metavar="N", help="columns of taxels [8]")] = None,
-    config_file: Annotated[
-        Path | None, typer.Option("--config", metavar="FILE", help="JSON configuration for all other fields")
     ] = None,
     dataset: Annotated[
         str | None,
@@ -47,13 +40,11 @@ def rates(
 ) -> None:
     """Measure the mean event rate of the whole array over a dataset."""
     scan = preset(preset_name)
-    wanted = {"encoding": encoding, "resolution": resolution, "rows": rows, "columns": columns}
-    base, given = build_config({k: v for k, v in wanted.items() if v is not None}, None, config_file)
-    if tau is not None and base.encoding != "nlcs" and not as_json:  # the JSON says so by its tau_s
-        print(f"--tau is ignored: it is the leak of encoding nlcs, and {base.encoding} has none", file=sys.stderr)
+    if tau is not None and config.encoding != "nlcs" and not as_json:  # the JSON says so by its tau_s
+        print(f"--tau is ignored: it is the leak of encoding nlcs, and {config.encoding} has none", file=sys.stderr)
     if tau is None and not given & {"leak_shift", "leak_period"}:
         tau = PAPER_TAU_S
-    config = scan.configure(base, tau)
+    config = scan.configure(config, tau)
     textures = open_dataset(dataset)
     if limit is not None:
         textures = textures.limit(limit)

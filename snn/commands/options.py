@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
 import typer
 
-from model.cli.config_options import build_config, replace_parameters
+from model.cli.config_options import CONFIG_FILE, build_config
+from model.cli.field_options import field_options, parse_fields, replace_parameters
+from model.config import ReadoutConfig
 from model.errors import InputError
 from model.files import check_writable
 from snn.experiments.recipes import RECIPES
@@ -20,12 +22,7 @@ if TYPE_CHECKING:
     from snn.experiments.experiment import Experiment
 
 Preset = Annotated[str | None, typer.Option(metavar="paper|physical", help="constants of the texture scan [physical]")]
-Encoding = Annotated[str | None, typer.Option(metavar="lcs|cw-lcs|nlcs", help="encoder [lcs]", show_default=False)]
-Resolution = Annotated[int | None, typer.Option(metavar="N", help="LSB = 2**-N of full scale [4]", show_default=False)]
 Tau = Annotated[float | None, typer.Option(metavar="SECONDS", help="nlcs: time constant [0.2]", show_default=False)]
-ConfigFile = Annotated[
-    Path | None, typer.Option("--config", metavar="FILE", help="JSON readout configuration for all other fields")
-]
 DatasetName = Annotated[
     str | None, typer.Option(metavar="DIR|embedded", help="textures [$ESKIN_DATA, data/kylberg, else embedded]")
 ]
@@ -56,12 +53,15 @@ WITHOUT_EFFECT = {
 _NAMES = {"bin_s": "bin", "config_file": "config", "start_rows": "start-rows"}
 
 
+ENCODER = ("encoding", "resolution")
+"""Fields of the readout that have an option of their own; ``--config`` has all."""
+
+READOUT = [*field_options(ReadoutConfig, ENCODER, {"resolution": DEFAULT_RESOLUTION}), CONFIG_FILE]
+
+
 def _options(
     preset: Preset = None,
-    encoding: Encoding = None,
-    resolution: Resolution = None,
     tau: Tau = None,
-    config_file: ConfigFile = None,
     dataset: DatasetName = None,
     events: EventFolder = None,
     frames: Frames = 0,
@@ -71,7 +71,7 @@ def _options(
     epochs: Epochs = 60,
     settings: Settings = None,
 ) -> None:
-    """Have the options that describe an experiment, in their order; never called."""
+    """Have the options that describe an experiment beside those of the readout, in their order; never called."""
 
 
 NOT_OF_A_SWEEP = ("encoding", "resolution", "events", "frames")
@@ -83,10 +83,8 @@ def with_experiment(command: Callable[..., Any]) -> Callable[..., Any]:
 
     A parameter ``options`` instead receives their values by name, without those that the points of a sweep say.
     """
-    options = [
-        p.replace(kind=inspect.Parameter.KEYWORD_ONLY)
-        for p in inspect.signature(_options, eval_str=True).parameters.values()
-    ]
+    others = inspect.signature(_options, eval_str=True).parameters.values()
+    options = [*READOUT, *(p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in others)]
     if "made" in inspect.signature(command).parameters:
         return replace_parameters(command, ["made"], options, lambda values: {"made": build_experiment(values)})
     kept = [option for option in options if option.name not in NOT_OF_A_SWEEP]
@@ -116,8 +114,8 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
     for other, names in WITHOUT_EFFECT.items():
         if idle := [_NAMES.get(name, name) for name in names if options[other] and options[name] is not None]:
             raise InputError(f"--{idle[0]} has no effect with --{other}; leave one of the two out")
-    explicit = {name: options[name] for name in ("encoding", "resolution") if options[name] is not None}
-    readout, given = build_config(explicit, None, options["config_file"])
+    texts = {name: options[name] for name in ENCODER}
+    readout, given = build_config(parse_fields(ReadoutConfig, texts), None, options["config_file"])
     if "resolution" not in given:
         readout = readout.replace(resolution=DEFAULT_RESOLUTION)
     tau_s = options["tau"]

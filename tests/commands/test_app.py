@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -15,11 +16,14 @@ import pytest
 import typer
 
 from model.cli.app import make_app, run
-from model.cli.config_options import FIELD_HELP, build_config, option_name, with_config
+from model.cli.config_options import build_config, option_name, with_config
+from model.cli.field_options import field_options, option_of, parse_fields
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.events.address import no_events
 from model.events.recording import Recording
+from model.frame_config import FrameConfig
+from model.power.parameters import PowerParameters
 
 app = make_app("Test program.")
 
@@ -148,13 +152,46 @@ def test_no_arguments_show_the_help(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_every_field_has_a_help_text_and_an_option(capsys: pytest.CaptureFixture[str]) -> None:
     names = [field.name for field in dataclasses.fields(ReadoutConfig)]
-    assert list(FIELD_HELP) == names
+    assert [option.name for option in field_options(ReadoutConfig)] == names
     _, out, _ = call(capsys, "show", "--help")
-    for name in names:
-        assert f"  {option_name(name)} " in out
+    text = " ".join(out.split())
+    for field in dataclasses.fields(ReadoutConfig):
+        assert f"  {option_name(field.name)} " in out
+        assert field.metadata["meaning"]
+        assert f"{field.metadata['meaning']} [{field.default}]" in text
     assert "  --encoding lcs|cw-lcs|nlcs " in out
     assert "  --config FILE " in out
     assert "  --tau SECONDS " in out
+
+
+@pytest.mark.parametrize("cls", [ReadoutConfig, FrameConfig, PowerParameters])
+def test_one_table_of_fields_says_all(cls: type) -> None:
+    """Unit, source and meaning stand at the field; the option takes its name from it, without the unit."""
+    own = [field for field in dataclasses.fields(cls) if field.name != "readout"]
+    assert len({option_of(field) for field in own}) == len(own) - (cls is PowerParameters)  # two bandwidths
+    for field in own:
+        assert all(field.metadata[key] for key in ("source", "meaning")), field.name
+    if cls is not PowerParameters:
+        listed = re.findall(r"^    (\w[\w, ]*) : ", str(cls.__doc__), re.MULTILINE)
+        assert ", ".join(listed).replace("readout, ", "") == ", ".join(field.name for field in own)
+
+
+def test_other_classes_become_options_too() -> None:
+    names = ("signal_bandwidth_hz", "supply_v", "pads_toggle")
+    shown = [option.annotation.__metadata__[0] for option in field_options(PowerParameters, names, {"supply_v": "?"})]
+    assert [(o.default, o.metavar) for o in shown] == [
+        ("--bandwidth", "HZ"), ("--supply", "V"), ("--pads-toggle", "NUMBER"),
+    ]  # fmt: skip
+    assert str(shown[1].help).endswith(" [?]")
+    assert parse_fields(FrameConfig, {"word_bits": "8", "conversion_clocks": "3", "settle_clocks": None}) == {
+        "word_bits": 8,
+        "conversion_clocks": 3,
+    }
+    with pytest.raises(InputError, match="--conversion-clocks takes a whole number, not 'x'"):
+        parse_fields(FrameConfig, {"conversion_clocks": "x"})
+    for text in ("nan", "inf", "1e999"):
+        with pytest.raises(InputError, match=f"--supply takes a finite number, not '{text}'"):
+            parse_fields(PowerParameters, {"supply_v": text})
 
 
 def test_defaults_are_those_of_the_class(capsys: pytest.CaptureFixture[str]) -> None:
