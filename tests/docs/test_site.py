@@ -1,4 +1,4 @@
-"""The site: built with warnings as errors, every link and anchor in it leads somewhere, nothing comes from other hosts."""
+"""The site: built with warnings as errors; links and anchors lead somewhere; nothing comes from other hosts."""
 
 from __future__ import annotations
 
