@@ -13,7 +13,8 @@ import dataclasses
 import torch
 from torch import Tensor, nn
 
-from snn.network import NetworkConfig, SpikingNetwork
+from snn.network import SpikingNetwork
+from snn.network_config import BaselineConfig, NetworkConfig
 
 ROUNDS = 30
 """Steps towards the rate of the hidden neurons, which excite each other; each halves the distance."""
@@ -32,20 +33,23 @@ def calibrate(network: nn.Module, scans: Tensor) -> None:
     """
     config = network.config
     assert isinstance(config, NetworkConfig)
-    offset = float(scans.mean()) if config.input_center else config.input_offset
+    offset, units = 0.0, config.units
+    if isinstance(units, BaselineConfig):
+        offset = float(scans.mean()) if units.input_center else units.input_offset
+        units = dataclasses.replace(units, input_offset=offset)
     scale = config.input_scale
     if config.input_rms:
         size = float((scans - offset).square().mean().sqrt())
         scale = config.input_rms / size if size else 1.0
-    config = dataclasses.replace(config, input_offset=offset, input_scale=scale)
-    network.config = config
+    network.config = dataclasses.replace(config, input_scale=scale, units=units)
     if not isinstance(network, SpikingNetwork):
         return
-    if config.hidden_rate:
+    neurons = config.neurons
+    if neurons.hidden_rate:
         drive = torch.einsum("tbi,hi->h", scans, network.w_in) * (scale / (scans.shape[0] * scans.shape[1]))
-        network.b_hidden.copy_(config.hidden_rate - drive)
+        network.b_hidden.copy_(neurons.hidden_rate - drive)
         for _ in range(ROUNDS):
-            network.b_hidden.add_(config.hidden_rate - network.spikes(scans).mean((0, 1)), alpha=0.5)
-    if config.output_rate:
+            network.b_hidden.add_(neurons.hidden_rate - network.spikes(scans).mean((0, 1)), alpha=0.5)
+    if neurons.output_rate:
         rates = network.spikes(scans).mean((0, 1))
-        network.b_out.copy_(config.output_rate - network.w_out @ rates)
+        network.b_out.copy_(neurons.output_rate - network.w_out @ rates)

@@ -8,18 +8,17 @@ import io
 import json
 import pickle
 import zipfile
-from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from model.errors import InputError
 from model.files import atomic_write
-from snn.data.scans import ScanData
-from snn.network import NetworkConfig
+from snn.data.scans import ScanData, Split
+from snn.network_config import NetworkConfig
 from snn.training import Epoch, TrainConfig, Training
 
 CHECKPOINT_FORMAT = 1
@@ -32,24 +31,24 @@ def digest(data: ScanData) -> str:
     return found.hexdigest()
 
 
-def fingerprint(
-    data: ScanData,
-    images: Sequence[int] | NDArray[np.int64],
-    network_config: NetworkConfig,
-    train_config: TrainConfig,
-    seed: int,
-    held_out: Sequence[int] | NDArray[np.int64] | None = None,
-    test: Sequence[int] | NDArray[np.int64] | None = None,
-) -> str:
+@dataclass(frozen=True)
+class Checkpoint:
+    """A file to go on from, if it is there, and to write every so many epochs and at the end."""
+
+    path: Path
+    every: int = 5
+
+
+def fingerprint(split: Split, network_config: NetworkConfig, train_config: TrainConfig, seed: int) -> str:
     """Return a text that is the same only where a training would give the same network."""
     parts = {
         "network": network_config.to_dict(),
-        "train": dataclasses.asdict(train_config),
+        "train": train_config.to_dict(),
         "seed": seed,
-        "data": digest(data),
-        "images": [int(image) for image in images],
-        "held_out": None if held_out is None else [int(image) for image in held_out],
-        "test": None if test is None else [int(image) for image in test],
+        "data": digest(split.data),
+        "images": [int(image) for image in split.learned],
+        "held_out": None if split.held_out is None else [int(image) for image in split.held_out],
+        "test": None if split.test is None else [int(image) for image in split.test],
     }
     return json.dumps(parts, sort_keys=True)
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -19,10 +18,11 @@ from torch.nn import functional
 
 from model.errors import InputError
 from snn.calibration import calibrate
-from snn.checkpoint import fingerprint, load_checkpoint, save_checkpoint
+from snn.checkpoint import Checkpoint, fingerprint, load_checkpoint, save_checkpoint
 from snn.data.augment import augment
-from snn.data.scans import ScanData
-from snn.network import NetworkConfig, Output, build
+from snn.data.scans import ScanData, Split
+from snn.network import Output, build
+from snn.network_config import NetworkConfig
 from snn.training import DivergedError, Epoch, TrainConfig, Training
 
 CALIBRATION_SCANS = 128
@@ -33,16 +33,12 @@ BATCH = 64
 
 
 def train(
-    data: ScanData,
-    images: Sequence[int] | NDArray[np.int64],
+    split: Split,
     network_config: NetworkConfig,
     train_config: TrainConfig,
     seed: int,
     *,
-    held_out: Sequence[int] | NDArray[np.int64] | None = None,
-    test: Sequence[int] | NDArray[np.int64] | None = None,
-    checkpoint: Path | None = None,
-    checkpoint_every: int = 5,
+    checkpoint: Checkpoint | None = None,
     device: str = "cpu",
     progress: Callable[[Epoch], object] | None = None,
 ) -> Training:
@@ -50,17 +46,12 @@ def train(
 
     Parameters
     ----------
-    data : ScanData
-    images : sequence of int
-        Training images; all their scans are used.
+    split : Split
+        The scans, and which images are learned, held out and tested.
     network_config, train_config, seed
-        With the data they fix the result.
-    held_out : sequence of int, optional
-        Images of which the accuracy is noted after every epoch.
-    test : sequence of int, optional
-        Images whose predictions are kept for the epoch that ``held_out`` selects; they select nothing.
-    checkpoint : Path, optional
-        File to go on from, if it is there, and to write every ``checkpoint_every`` epochs and at the end.
+        With the split they fix the result.
+    checkpoint : Checkpoint, optional
+        Where to go on from, and what to write.
     device : str
         As torch names it.
     progress : callable, optional
@@ -73,8 +64,9 @@ def train(
     DivergedError
         If the loss is not finite.
     """
+    data = split.data
     check_fits(network_config, data)
-    scans = data.scans_of(images)
+    scans = data.scans_of(split.learned)
     network = build(network_config, seed)
     calibrate(network, data.batch(scans[:: -(-len(scans) // CALIBRATION_SCANS)]))
     network.to(device)
@@ -84,24 +76,31 @@ def train(
     training = Training(network, optimizer)
     key = ""
     if checkpoint is not None:
-        key = fingerprint(data, images, network_config, train_config, seed, held_out, test)
-        if checkpoint.exists():
-            load_checkpoint(checkpoint, training, key)
+        key = fingerprint(split, network_config, train_config, seed)
+        if checkpoint.path.exists():
+            load_checkpoint(checkpoint.path, training, key)
     for number in range(len(training.history), train_config.epochs):
         epoch = _epoch(training, data, scans, train_config, seed, number, device)
-        if held_out is not None and len(held_out):
-            accuracy = float((predicted_classes(network, data, held_out, device) == data.image_labels[held_out]).mean())
-            epoch = dataclasses.replace(epoch, held_out=accuracy)
-            if accuracy >= training.best.get("held_out", -1.0):
-                training.best = {"epoch": epoch.number, "held_out": accuracy}
-                if test is not None:
-                    training.best["predictions"] = predicted_classes(network, data, test, device).tolist()
+        if split.held_out is not None and len(split.held_out):
+            epoch = _note_held_out(training, split, epoch, device)
         training.history.append(epoch)
-        if checkpoint is not None and (epoch.number % checkpoint_every == 0 or epoch.number == train_config.epochs):
-            save_checkpoint(checkpoint, training, key)
+        if checkpoint is not None and (epoch.number % checkpoint.every == 0 or epoch.number == train_config.epochs):
+            save_checkpoint(checkpoint.path, training, key)
         if progress is not None:
             progress(epoch)
     return training
+
+
+def _note_held_out(training: Training, split: Split, epoch: Epoch, device: str) -> Epoch:
+    """Return an epoch with the accuracy of the held-out images; the best one keeps what it says of the test images."""
+    network, data, held_out = training.network, split.data, split.held_out
+    assert held_out is not None
+    accuracy = float((predicted_classes(network, data, held_out, device) == data.image_labels[held_out]).mean())
+    if accuracy >= training.best.get("held_out", -1.0):
+        training.best = {"epoch": epoch.number, "held_out": accuracy}
+        if split.test is not None:
+            training.best["predictions"] = predicted_classes(network, data, split.test, device).tolist()
+    return dataclasses.replace(epoch, held_out=accuracy)
 
 
 def _epoch(
@@ -124,7 +123,7 @@ def _epoch(
     seen = torch.zeros(len(data.class_names), device=device)
     for start in range(0, len(order), config.batch):
         chosen = order[start : start + config.batch]
-        batch = augment(data.batch(chosen), data.taxels, config.augmentation, generator, data.frames).to(device)
+        batch = augment(data.batch(chosen), data.taxels, config.augment, generator, data.frames).to(device)
         labels = torch.from_numpy(data.labels[chosen]).to(device)
         output: Output = network(batch)
         loss = functional.cross_entropy(output.logits, labels) + output.penalty

@@ -11,6 +11,7 @@ from torch import nn
 
 from model.errors import InputError
 from snn.data.augment import AugmentConfig
+from snn.flat import flatten, hints_of, refuse_unknown, unflatten
 
 LARGE_GRADIENT = 1e4
 """Norm of the gradient, before clipping, that is reported as a sign of divergence."""
@@ -34,8 +35,8 @@ class TrainConfig:
         The learning rate falls to zero along half a cosine; else it is constant.
     clip : float
         Largest norm of the gradient.
-    shift_steps, speed_spread, drop_taxels
-        See ``AugmentConfig``.
+    augment : AugmentConfig
+        What is changed at random in every scan.
     """
 
     epochs: int = 100
@@ -44,9 +45,7 @@ class TrainConfig:
     weight_decay: float = 0.0
     cosine: bool = False
     clip: float = 1.0
-    shift_steps: int = 0
-    speed_spread: float = 0.0
-    drop_taxels: float = 0.0
+    augment: AugmentConfig = field(default_factory=AugmentConfig)
 
     def __post_init__(self) -> None:
         for name in ("epochs", "batch"):
@@ -57,12 +56,16 @@ class TrainConfig:
                 raise InputError(f"{name} must be a positive number, not {getattr(self, name)!r}")
         if not (math.isfinite(self.weight_decay) and self.weight_decay >= 0):
             raise InputError(f"weight_decay must be a number from 0, not {self.weight_decay!r}")
-        self.augmentation  # noqa: B018  # its fields are checked on construction
 
-    @property
-    def augmentation(self) -> AugmentConfig:
-        """What is changed at random in every scan."""
-        return AugmentConfig(shift_steps=self.shift_steps, speed_spread=self.speed_spread, drop_taxels=self.drop_taxels)
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as one flat dictionary, as files have them."""
+        return flatten(self)
+
+    @classmethod
+    def from_dict(cls, fields: Any) -> TrainConfig:
+        """Return the training of flat fields; refuse unknown ones, and those of the wrong type."""
+        refuse_unknown(fields, hints_of(cls), "training")
+        return unflatten(cls, fields)
 
     def rate_at(self, epoch: int) -> float:
         """Return the learning rate of an epoch, counted from 0."""

@@ -37,7 +37,9 @@ LAYERS = {
         "__main__",
     ),
     "snn": (
+        "flat",
         "kernels",
+        "network_config",
         "network calibration",
         "data",
         "training checkpoint",

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
@@ -106,7 +105,8 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
     """
     from snn.data.bins import BinConfig
     from snn.data.record import FrameSteps
-    from snn.experiments.experiment import Experiment, has_default_leak
+    from snn.experiments.experiment import Experiment
+    from snn.flat import hints_of
     from snn.training import TrainConfig
 
     if options["recipe"] not in RECIPES:
@@ -121,30 +121,30 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
     tau_s = options["tau"]
     if tau_s is not None and readout.encoding != "nlcs":
         raise InputError(f"--tau is the leak of encoding nlcs, not of {readout.encoding}; add --encoding nlcs")
-    if tau_s is None and readout.encoding == "nlcs" and given & {"leak_shift", "leak_period"}:
-        tau_s = readout.tau_s if has_default_leak(readout) else None  # else the experiment takes the paper's
     fields = RECIPES[options["recipe"]] | parse_settings(options["settings"] or [])
-    of_training = {field.name for field in dataclasses.fields(TrainConfig)}
+    of_training = hints_of(TrainConfig)
     training = {name: value for name, value in fields.items() if name in of_training}
     return Experiment(
         dataset=options["dataset"],
         events=None if options["events"] is None else str(options["events"]),
         readout=readout,
         tau_s=tau_s,
+        given_leak=readout.encoding == "nlcs" and bool(given & {"leak_shift", "leak_period"}),
         frames=FrameSteps(frames_per_step=options["frames"]) if options["frames"] else None,
         bins=BinConfig() if options["bin_s"] is None else BinConfig(bin_s=options["bin_s"]),
         network={name: value for name, value in fields.items() if name not in of_training},
-        train=TrainConfig(**(training | {"epochs": options["epochs"]})),
+        train=TrainConfig.from_dict(training | {"epochs": options["epochs"]}),
         **{name: options[name] for name in ("preset", "start_rows") if options[name] is not None},
     )
 
 
 def parse_settings(texts: list[str]) -> dict[str, Any]:
     """Return fields of NetworkConfig and TrainConfig from ``name=value`` texts."""
-    from snn.network import NetworkConfig
+    from snn.flat import hints_of
+    from snn.network_config import HINTS
     from snn.training import TrainConfig
 
-    hints = get_type_hints(TrainConfig) | get_type_hints(NetworkConfig)
+    hints = hints_of(TrainConfig) | HINTS
     for name in ("inputs", "classes", "epochs"):
         del hints[name]
     found: dict[str, Any] = {}

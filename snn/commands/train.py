@@ -14,10 +14,7 @@ from snn.commands.bars import bar, epoch_bar
 from snn.commands.options import Folds, Seeds, Workers, check_device, output_folder, with_experiment
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from snn.data.scans import ScanData
+    from snn.data.scans import Split
     from snn.experiments.experiment import Experiment
     from snn.training import Epoch, Training
 
@@ -42,6 +39,8 @@ def train(
     output_folder(out, "checkpoint.pt", "result.json", "weights.npz")
     with bar("recording scans") as step:
         data = made.data(step)
+    from snn.checkpoint import Checkpoint
+    from snn.data.scans import Split
     from snn.exchange.weights import Weights, save_weights
     from snn.experiments.folds import stratified_folds
     from snn.kernels import cpu as kernel
@@ -56,9 +55,8 @@ def train(
     )
     if not kernel.available():
         print("no C++ compiler was found: the dense torch path is used, about five times slower")
-    training = _learn(
-        made, data, images, seed, checkpoint=out / "checkpoint.pt", checkpoint_every=checkpoint_every, device=device
-    )
+    checkpoint = Checkpoint(out / "checkpoint.pt", checkpoint_every)
+    training = _learn(made, Split(data, images), seed, checkpoint=checkpoint, device=device)
     predicted = predicted_classes(training.network, data, test, device)
     accuracy = float((predicted == labels[test]).mean())
     result = {
@@ -80,11 +78,11 @@ def train(
     print(f"result: {out / 'result.json'}, weights: {out / 'weights.npz'}")
 
 
-def _learn(made: Experiment, data: ScanData, images: NDArray[np.int64], seed: int, **options: Any) -> Training:
+def _learn(made: Experiment, split: Split, seed: int, **options: Any) -> Training:
     """Train with a bar of epochs; every sign of divergence is told once."""
     from snn.train import train as learn
 
-    network = made.network_config(data)
+    network = made.network_config(split.data)
     told: set[str] = set()
     with epoch_bar(made.train.epochs) as (show, say):
 
@@ -96,7 +94,7 @@ def _learn(made: Experiment, data: ScanData, images: NDArray[np.int64], seed: in
                     told.add(kind)
                     say(f"epoch {epoch.number}: {warning}")
 
-        return learn(data, images, network, made.train, seed, progress=progress, **options)
+        return learn(split, network, made.train, seed, progress=progress, **options)
 
 
 @with_experiment

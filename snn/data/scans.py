@@ -87,6 +87,27 @@ class ScanData:
         return torch.from_numpy(np.ascontiguousarray(self.values[scans].transpose(1, 0, 2), np.float32))
 
 
+@dataclass(frozen=True, eq=False)
+class Split:
+    """Which images of some scans are learned, and which are only looked at.
+
+    Attributes
+    ----------
+    data : ScanData
+    learned : sequence of int
+        Training images; all their scans are used.
+    held_out : sequence of int
+        Images of which the accuracy is noted after every epoch; may be empty.
+    test : sequence of int
+        Images whose predictions are kept for the epoch that ``held_out`` selects; they select nothing.
+    """
+
+    data: ScanData
+    learned: Sequence[int] | NDArray[np.int64]
+    held_out: Sequence[int] | NDArray[np.int64] | None = None
+    test: Sequence[int] | NDArray[np.int64] | None = None
+
+
 def load_recordings(
     paths: Path | Iterable[Path], bins: BinConfig, class_names: Sequence[str] | None = None
 ) -> ScanData:

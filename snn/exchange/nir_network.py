@@ -16,6 +16,7 @@ import itertools
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,8 @@ from model.errors import InputError
 from model.files import atomic_write
 from snn.exchange.nir_layers import Layer, affine, broadcast, follow
 from snn.exchange.weights import Weights, config_of
-from snn.network import NetworkConfig, SpikingNetwork, build
+from snn.network import SpikingNetwork, build
+from snn.network_config import NetworkConfig
 
 FORMAT_NAME = "spiking-eskin-readout network"
 FORMAT_VERSION = 1
@@ -62,8 +64,8 @@ def to_nir(weights: Weights) -> nir.NIRGraph:
         raise InputError(f"a network of kind {config.kind} has no neurons that NIR knows; export it as .npz")
     arrays = {name: tensor.detach().cpu().numpy() for name, tensor in network.state_dict().items()}
     decay, output_decay = (tensor.detach().cpu().numpy() for tensor in network.decays())
-    neuron = {"floor": config.floor, "reset": config.reset}
-    fires = config.readout == "spikes"
+    neuron = {"floor": config.neurons.rule.floor, "reset": config.neurons.rule.reset}
+    fires = config.neurons.readout == "spikes"
     nodes: dict[str, nir.NIRNode] = {INPUT: nir.Input(input_type={"input": np.array([config.inputs])})}
     chain = [INPUT]
     if config.input_scale != 1:
@@ -169,6 +171,28 @@ def from_nir(graph: nir.NIRGraph, step_s: float | None = None, class_names: Sequ
     except ValueError as error:
         raise InputError(f"the graph is not whole: {error}") from None
     header = _header(graph)
+    dt = _time_step(graph, step_s)
+    parts = _Parts.of(graph, dt)
+    config, names = _config_of(parts, header)
+    names = names if class_names is None else class_names
+    if len(names) != parts.readout.size:
+        raise InputError(
+            f"node {parts.readout.name!r} has {parts.readout.size} outputs, not {len(names)}; name as many classes"
+        )
+    network = build(config, seed=0)
+    assert isinstance(network, SpikingNetwork)
+    state = parts.state(config.neurons.learn_decay)
+    network.load_state_dict({name: torch.from_numpy(array.astype(np.float32)) for name, array in state.items()})
+    for layer, kept in zip((parts.hidden, parts.readout), network.decays(), strict=True):
+        if np.abs(kept.detach().numpy() - layer.decay).max() > MAX_DECAY_ERROR:
+            raise InputError(
+                f"node {layer.name!r} has a tau that its decay in the metadata does not give; remove the metadata"
+            )
+    return Weights(network, tuple(str(name) for name in names), dt)
+
+
+def _time_step(graph: nir.NIRGraph, step_s: float | None) -> float:
+    """Return the time step of a graph in seconds, which the caller may give where it does not say one."""
     stated = graph.metadata.get("dt")
     if step_s is None and stated is None:
         raise InputError("the graph does not say its time step; give it in seconds (--step)")
@@ -177,72 +201,92 @@ def from_nir(graph: nir.NIRGraph, step_s: float | None = None, class_names: Sequ
     dt = float(stated) if step_s is None else step_s
     if not (math.isfinite(dt) and dt > 0):
         raise InputError(f"the time step must be a positive number of seconds, not {dt!r}")
-    chain = follow(graph)
-    w_in, b_hidden = affine(graph, chain.hidden_in)
-    w_out, b_out = affine(graph, chain.readout_in)
-    hidden = Layer.of(chain.hidden, graph.nodes[chain.hidden], dt, len(w_in))
-    readout = Layer.of(chain.readout, graph.nodes[chain.readout], dt, len(w_out))
-    w_rec, b_rec = np.zeros((hidden.size, hidden.size)), np.zeros(hidden.size)
-    if chain.recurrent is not None:
-        w_rec, b_rec = affine(graph, chain.recurrent)
-    for name, weight in ((chain.recurrent, w_rec), (chain.readout_in, w_out)):
-        if weight.shape[1] != hidden.size or (weight is w_rec and len(w_rec) != hidden.size):
-            raise InputError(
-                f"node {name!r} has weights of shape {weight.shape}, node {hidden.name!r} {hidden.size} neurons"
-            )
-    input_scale = 1.0
-    if chain.scale is not None:
-        scale = broadcast(chain.scale, graph.nodes[chain.scale].scale, w_in.shape[1])
-        if scale[0] > 0 and (scale == scale[0]).all():
-            input_scale = float(scale[0])
-        else:
-            w_in = w_in * scale
-    if readout.fires and (readout.floor, readout.reset) != (hidden.floor, hidden.reset):
-        raise InputError(f"nodes {hidden.name!r} and {readout.name!r} differ in floor or reset; make them equal")
+    return dt
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """What a graph holds: the layers, their weights and biases, and the scale of the inputs."""
+
+    hidden: Layer
+    readout: Layer
+    w_in: NDArray[np.float64]
+    b_hidden: NDArray[np.float64]
+    w_rec: NDArray[np.float64]
+    b_rec: NDArray[np.float64]
+    w_out: NDArray[np.float64]
+    b_out: NDArray[np.float64]
+    input_scale: float
+
+    @classmethod
+    def of(cls, graph: nir.NIRGraph, dt: float) -> _Parts:
+        """Return the parts of a graph, or raise InputError where the network has none like them."""
+        chain = follow(graph)
+        w_in, b_hidden = affine(graph, chain.hidden_in)
+        w_out, b_out = affine(graph, chain.readout_in)
+        hidden = Layer.of(chain.hidden, graph.nodes[chain.hidden], dt, len(w_in))
+        readout = Layer.of(chain.readout, graph.nodes[chain.readout], dt, len(w_out))
+        w_rec, b_rec = np.zeros((hidden.size, hidden.size)), np.zeros(hidden.size)
+        if chain.recurrent is not None:
+            w_rec, b_rec = affine(graph, chain.recurrent)
+        for name, weight in ((chain.recurrent, w_rec), (chain.readout_in, w_out)):
+            if weight.shape[1] != hidden.size or (weight is w_rec and len(w_rec) != hidden.size):
+                raise InputError(
+                    f"node {name!r} has weights of shape {weight.shape}, node {hidden.name!r} {hidden.size} neurons"
+                )
+        input_scale = 1.0
+        if chain.scale is not None:
+            scale = broadcast(chain.scale, graph.nodes[chain.scale].scale, w_in.shape[1])
+            if scale[0] > 0 and (scale == scale[0]).all():
+                input_scale = float(scale[0])
+            else:
+                w_in = w_in * scale
+        if readout.fires and (readout.floor, readout.reset) != (hidden.floor, hidden.reset):
+            raise InputError(f"nodes {hidden.name!r} and {readout.name!r} differ in floor or reset; make them equal")
+        return cls(hidden, readout, w_in, b_hidden, w_rec, b_rec, w_out, b_out, input_scale)
+
+    def state(self, learned: bool) -> dict[str, NDArray[np.float64]]:
+        """Return the arrays of the network by name, the gains of the neurons multiplied in."""
+        hidden, readout = self.hidden, self.readout
+        state = {
+            "w_in": self.w_in * hidden.gain[:, None],
+            "w_rec": self.w_rec * hidden.gain[:, None],
+            "w_out": self.w_out * readout.gain[:, None],
+            "b_hidden": (self.b_hidden + self.b_rec) * hidden.gain + hidden.drive,
+            "b_out": self.b_out * readout.gain + readout.drive,
+        }
+        if learned:
+            state |= {"raw_decay": hidden.logits(), "raw_output_decay": readout.logits()}
+        return state
+
+
+def _config_of(parts: _Parts, header: dict[str, Any] | None) -> tuple[NetworkConfig, Sequence[str]]:
+    """Return the configuration and the class names: those of the metadata, which the nodes must bear out."""
+    hidden, readout = parts.hidden, parts.readout
     found = {
-        "inputs": w_in.shape[1],
+        "inputs": parts.w_in.shape[1],
         "hidden": hidden.size,
         "classes": readout.size,
-        "input_scale": input_scale,
+        "input_scale": parts.input_scale,
         "floor": hidden.floor,
         "reset": hidden.reset,
         "readout": "spikes" if readout.fires else "membrane",
     }
     if header is None:
-        config = NetworkConfig(**found, **_decay_fields(hidden, readout))
-        names: Sequence[str] = [str(number) for number in range(readout.size)]
-    else:
-        try:
-            config, names = NetworkConfig(**header["network"]), header["class_names"]
-        except (KeyError, TypeError):
-            raise InputError("the metadata of the graph are damaged; export it again") from None
-        for name, value in found.items():
-            if getattr(config, name) != value:
-                raise InputError(
-                    f"the nodes of the graph give {name} = {value}, its metadata {getattr(config, name)}; "
-                    f"remove the metadata of the graph"
-                )
-    names = names if class_names is None else class_names
-    if len(names) != readout.size:
-        raise InputError(f"node {readout.name!r} has {readout.size} outputs, not {len(names)}; name as many classes")
-    state = {
-        "w_in": w_in * hidden.gain[:, None],
-        "w_rec": w_rec * hidden.gain[:, None],
-        "w_out": w_out * readout.gain[:, None],
-        "b_hidden": (b_hidden + b_rec) * hidden.gain + hidden.drive,
-        "b_out": b_out * readout.gain + readout.drive,
-    }
-    if config.learn_decay:
-        state |= {"raw_decay": hidden.logits(), "raw_output_decay": readout.logits()}
-    network = build(config, seed=0)
-    assert isinstance(network, SpikingNetwork)
-    network.load_state_dict({name: torch.from_numpy(array.astype(np.float32)) for name, array in state.items()})
-    for layer, kept in zip((hidden, readout), network.decays(), strict=True):
-        if np.abs(kept.detach().numpy() - layer.decay).max() > MAX_DECAY_ERROR:
+        config = NetworkConfig.from_dict(found | _decay_fields(hidden, readout))
+        return config, [str(number) for number in range(readout.size)]
+    try:
+        config, names = NetworkConfig.from_dict(header["network"]), header["class_names"]
+    except (KeyError, InputError):
+        raise InputError("the metadata of the graph are damaged; export it again") from None
+    stated = config.to_dict()
+    for name, value in found.items():
+        if stated[name] != value:
             raise InputError(
-                f"node {layer.name!r} has a tau that its decay in the metadata does not give; remove the metadata"
+                f"the nodes of the graph give {name} = {value}, its metadata {stated[name]}; "
+                f"remove the metadata of the graph"
             )
-    return Weights(network, tuple(str(name) for name in names), dt)
+    return config, names
 
 
 def _decay_fields(hidden: Layer, readout: Layer) -> dict[str, Any]:

@@ -16,7 +16,8 @@ from torch import nn
 
 from model.errors import InputError
 from model.files import atomic_write
-from snn.network import NetworkConfig, SpikingNetwork, build
+from snn.network import SpikingNetwork, build
+from snn.network_config import NetworkConfig
 
 FORMAT_NAME = "spiking-eskin-readout weights"
 FORMAT_VERSION = 1
@@ -112,7 +113,7 @@ def load_weights(path: Path) -> Weights:
         header = json.loads(str(arrays.pop("metadata")))
         if header["format"] != FORMAT_NAME or header["format_version"] != FORMAT_VERSION:
             raise InputError(f"{path} has format version {header['format_version']!r}, this program reads 1")
-        network = build(NetworkConfig(**header["network"]), seed=0)
+        network = build(NetworkConfig.from_dict(header["network"]), seed=0)
         state = {
             name: torch.from_numpy(_plain(arrays, name).astype(np.float32))
             for name in arrays

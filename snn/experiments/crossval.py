@@ -15,7 +15,7 @@ import numpy as np
 
 from model.errors import InputError
 from model.files import plain
-from snn.data.scans import ScanData
+from snn.data.scans import ScanData, Split
 from snn.experiments.experiment import Experiment
 from snn.experiments.folds import INNER_FOLDS, stratified_folds
 from snn.experiments.intervals import bootstrap, wilson
@@ -32,9 +32,10 @@ def run_cell(
     images = np.setdiff1d(np.arange(len(labels)), test)
     network = experiment.network_config(data)
     inner = stratified_folds(labels[images], INNER_FOLDS, fold_seed + 1)[seed % INNER_FOLDS]
-    whole = train(data, images, network, experiment.train, seed)
+    whole = train(Split(data, images), network, experiment.train, seed)
     held_out = images[inner]
-    part = train(data, np.setdiff1d(images, held_out), network, experiment.train, seed, held_out=held_out, test=test)
+    split = Split(data, np.setdiff1d(images, held_out), held_out, test)
+    part = train(split, network, experiment.train, seed)
     return {
         "fold": fold,
         "seed": seed,

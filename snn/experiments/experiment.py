@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any
 
 from model.config import ReadoutConfig
 from model.errors import InputError
@@ -17,7 +17,8 @@ from model.textures.rates import PAPER_TAU_S
 from snn.data.bins import BinConfig
 from snn.data.record import FrameSteps, Tick, frame_dataset, record_dataset
 from snn.data.scans import ScanData, load_recordings
-from snn.network import NetworkConfig
+from snn.flat import refuse_unknown
+from snn.network_config import FIELDS, HINTS, NetworkConfig
 from snn.training import TrainConfig
 
 
@@ -35,7 +36,9 @@ class Experiment:
     readout : ReadoutConfig
         Before the preset sets its fields.
     tau_s : float or None
-        N-LCS: time constant in seconds; without it the leak of ``readout``, or 0.2 s where that has the default leak.
+        N-LCS: time constant in seconds; without it the paper's 0.2 s, or with ``given_leak`` the leak of ``readout``.
+    given_leak : bool
+        The leak of ``readout`` was asked for, and is not only the default of its fields.
     frames : FrameSteps or None
         Frames instead of events.
     start_rows : int
@@ -51,6 +54,7 @@ class Experiment:
     preset: str = "physical"
     readout: ReadoutConfig = field(default_factory=lambda: ReadoutConfig(resolution=4))
     tau_s: float | None = None
+    given_leak: bool = False
     frames: FrameSteps | None = None
     start_rows: int = 1
     bins: BinConfig = field(default_factory=BinConfig)
@@ -58,20 +62,29 @@ class Experiment:
     train: TrainConfig = field(default_factory=TrainConfig)
 
     def __post_init__(self) -> None:
-        known = {f.name for f in dataclasses.fields(NetworkConfig)} - {"inputs", "classes"}
-        if unknown := sorted(set(self.network) - known):
-            raise InputError(f"unknown network field {unknown[0]!r}; known are {', '.join(sorted(known))}")
+        refuse_unknown(self.network, set(FIELDS) - {"inputs", "classes"}, "network")
         if self.events is not None and self.frames is not None:
             raise InputError("frames are made from textures, not from event files; give one of the two")
-        if self.frames is not None and self.train.speed_spread:
+        if self.frames is not None and self.train.augment.speed_spread:
             raise InputError("speed_spread moves events in time and cannot be used for frames; set it to 0")
-        kind = NetworkConfig(inputs=1, classes=1, **self.network).kind
+        kind = self._network(1, 1).kind
         if (kind == "spiking") != (self.frames is None):
             takes, found = ("events", "frames") if kind == "spiking" else ("frames", "events")
             raise InputError(
                 f"a network of kind {kind} is for {takes}, not for {found}; frames need both --frames 20 and --recipe "
                 f"rnn, gru or cnn, events neither"
             )
+
+        self._settle_leak()
+
+    def _settle_leak(self) -> None:
+        """Keep a leak that files could not tell from none by its time constant; refuse one that would be forgotten."""
+        if self.tau_s is None and _has_own_leak(self.readout):
+            if not self.given_leak:
+                raise InputError("the readout has a leak of its own; say given_leak to keep it, or give tau_s")
+        elif self.given_leak:
+            object.__setattr__(self, "tau_s", self.readout.tau_s if self.tau_s is None else self.tau_s)
+            object.__setattr__(self, "given_leak", False)
 
     def data(self, progress: Tick | None = None) -> ScanData:
         """Return the scans; the model's take a few hundredths of a second each."""
@@ -92,17 +105,25 @@ class Experiment:
         """Return the scan of the preset, and the readout with the fields that the preset and ``tau_s`` set."""
         scan, tau_s = preset(self.preset), None
         if self.readout.encoding == "nlcs":
-            tau_s = PAPER_TAU_S if self.tau_s is None and has_default_leak(self.readout) else self.tau_s
+            tau_s = PAPER_TAU_S if self.tau_s is None and not self.given_leak else self.tau_s
         return scan, scan.configure(self.readout, tau_s)
 
     def network_config(self, data: ScanData) -> NetworkConfig:
         """Return the network for these scans."""
-        return NetworkConfig(inputs=data.channels, classes=len(data.class_names), **self.network)
+        return self._network(data.channels, len(data.class_names))
+
+    def _network(self, inputs: int, classes: int) -> NetworkConfig:
+        return NetworkConfig.from_dict({"inputs": inputs, "classes": classes} | self.network)
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain values; of event files None for preset and readout, which they say themselves."""
-        fields: dict[str, Any] = plain(dataclasses.asdict(self))
-        return fields if self.events is None else fields | {"preset": None, "readout": None}
+        fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "given_leak"}
+        for name in ("readout", "train"):
+            fields[name] = fields[name].to_dict()
+        for name in ("bins", "frames"):
+            fields[name] = None if fields[name] is None else dataclasses.asdict(fields[name])
+        found: dict[str, Any] = plain(fields)
+        return found if self.events is None else found | {"preset": None, "readout": None}
 
     @classmethod
     def from_dict(cls, fields: dict[str, Any]) -> Experiment:
@@ -110,24 +131,30 @@ class Experiment:
 
         Raises
         ------
-        KeyError, TypeError or ValueError
+        InputError, KeyError or TypeError
             If the fields are not those of an experiment.
         """
-        hints = get_type_hints(NetworkConfig)
-        network = {name: float(v) if hints.get(name) is float else v for name, v in fields["network"].items()}
         made: dict[str, Any] = {
             "frames": None if fields["frames"] is None else FrameSteps(**fields["frames"]),
             "bins": BinConfig(**fields["bins"]),
-            "network": network,
-            "train": TrainConfig(**fields["train"]),
+            "network": {name: _number(name, value) for name, value in fields["network"].items()},
+            "train": TrainConfig.from_dict(fields["train"]),
         }
         kept = {name: value for name, value in fields.items() if name not in ("preset", "readout")}
         if fields["events"] is None:
-            made |= {"preset": fields["preset"], "readout": ReadoutConfig.from_dict(fields["readout"])}
+            readout = ReadoutConfig.from_dict(fields["readout"])
+            made |= {"preset": fields["preset"], "readout": readout}
+            made["given_leak"] = fields["tau_s"] is None and _has_own_leak(readout)
         return cls(**(kept | made))
 
 
-def has_default_leak(readout: ReadoutConfig) -> bool:
-    """Return whether the leak is that of a readout of which nothing was said, and the paper's tau is meant."""
+def _number(name: str, value: Any) -> Any:
+    """Return a value from JSON: whole numbers, and the texts of infinities, as floats where the field has floats."""
+    return float(value) if HINTS.get(name) is float and isinstance(value, (int, str)) else value
+
+
+def _has_own_leak(readout: ReadoutConfig) -> bool:
+    """Return whether the leak of an N-LCS readout is another than that of its defaults."""
     default = ReadoutConfig()
-    return (readout.leak_shift, readout.leak_period) == (default.leak_shift, default.leak_period)
+    own = (readout.leak_shift, readout.leak_period) != (default.leak_shift, default.leak_period)
+    return readout.encoding == "nlcs" and own

@@ -109,11 +109,11 @@ def evidence(network: SpikingNetwork, x: Tensor) -> tuple[Tensor, Tensor]:
     evidence : shape (steps, scans, classes)
         Output spikes so far; or the sum of the output membranes so far, divided by the number of all steps.
     """
-    config = network.config
+    config, neurons = network.config, network.config.neurons
     spikes = network.spikes(x)
     _, decay = network.decays()
-    if config.readout == "spikes":
-        parts = layer(config.rule, spikes, network.w_out, network.b_out, decay, None, network.backend)
+    if neurons.readout == "spikes":
+        parts = layer(neurons.rule, spikes, network.w_out, network.b_out, decay, None, network.backend)
     else:
         parts = functional.linear(spikes, network.w_out, network.b_out)
         for step in range(1, len(parts)):
@@ -196,5 +196,5 @@ def _played(
         spikes=spikes[:, 0].numpy(),
         evidence=grown[:, 0].numpy(),
         class_names=weights.class_names,
-        meaning=MEANINGS[network.config.readout] + (f", times {scale:g}" if scale != 1 else ""),
+        meaning=MEANINGS[network.config.neurons.readout] + (f", times {scale:g}" if scale != 1 else ""),
     )

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from snn.data.scans import ScanData
-from snn.network import NetworkConfig
+from snn.network_config import NetworkConfig
 
 CLASSES = ("brick", "grass", "gravel")
 
@@ -26,4 +26,4 @@ def easy_data(images: int = 30, steps: int = 15, channels: int = 8) -> ScanData:
 
 def small_network(**fields: Any) -> NetworkConfig:
     defaults: dict[str, Any] = {"inputs": 8, "classes": 3, "hidden": 16, "readout": "membrane", "decay": 0.8}
-    return NetworkConfig(**(defaults | fields))
+    return NetworkConfig.from_dict(defaults | fields)

@@ -10,7 +10,8 @@ import torch
 from model.errors import InputError
 from snn.calibration import calibrate
 from snn.exchange.weights import Weights, load_weights, save_weights
-from snn.network import NetworkConfig, SpikingNetwork, build
+from snn.network import SpikingNetwork, build
+from snn.network_config import NetworkConfig
 
 
 def scans(seed: int = 0, rate: float = 2.0) -> torch.Tensor:
@@ -21,7 +22,7 @@ def scans(seed: int = 0, rate: float = 2.0) -> torch.Tensor:
 
 
 def spiking(seed: int = 2, **fields: float) -> SpikingNetwork:
-    network = build(NetworkConfig(inputs=16, classes=6, hidden=64, **fields), seed)  # type: ignore[arg-type]
+    network = build(NetworkConfig.from_dict(dict(inputs=16, classes=6, hidden=64, **fields)), seed)  # type: ignore[arg-type]
     assert isinstance(network, SpikingNetwork)
     return network
 
@@ -70,12 +71,14 @@ def test_every_output_neuron_is_driven_alike(seed: int) -> None:
 
 
 def test_frames_are_centred_and_scaled() -> None:
-    network = build(NetworkConfig(inputs=16, classes=6, kind="rnn", input_rms=1.0, input_center=True), 0)
+    network = build(
+        NetworkConfig.from_dict({"inputs": 16, "classes": 6, "kind": "rnn", "input_rms": 1.0, "input_center": True}), 0
+    )
     frames = 0.4 + 0.1 * torch.randn(50, 8, 16, generator=torch.Generator().manual_seed(1))
     calibrate(network, frames)
     config = network.config
     assert isinstance(config, NetworkConfig)
-    entering = (frames - config.input_offset) * config.input_scale
+    entering = (frames - config.to_dict()["input_offset"]) * config.input_scale
     assert float(entering.mean()) == pytest.approx(0.0, abs=1e-4)
     assert float(entering.std()) == pytest.approx(1.0, rel=1e-3)
 
@@ -91,6 +94,6 @@ def test_the_numbers_found_travel_with_the_weights(tmp_path: Path) -> None:
 
 def test_an_offset_of_counts_is_refused() -> None:
     with pytest.raises(InputError, match="are for frames"):
-        NetworkConfig(inputs=1, classes=1, input_center=True)
+        NetworkConfig.from_dict({"inputs": 1, "classes": 1, "input_center": True})
     with pytest.raises(InputError, match="hidden_rate must be from 0"):
-        NetworkConfig(inputs=1, classes=1, hidden_rate=1.0)
+        NetworkConfig.from_dict({"inputs": 1, "classes": 1, "hidden_rate": 1.0})

@@ -32,7 +32,8 @@ from snn.figures import fig9 as figures
 from snn.figures.confusion import confusion_data, draw_confusion
 from snn.figures.fig8 import draw_fig8
 from snn.figures.fig8_play import Played, evidence, play
-from snn.network import NetworkConfig, SpikingNetwork, build
+from snn.network import SpikingNetwork, build
+from snn.network_config import NetworkConfig
 
 Call = Callable[..., tuple[int, str, str]]
 
@@ -377,7 +378,7 @@ def test_other_bad_options_get_one_sentence(snn: Call, files: list[str], folder:
     ],
 )
 def test_the_evidence_ends_in_the_logits(fields: dict[str, Any]) -> None:
-    network = build(NetworkConfig(inputs=8, classes=3, hidden=64, **fields), seed=1).eval()
+    network = build(NetworkConfig.from_dict(dict(inputs=8, classes=3, hidden=64, **fields)), seed=1).eval()
     assert isinstance(network, SpikingNetwork)
     x = torch.from_numpy(np.random.default_rng(0).poisson(0.8, (40, 2, 8)).astype(np.float32))
     spikes, grown = evidence(network, x)
@@ -400,7 +401,10 @@ EXPERIMENT = Experiment(
 def trained(folder: Path, experiment: Experiment = EXPERIMENT, **fields: Any) -> list[str]:
     """Write weights and result of a training of no epoch; return the option that names them."""
     channels = 12 if experiment.readout.encoding == "lcs" else 6
-    network = build(NetworkConfig(inputs=channels, classes=3, hidden=32, decay=0.9, output_decay=0.9, **fields), seed=0)
+    network = build(
+        NetworkConfig.from_dict(dict(inputs=channels, classes=3, hidden=32, decay=0.9, output_decay=0.9, **fields)),
+        seed=0,
+    )
     folder.mkdir(exist_ok=True)
     save_weights(folder / "weights.npz", Weights(network, ("brick", "grass", "gravel"), experiment.bins.bin_s))
     textures = open_dataset("embedded")

@@ -15,7 +15,8 @@ from snn.kernels import cpu as kernel
 from snn.kernels.layer import Backend, layer
 from snn.kernels.reference import layer_reference
 from snn.kernels.rule import SURROGATES, NeuronReset, NeuronRule
-from snn.network import NetworkConfig, SpikingNetwork, build
+from snn.network import SpikingNetwork, build
+from snn.network_config import NetworkConfig
 
 needs_kernel = pytest.mark.skipif(not kernel.available(), reason="no C++ compiler for the kernel")
 RESETS: tuple[NeuronReset, ...] = ("zero", "subtract")
@@ -153,7 +154,7 @@ def test_the_surrogate_of_the_paper_is_half_the_normal_density() -> None:
 
 
 def test_the_default_network_is_that_of_the_paper() -> None:
-    network = build(NetworkConfig(inputs=128, classes=6), seed=1)
+    network = build(NetworkConfig.from_dict({"inputs": 128, "classes": 6}), seed=1)
     assert isinstance(network, SpikingNetwork)
     eye = network.w_rec @ network.w_rec.t()
     torch.testing.assert_close(eye, torch.eye(256), atol=1e-5, rtol=0)
@@ -161,8 +162,8 @@ def test_the_default_network_is_that_of_the_paper() -> None:
     assert 0.95 * limit < network.w_in.abs().max() <= limit
     assert [tuple(d.unique().tolist()) for d in network.decays()] == [(1.0,), (1.0,)]
     x = torch.poisson(torch.full((30, 4, 128), 0.2))
-    s = layer_reference(network.config.rule, x, network.w_in, network.b_hidden, torch.ones(256), network.w_rec)
-    o = layer_reference(network.config.rule, s, network.w_out, network.b_out, torch.ones(6))
+    s = layer_reference(network.config.neurons.rule, x, network.w_in, network.b_hidden, torch.ones(256), network.w_rec)
+    o = layer_reference(network.config.neurons.rule, s, network.w_out, network.b_out, torch.ones(6))
     torch.testing.assert_close(network(x).logits, o.sum(0))
     assert network(x).rate == pytest.approx(float(s.detach().mean()))
 
@@ -182,7 +183,7 @@ def test_the_default_network_is_that_of_the_paper() -> None:
     ids=str,
 )
 def test_every_variant_learns_on_every_parameter(variant: dict[str, Any]) -> None:
-    network = build(NetworkConfig(inputs=10, classes=3, hidden=24, **variant), seed=0)
+    network = build(NetworkConfig.from_dict(dict(inputs=10, classes=3, hidden=24, **variant)), seed=0)
     output = network(torch.poisson(torch.full((25, 6, 10), 0.5), generator=torch.Generator().manual_seed(0)))
     assert output.logits.shape == (6, 3)
     (functional.cross_entropy(output.logits, torch.arange(6) % 3) + output.penalty).backward()
@@ -192,7 +193,10 @@ def test_every_variant_learns_on_every_parameter(variant: dict[str, Any]) -> Non
 
 
 def test_the_mean_membrane_is_that_of_a_loop() -> None:
-    network = build(NetworkConfig(inputs=5, classes=3, hidden=16, readout="membrane", output_decay=0.8), seed=0)
+    network = build(
+        NetworkConfig.from_dict({"inputs": 5, "classes": 3, "hidden": 16, "readout": "membrane", "output_decay": 0.8}),
+        seed=0,
+    )
     assert isinstance(network, SpikingNetwork)
     x = torch.poisson(torch.full((12, 2, 5), 1.0))
     v, total = torch.zeros(2, 3), torch.zeros(2, 3)
@@ -206,7 +210,7 @@ def test_building_and_running_leave_the_global_generator_alone() -> None:
     torch.manual_seed(3)
     expected = torch.rand(1)
     torch.manual_seed(3)
-    first, second = (build(NetworkConfig(inputs=4, classes=2), seed=5) for _ in range(2))
+    first, second = (build(NetworkConfig.from_dict({"inputs": 4, "classes": 2}), seed=5) for _ in range(2))
     assert torch.rand(1) == expected
     for a, b in zip(first.parameters(), second.parameters(), strict=True):
         assert torch.equal(a, b)
@@ -225,10 +229,10 @@ def test_building_and_running_leave_the_global_generator_alone() -> None:
 )
 def test_bad_networks_are_refused(fields: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError) as error:
-        NetworkConfig(**({"inputs": 4, "classes": 2} | fields))
+        NetworkConfig.from_dict({"inputs": 4, "classes": 2} | fields)
     assert str(error.value) == message
 
 
 def test_scans_of_another_array_are_refused() -> None:
     with pytest.raises(InputError, match="the network takes 4 channels, the scans have 5"):
-        build(NetworkConfig(inputs=4, classes=2), 0)(torch.zeros(3, 1, 5))
+        build(NetworkConfig.from_dict({"inputs": 4, "classes": 2}), 0)(torch.zeros(3, 1, 5))

@@ -20,7 +20,8 @@ from snn.data.bins import BinConfig, bin_recording
 from snn.exchange.nir_events import from_nir_data, load_nir_data, save_nir_data, to_events_array, to_nir_data
 from snn.exchange.nir_network import to_nir
 from snn.exchange.weights import Weights
-from snn.network import NetworkConfig, build
+from snn.network import build
+from snn.network_config import NetworkConfig
 
 READOUT = ReadoutConfig(rows=2, columns=3, sample_rate_hz=17_001.0)
 
@@ -57,7 +58,11 @@ def test_channels_and_times_are_those_of_the_counts() -> None:
 
 def test_counts_and_events_fit_the_graph_of_a_network(tmp_path: Path) -> None:
     original, bins = recording(), BinConfig(bin_s=0.01)
-    graph = to_nir(Weights(build(NetworkConfig(inputs=12, classes=3, hidden=5), seed=0), ("a", "b", "c"), 0.01))
+    graph = to_nir(
+        Weights(
+            build(NetworkConfig.from_dict({"inputs": 12, "classes": 3, "hidden": 5}), seed=0), ("a", "b", "c"), 0.01
+        )
+    )
     to_nir_data(original).check_nodes(graph)
     save_nir_data(tmp_path / "counts.nir", original, bins)
     data = nir.read_data(tmp_path / "counts.nir")

@@ -21,7 +21,8 @@ from model.errors import InputError
 from snn.commands.exchange import export, import_
 from snn.exchange.nir_network import from_nir, load_nir, save_nir, to_nir
 from snn.exchange.weights import Weights, load_weights, save_weights
-from snn.network import NetworkConfig, SpikingNetwork, build
+from snn.network import SpikingNetwork, build
+from snn.network_config import NetworkConfig
 
 CLASSES = ("a", "b", "c")
 STEP_S = 0.002
@@ -37,7 +38,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
 
 def made(**fields: Any) -> Weights:
     """Return a network that fires, with random biases and, where learned, decays of every kind."""
-    network = build(NetworkConfig(inputs=6, classes=3, hidden=20, **fields), seed=4)
+    network = build(NetworkConfig.from_dict(dict(inputs=6, classes=3, hidden=20, **fields)), seed=4)
     assert isinstance(network, SpikingNetwork)
     generator = torch.Generator().manual_seed(1)
     with torch.no_grad():
@@ -220,7 +221,7 @@ def test_a_graph_of_another_program_is_run_as_it_says(tmp_path: Path) -> None:
     np.testing.assert_array_equal(network.spikes(x).detach().numpy(), hidden)
     np.testing.assert_array_equal(network(x).logits.detach().numpy(), output.sum(0))
     assert (loaded.class_names, loaded.step_s) == (("x", "y"), 0.001)
-    assert network.config.floor == float("-inf")
+    assert network.config.neurons.rule.floor == float("-inf")
 
 
 def test_numbers_for_whole_layers_and_scales_of_channels_are_taken() -> None:
@@ -291,7 +292,13 @@ def test_other_forms_and_broken_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="the graph is not whole"):
         from_nir(graph, step_s=0.001)
     with pytest.raises(InputError, match=r"export it as \.npz"):
-        to_nir(Weights(build(NetworkConfig(inputs=6, classes=3, hidden=5, kind="gru"), seed=0), CLASSES, STEP_S))
+        to_nir(
+            Weights(
+                build(NetworkConfig.from_dict({"inputs": 6, "classes": 3, "hidden": 5, "kind": "gru"}), seed=0),
+                CLASSES,
+                STEP_S,
+            )
+        )
     with pytest.raises(InputError, match=r"NIR files end in \.nir, net\.h5 does not"):
         save_nir(tmp_path / "net.h5", made())
     with pytest.raises(InputError, match="cannot read"):
@@ -364,7 +371,7 @@ def test_networks_go_out_and_come_back(
 def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with one file of every kind."""
     folder = tmp_path_factory.mktemp("files")
-    gru = build(NetworkConfig(inputs=6, classes=3, hidden=5, kind="gru"), seed=0)
+    gru = build(NetworkConfig.from_dict({"inputs": 6, "classes": 3, "hidden": 5, "kind": "gru"}), seed=0)
     save_weights(folder / "w.npz", made())
     save_weights(folder / "gru.npz", Weights(gru, CLASSES, STEP_S))
     return folder

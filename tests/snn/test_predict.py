@@ -28,7 +28,8 @@ from snn.data.record import record, record_dataset
 from snn.exchange.weights import Weights, save_weights
 from snn.experiments.evaluate import Check
 from snn.experiments.trained import load_trained
-from snn.network import NetworkConfig, build
+from snn.network import build
+from snn.network_config import NetworkConfig
 
 ROOT = Path(__file__).parents[2]
 CONFIG = ReadoutConfig(rows=1, columns=4)
@@ -185,7 +186,7 @@ def test_a_recording_without_a_class_is_only_classified(tmp_path: Path, replayed
 
 
 def test_the_bins_are_those_of_the_training(tmp_path: Path, trained: Path, replayed: Path, call: Call) -> None:
-    network = build(NetworkConfig(inputs=4, classes=3, hidden=8, readout="membrane"), seed=0)
+    network = build(NetworkConfig.from_dict({"inputs": 4, "classes": 3, "hidden": 8, "readout": "membrane"}), seed=0)
     result = json.loads((trained / "result.json").read_text())
     weights = Weights(network, tuple(result["class_names"]), 0.02)
     save_weights(tmp_path / "weights.npz", weights)

@@ -19,16 +19,19 @@ from model.config import ReadoutConfig
 from model.errors import InputError
 from model.files import write_json
 from snn.__main__ import app
+from snn.checkpoint import Checkpoint
 from snn.commands.options import build_experiment, parse_settings
 from snn.data.record import FrameSteps
-from snn.data.scans import ScanData
+from snn.data.scans import ScanData, Split
 from snn.experiments.crossval import check_same, summarise
 from snn.experiments.experiment import Experiment
 from snn.experiments.folds import stratified_folds
 from snn.experiments.intervals import bootstrap, wilson
 from snn.experiments.recipes import BASELINES, RECIPES
 from snn.experiments.sweep import cross_validate
-from snn.network import NetworkConfig, build
+from snn.flat import hints_of
+from snn.network import build
+from snn.network_config import FIELDS, KINDS, NetworkConfig
 from snn.train import predicted_classes, train
 from snn.training import DivergedError, Epoch, TrainConfig
 from tests.snn.helpers import easy_data, small_network
@@ -41,7 +44,7 @@ ROOT = Path(__file__).parents[2]
 
 def test_a_network_learns_an_easy_task() -> None:
     data = easy_data()
-    made = train(data, range(21), small_network(), TrainConfig(epochs=25, batch=8), seed=0)
+    made = train(Split(data, range(21)), small_network(), TrainConfig(epochs=25, batch=8), seed=0)
     assert made.history[-1].loss < 0.5 * made.history[0].loss
     assert (predicted_classes(made.network, data, range(21, 30)) == data.labels[21:]).mean() >= 8 / 9
     assert (
@@ -52,8 +55,10 @@ def test_a_network_learns_an_easy_task() -> None:
 
 def test_a_resumed_training_ends_in_the_same_bits(tmp_path: Path) -> None:
     data, network = easy_data(), small_network(dropout=0.3)
-    config = TrainConfig(epochs=6, batch=8, shift_steps=2, drop_taxels=0.2, cosine=True, weight_decay=0.01)
-    whole = train(data, range(21), network, config, 1, held_out=range(21, 30), test=range(21, 30))
+    config = TrainConfig.from_dict(
+        {"epochs": 6, "batch": 8, "shift_steps": 2, "drop_taxels": 0.2, "cosine": True, "weight_decay": 0.01}
+    )
+    whole = train(Split(data, range(21), held_out=range(21, 30), test=range(21, 30)), network, config, 1)
 
     class Stopped(Exception):
         pass
@@ -62,15 +67,13 @@ def test_a_resumed_training_ends_in_the_same_bits(tmp_path: Path) -> None:
         if epoch.number == 5:
             raise Stopped
 
-    arguments: dict[str, Any] = {"held_out": range(21, 30), "test": range(21, 30), "checkpoint_every": 2}
+    split = Split(data, range(21), range(21, 30), range(21, 30))
+    checkpoint = Checkpoint(tmp_path / "c.pt", every=2)
     with pytest.raises(Stopped):
-        train(data, range(21), network, config, 1, checkpoint=tmp_path / "c.pt", progress=stop, **arguments)
+        train(split, network, config, 1, checkpoint=checkpoint, progress=stop)
     torch.manual_seed(77)
     seen: list[int] = []
-    again = train(
-        data, range(21), network, config, 1, checkpoint=tmp_path / "c.pt",
-        progress=lambda epoch: seen.append(epoch.number), **arguments,
-    )  # fmt: skip
+    again = train(split, network, config, 1, checkpoint=checkpoint, progress=lambda epoch: seen.append(epoch.number))
     assert seen == [5, 6]
     assert again.history == whole.history
     assert again.best == whole.best
@@ -81,7 +84,10 @@ def test_a_resumed_training_ends_in_the_same_bits(tmp_path: Path) -> None:
 def test_the_selected_epoch_is_that_of_the_held_out_images_not_of_the_test() -> None:
     data = easy_data()
     made = train(
-        data, range(15), small_network(), TrainConfig(epochs=8, batch=8), 0, held_out=range(15, 21), test=range(21, 30)
+        Split(data, range(15), held_out=range(15, 21), test=range(21, 30)),
+        small_network(),
+        TrainConfig(epochs=8, batch=8),
+        0,
     )
     accuracies = [epoch.held_out for epoch in made.history]
     best = max(a for a in accuracies if a is not None)
@@ -131,45 +137,47 @@ def test_signs_of_divergence_are_named() -> None:
 
 
 def test_output_neurons_that_never_fire_are_counted() -> None:
-    made = train(easy_data(), range(21), small_network(readout="spikes", hidden=2), TrainConfig(epochs=1), seed=0)
+    made = train(
+        Split(easy_data(), range(21)), small_network(readout="spikes", hidden=2), TrainConfig(epochs=1), seed=0
+    )
     logits = made.network(easy_data().batch(range(21))).logits
     assert made.history[0].silent_outputs == int((logits == 0).all(0).sum()) > 0
 
 
 def test_a_loss_that_is_no_number_stops_the_training() -> None:
     with pytest.raises(DivergedError, match="diverged in epoch 1"):
-        train(easy_data(), range(21), small_network(output_scale=1e38), TrainConfig(epochs=3), 0)
+        train(Split(easy_data(), range(21)), small_network(output_scale=1e38), TrainConfig(epochs=3), 0)
 
 
 def test_a_checkpoint_of_another_configuration_or_a_damaged_one_is_refused(tmp_path: Path) -> None:
     data, path = easy_data(), tmp_path / "c.pt"
     config = TrainConfig(epochs=1)
-    train(data, range(21), small_network(), config, 0, checkpoint=path)
+    train(Split(data, range(21)), small_network(), config, 0, checkpoint=Checkpoint(path))
     with pytest.raises(InputError) as error:
-        train(data, range(21), small_network(), config, 1, checkpoint=path)
+        train(Split(data, range(21)), small_network(), config, 1, checkpoint=Checkpoint(path))
     assert str(error.value) == (
         f"checkpoint {path} is of another configuration (seed: 0 there, 1 now); "
         f"remove it or choose another folder with --out"
     )
     with pytest.raises(InputError, match=r"\(hidden: 16 there, 17 now\)"):
-        train(data, range(21), small_network(hidden=17), config, 0, checkpoint=path)
+        train(Split(data, range(21)), small_network(hidden=17), config, 0, checkpoint=Checkpoint(path))
     with pytest.raises(InputError, match=r"\(other images; epochs: 1 there, 100 now\)"):
-        train(data, range(20), small_network(), TrainConfig(epochs=100), 0, checkpoint=path)
+        train(Split(data, range(20)), small_network(), TrainConfig(epochs=100), 0, checkpoint=Checkpoint(path))
     content = torch.load(path, weights_only=True)
     del content["network"]["w_in"]
     torch.save(content, path)
     with pytest.raises(InputError, match="is damaged; remove it to start anew"):
-        train(data, range(21), small_network(), config, 0, checkpoint=path)
+        train(Split(data, range(21)), small_network(), config, 0, checkpoint=Checkpoint(path))
     path.write_bytes(path.read_bytes()[:1000])
     with pytest.raises(InputError, match="is damaged; remove it to start anew"):
-        train(data, range(21), small_network(), config, 0, checkpoint=path)
+        train(Split(data, range(21)), small_network(), config, 0, checkpoint=Checkpoint(path))
 
 
 def test_scans_of_another_array_are_refused() -> None:
     with pytest.raises(InputError, match=r"takes 128 channels, the scans have 8 \(4 taxels\)"):
-        train(easy_data(), range(21), small_network(inputs=128), TrainConfig(), 0)
+        train(Split(easy_data(), range(21)), small_network(inputs=128), TrainConfig(), 0)
     with pytest.raises(InputError, match="the network knows 6 classes, the data have 3"):
-        train(easy_data(), range(21), small_network(classes=6), TrainConfig(), 0)
+        train(Split(easy_data(), range(21)), small_network(classes=6), TrainConfig(), 0)
 
 
 # -- cross-validation --------------------------------------------------------------------------------
@@ -289,14 +297,30 @@ def test_settings_become_fields() -> None:
 
 @pytest.mark.parametrize("name", RECIPES)
 def test_every_recipe_is_a_valid_experiment(name: str) -> None:
-    of_training = set(TrainConfig.__dataclass_fields__)
+    of_training = set(hints_of(TrainConfig))
     fields = RECIPES[name]
     experiment = Experiment(
         network={key: value for key, value in fields.items() if key not in of_training},
-        train=TrainConfig(**{key: value for key, value in fields.items() if key in of_training}),
+        train=TrainConfig.from_dict({key: value for key, value in fields.items() if key in of_training}),
         frames=FrameSteps() if name in BASELINES else None,
     )
     assert Experiment.from_dict(json.loads(json.dumps(experiment.to_dict()))) == experiment
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_network_in_a_file_is_one_flat_list_in_a_fixed_order(kind: str) -> None:
+    fields = {"inputs": 4, "classes": 2, "kind": kind, "hidden": 8, "dropout": 0.5}
+    if kind == "spiking":
+        fields |= {"floor": -2.0, "surrogate": "triangle", "readout": "membrane", "decay": 0.5}
+    else:
+        fields |= {"input_offset": 0.25, "input_center": True}
+    config = NetworkConfig.from_dict(fields)
+    flat = config.to_dict()
+    assert tuple(flat) == FIELDS
+    assert flat | fields == flat
+    assert NetworkConfig.from_dict(json.loads(json.dumps(flat))) == config
+    with pytest.raises(InputError, match="unknown network field 'colour'; known are"):
+        NetworkConfig.from_dict(fields | {"colour": 1})
 
 
 def test_frames_and_the_kind_of_network_belong_together() -> None:
@@ -314,7 +338,9 @@ def test_the_leak_of_an_nlcs_experiment() -> None:
     assert tau_of(Experiment(readout=plain)) == pytest.approx(0.2, rel=0.01)
     assert tau_of(Experiment(readout=plain, tau_s=0.1)) == pytest.approx(0.1, rel=0.01)
     own = plain.replace(leak_shift=4, leak_period=20)
-    assert tau_of(Experiment(readout=own)) == own.tau_s
+    assert tau_of(Experiment(readout=own, given_leak=True)) == own.tau_s
+    with pytest.raises(InputError, match="the readout has a leak of its own; say given_leak to keep it"):
+        Experiment(readout=own)
     with pytest.raises(InputError, match=r"^tau must be a positive number of seconds, not 0"):
         tau_of(Experiment(readout=plain, tau_s=0.0))
 
@@ -369,7 +395,7 @@ def test_too_few_images_or_folds_are_refused_before_any_training(tmp_path: Path)
 
 def test_a_network_that_is_too_large_gets_one_sentence() -> None:
     with pytest.raises(MemoryError, match="hidden=2000000000 is too large; take fewer"):
-        build(NetworkConfig(inputs=8, classes=3, hidden=2_000_000_000), 0)
+        build(NetworkConfig.from_dict({"inputs": 8, "classes": 3, "hidden": 2_000_000_000}), 0)
 
 
 @pytest.mark.parametrize(

@@ -11,13 +11,16 @@ import torch
 
 from model.errors import InputError
 from snn.exchange.weights import Weights, load_weights, quantise, save_weights
-from snn.network import NetworkConfig, build
+from snn.network import build
+from snn.network_config import NetworkConfig
 
 CLASSES = ("a", "b", "c")
 
 
 def made(**fields: Any) -> Weights:
-    return Weights(build(NetworkConfig(inputs=6, classes=3, hidden=20, **fields), seed=4), CLASSES, 0.002)
+    return Weights(
+        build(NetworkConfig.from_dict(dict(inputs=6, classes=3, hidden=20, **fields)), seed=4), CLASSES, 0.002
+    )
 
 
 @pytest.mark.parametrize(

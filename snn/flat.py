@@ -1,0 +1,69 @@
+"""Configurations that hold configurations, as one flat dictionary: the form of files and of ``--set NAME=VALUE``."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, TypeVar, get_args, get_type_hints
+
+from model.errors import InputError
+
+Config = TypeVar("Config")
+
+_NOUNS = {bool: "true or false", int: "a whole number", float: "a number", str: "a word"}
+
+
+def flatten(config: Any) -> dict[str, Any]:
+    """Return the fields of a dataclass by name, those of the dataclasses in it among them."""
+    found: dict[str, Any] = {}
+    for field in dataclasses.fields(config):
+        value = getattr(config, field.name)
+        found |= flatten(value) if dataclasses.is_dataclass(value) else {field.name: value}
+    return found
+
+
+def hints_of(kind: type) -> dict[str, Any]:
+    """Return the type of every flat field of a dataclass by name."""
+    found: dict[str, Any] = {}
+    for name, hint in get_type_hints(kind).items():
+        found |= hints_of(hint) if dataclasses.is_dataclass(hint) else {name: hint}  # type: ignore[arg-type]
+    return found
+
+
+def unflatten(kind: type[Config], fields: dict[str, Any]) -> Config:
+    """Return a dataclass made of those flat fields that are its own; the others keep their defaults.
+
+    A whole number is taken for a float, and so is the text of a float that JSON has not, as "-inf".
+
+    Raises
+    ------
+    InputError
+        If a field is of the wrong type.
+    """
+    made: dict[str, Any] = {}
+    for name, hint in get_type_hints(kind).items():
+        if dataclasses.is_dataclass(hint):
+            made[name] = unflatten(hint, fields)  # type: ignore[arg-type]
+        elif name in fields:
+            value = fields[name]
+            made[name] = value if dataclasses.is_dataclass(value) else _checked(name, value, hint)
+    return kind(**made)
+
+
+def refuse_unknown(fields: Any, known: Any, what: str) -> None:
+    """Raise InputError unless ``fields`` is a dictionary with known names only."""
+    if not isinstance(fields, dict):
+        raise InputError(f"the fields of {what} must be a JSON object, not {type(fields).__name__}")
+    if unknown := sorted(set(map(str, fields)) - set(known)):
+        raise InputError(f"unknown {what} field {unknown[0]!r}; known are {', '.join(sorted(known))}")
+
+
+def _checked(name: str, value: Any, hint: Any) -> Any:
+    if hint is float and (type(value) is int or value in ("inf", "-inf", "nan")):
+        try:
+            return float(value)
+        except OverflowError:
+            raise InputError(f"{name} must be a number, not one of {len(str(value))} digits") from None
+    wanted = str if get_args(hint) else hint
+    if type(value) is not wanted:
+        raise InputError(f"{name} must be {_NOUNS.get(wanted, wanted.__name__)}, not {value!r}")
+    return value

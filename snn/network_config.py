@@ -1,0 +1,193 @@
+"""What fixes a network: one configuration for all kinds, and in it one for the kind.
+
+In files and on the command line their fields are one flat list (``NetworkConfig.to_dict``).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, Literal, get_args
+
+from model.errors import InputError
+from snn.flat import flatten, hints_of, refuse_unknown, unflatten
+from snn.kernels.rule import NeuronRule
+
+BaselineKind = Literal["rnn", "gru", "cnn"]
+OutputMode = Literal["spikes", "membrane"]
+
+KINDS = ("spiking", *get_args(BaselineKind))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpikingConfig:
+    """A layer of recurrent spiking neurons, and output neurons; the defaults are the paper's.
+
+    Parameters
+    ----------
+    hidden_rate, output_rate : float
+        Where not 0, training starts from biases with which every hidden neuron fires this often per step, and every
+        output neuron is driven by this much of its threshold (``snn.calibration``).
+    decay, output_decay : float
+        Part of the membrane potential left after one step; 1 is the paper's neuron without leak.
+    learn_decay : bool
+        Every neuron learns its decays, from those values on (below 1).
+    rule : NeuronRule
+    readout : "spikes" or "membrane"
+        The outputs fire and their spikes are added up; or their membranes do not fire and are averaged over time.
+    rate_weight, rate_limit : float
+        Penalty: weight times the mean over hidden neurons of the square by which their mean spikes per step
+        exceed the limit.
+    """
+
+    hidden_rate: float = 0.0
+    output_rate: float = 0.0
+    decay: float = 1.0
+    output_decay: float = 1.0
+    learn_decay: bool = False
+    rule: NeuronRule = field(default_factory=NeuronRule)
+    readout: OutputMode = "spikes"
+    rate_weight: float = 0.0
+    rate_limit: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.readout not in get_args(OutputMode):
+            raise InputError(f"readout must be one of {', '.join(get_args(OutputMode))}, not {self.readout!r}")
+        for name in ("decay", "output_decay"):
+            value = getattr(self, name)
+            if not 0 < value <= 1:
+                raise InputError(f"{name} must be above 0 and at most 1, not {value!r}")
+            if self.learn_decay and value == 1:
+                raise InputError(f"{name} must be below 1 to be learned; give a start value such as 0.95")
+        for name in ("hidden_rate", "output_rate"):
+            if not 0 <= getattr(self, name) < 1:
+                raise InputError(f"{name} must be from 0 to below 1 spikes per step, not {getattr(self, name)!r}")
+        _from_zero(self, "rate_weight", "rate_limit")
+
+
+@dataclass(frozen=True, kw_only=True)
+class BaselineConfig:
+    """A network for frames.
+
+    Parameters
+    ----------
+    kind : "rnn", "gru" or "cnn"
+        Recurrent with ReLU units (the paper's baseline), gated, or 1-D convolutional.
+    input_offset : float
+        Taken off the frames before they are scaled.
+    input_center : bool
+        Training sets the offset to the mean of its scans.
+    """
+
+    kind: BaselineKind = "rnn"
+    input_offset: float = 0.0
+    input_center: bool = False
+
+    def __post_init__(self) -> None:
+        if self.kind not in get_args(BaselineKind):
+            raise InputError(f"kind must be one of {', '.join(KINDS)}, not {self.kind!r}")
+        if not math.isfinite(self.input_offset):
+            raise InputError(f"input_offset must be a number, not {self.input_offset!r}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class NetworkConfig:
+    """All parameters of a network. Immutable, validated on construction.
+
+    Parameters
+    ----------
+    inputs, classes : int
+        Channels of a scan, and outputs.
+    hidden : int
+        Neurons or units of the hidden layer.
+    input_scale : float
+        What comes in is multiplied by it.
+    input_rms : float
+        Where not 0, training sets the scale such that its scans come in with this root mean square.
+    output_scale : float
+        What enters the SoftMax is multiplied by it.
+    dropout : float
+        Probability with which a hidden neuron does not reach the outputs, during a whole training scan.
+    units : SpikingConfig or BaselineConfig
+        What the network is made of.
+    """
+
+    inputs: int
+    classes: int
+    hidden: int = 256
+    input_scale: float = 1.0
+    input_rms: float = 0.0
+    output_scale: float = 1.0
+    dropout: float = 0.0
+    units: SpikingConfig | BaselineConfig = field(default_factory=SpikingConfig)
+
+    def __post_init__(self) -> None:
+        for name in ("inputs", "classes", "hidden"):
+            if getattr(self, name) < 1:
+                raise InputError(f"{name} must be at least 1, not {getattr(self, name)}")
+        for name in ("input_scale", "output_scale"):
+            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0):
+                raise InputError(f"{name} must be a positive number, not {getattr(self, name)!r}")
+        if not 0 <= self.dropout < 1:
+            raise InputError(f"dropout must be a probability below 1, not {self.dropout!r}")
+        _from_zero(self, "input_rms")
+
+    @property
+    def kind(self) -> str:
+        """ "spiking", or the kind of a baseline."""
+        return self.units.kind if isinstance(self.units, BaselineConfig) else "spiking"
+
+    @property
+    def neurons(self) -> SpikingConfig:
+        """The neurons of a spiking network."""
+        assert isinstance(self.units, SpikingConfig)
+        return self.units
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as one flat dictionary, those of the other kinds with their defaults."""
+        other = SpikingConfig() if isinstance(self.units, BaselineConfig) else BaselineConfig()
+        found = flatten(other) | flatten(self) | {"kind": self.kind}
+        return {name: found[name] for name in FIELDS}
+
+    @classmethod
+    def from_dict(cls, fields: Any) -> NetworkConfig:
+        """Return the network of flat fields; those that its kind does not have mean nothing.
+
+        Raises
+        ------
+        InputError
+            If there is an unknown field, or one of the wrong type or out of range.
+        """
+        refuse_unknown(fields, FIELDS, "network")
+        if missing := [name for name in ("inputs", "classes") if name not in fields]:
+            raise InputError(f"the fields of a network need {missing[0]}")
+        kind = fields.get("kind", "spiking")
+        if kind not in KINDS:
+            raise InputError(f"kind must be one of {', '.join(KINDS)}, not {kind!r}")
+        units: SpikingConfig | BaselineConfig
+        if kind == "spiking":
+            if fields.get("input_center") or fields.get("input_offset"):
+                raise InputError("input_center and input_offset are for frames; spikes are counted from 0")
+            units = unflatten(SpikingConfig, fields)
+        else:
+            units = unflatten(BaselineConfig, fields)
+        return unflatten(cls, fields | {"units": units})
+
+
+def _from_zero(config: Any, *names: str) -> None:
+    for name in names:
+        if not (math.isfinite(getattr(config, name)) and getattr(config, name) >= 0):
+            raise InputError(f"{name} must be a number from 0, not {getattr(config, name)!r}")
+
+
+FIELDS = (
+    *("inputs", "classes", "kind", "hidden", "input_scale", "input_offset", "input_rms", "input_center"),
+    *("hidden_rate", "output_rate", "decay", "output_decay", "learn_decay"),
+    *("reset", "reset_gradient", "floor", "surrogate", "surrogate_scale", "surrogate_width"),
+    *("readout", "output_scale", "dropout", "rate_weight", "rate_limit"),
+)
+"""Names of the flat fields, in the order of the files."""
+
+HINTS = {**hints_of(NetworkConfig), **hints_of(SpikingConfig), **hints_of(BaselineConfig), "kind": Literal[KINDS]}
+HINTS = {name: HINTS[name] for name in FIELDS}
+"""Types of the flat fields."""
