@@ -1,0 +1,327 @@
+"""Write the tables of results into the documents, from the data: ``python docs/tables.py``.
+
+A table stands between ``<!-- table NAME -->`` and ``<!-- end -->``, in any document and any number of times; NAME is
+that of a function below. Data: ``docs/data``, ``snn/figures`` and ``benchmarks/results``.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+BLOCK = re.compile(r"(<!-- table ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
+ENCODERS = {"lcs": "LCS", "cw-lcs": "CW-LCS", "nlcs": "N-LCS"}
+
+TABLES: dict[str, Callable[[], str]] = {}
+
+
+def table(build: Callable[[], str]) -> Callable[[], str]:
+    """Register a table under the name of its function, with hyphens."""
+    TABLES[build.__name__.replace("_", "-")] = build
+    return build
+
+
+def read(path: str) -> Any:
+    """Return the content of a JSON file, by its path from the top of the project."""
+    return json.loads((ROOT / path).read_text())
+
+
+def markdown(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """Return a table as text."""
+    head = list(head)
+    lines = ["| " + " | ".join(cells) + " |" for cells in [head, *map(list, rows)]]
+    return "\n".join([lines[0], "|" + "---|" * len(head), *lines[1:]]) + "\n"
+
+
+def digits(value: float, count: int) -> str:
+    """Return a number with so many significant digits, and never in powers of ten."""
+    text = f"{value:#.{count}g}"
+    return (f"{value:.0f}" if "e" in text else text).removesuffix(".")
+
+
+def percent(points: dict[str, Any]) -> str:
+    """Return an accuracy with its 95 % interval over images and seeds, in per cent."""
+    low, high = (100 * bound for bound in points["bootstrap_95"])
+    return f"{100 * points['accuracy']:.1f} % ({low:.1f} to {high:.1f})"
+
+
+# -- event rates -----------------------------------------------------------------------------------
+
+
+def rates() -> list[dict[str, Any]]:
+    """Return the rates that the paper gives, beside ours: Kylberg, ``paper``, N-LCS with 200 ms."""
+    return list(read("docs/data/event_rates.json")["points"])
+
+
+def stored_hz(encoding: str, resolution: int) -> float:
+    """Return the same rate of the array from the rates of its taxels that the power model reads."""
+    stored = read("model/power/event_rates.json")["tables"][0]
+    assert (stored["dataset"], stored["preset"]) == ("kylberg", "paper")
+    of_resolution = stored["lcs_hz"] if encoding == "lcs" else stored["nlcs_hz"][stored["taus_s"].index(0.2)]
+    return float(sum(of_resolution[stored["resolutions"].index(resolution)]))
+
+
+@table
+def event_rates() -> str:
+    """Published rates, those of float samples, and ours."""
+    rows = [
+        [f"{ENCODERS[point['encoding']]} {point['resolution']} b"]
+        + [f"{point[name]:,.1f}" for name in ("published_hz", "float_samples_hz", "here_hz")]
+        + [f"{100 * (point['here_hz'] / point['published_hz'] - 1):+.2f} %"]
+        for point in rates()
+    ]
+    return markdown(["readout", "published", "float samples", "here (integer)", "difference"], rows)
+
+
+# -- accuracy --------------------------------------------------------------------------------------
+
+
+def published(readout: str, resolution: int) -> dict[str, Any]:
+    """Return a point of the paper's Fig. 9."""
+    points = read("snn/figures/published_fig9.json")["points"]
+    (found,) = (p for p in points if (p["readout"], p["resolution"]) == (readout, resolution))
+    return dict(found)
+
+
+def sweep(name: str) -> list[dict[str, Any]]:
+    """Return the points of a sweep, LCS first."""
+    return sorted(read(f"snn/figures/sweeps/{name}.json")["points"], key=lambda p: (p["readout"], p["resolution"]))
+
+
+def rate(point: dict[str, Any]) -> str:
+    """Return a normalised data rate with three digits."""
+    return digits(point["normalised_rate"], 3 if point["normalised_rate"] > 0.1 else 2)
+
+
+@table
+def accuracy_paper() -> str:
+    """The paper's network on the paper's scans."""
+    rows = [
+        [
+            f"{ENCODERS[p['readout']]} {p['resolution']} b",
+            rate(p),
+            f"{100 * published(p['readout'], p['resolution'])['accuracy']:.2f} %",
+            percent(p["last"]),
+            f"{100 * p['selected']['accuracy']:.1f} %",
+        ]
+        for p in sweep("paper-network")
+    ]
+    return markdown(["encoder", "normalised rate", "published", "last epoch", "selected epoch"], rows)
+
+
+@table
+def accuracy_physical() -> str:
+    """The tuned network on physical scans, and its point with bins of 2 ms."""
+    points = [(p, "") for p in sweep("tuned")] + [(p, ", bins of 2 ms") for p in sweep("tuned-2ms")]
+    points.sort(key=lambda pair: (pair[0]["readout"], pair[0]["resolution"]))
+    rows = [
+        [
+            f"{ENCODERS[p['readout']]} {p['resolution']} b{bins}",
+            rate(p),
+            percent(p["last"]),
+            f"{100 * p['selected']['accuracy']:.1f} %",
+        ]
+        for p, bins in points
+    ]
+    return markdown(["encoder", "normalised rate", "last epoch", "selected epoch"], rows)
+
+
+FRAME_NETWORKS = {"rnn": "ReLU units (`rnn`), the paper's baseline", "cnn": "1-D convolutions (`cnn`), the fair one"}
+
+
+def frame_points() -> dict[str, dict[str, Any]]:
+    """Return the points of frames by the kind of network."""
+    points = sweep("reference-frames")
+    return {kind: next(p for p in points if kind in p["name"]) for kind in FRAME_NETWORKS}
+
+
+@table
+def accuracy_frames() -> str:
+    """Both baselines on frames."""
+    rows = [
+        [
+            FRAME_NETWORKS[kind],
+            f"{100 * published('frame', 10)['accuracy']:.2f} %" if kind == "rnn" else "",
+            percent(p["last"]),
+            f"{100 * p['selected']['accuracy']:.1f} %",
+        ]
+        for kind, p in frame_points().items()
+    ]
+    return markdown(["network", "published", "last epoch", "selected epoch"], rows)
+
+
+@table
+def results() -> str:
+    """What a reader of the README wants to know first."""
+    lcs, nlcs = ({p["resolution"]: p for p in sweep("paper-network") if p["readout"] == r} for r in ("lcs", "nlcs"))
+    rows = [
+        [
+            f"events/s, {ENCODERS[p['encoding']]} {p['resolution']} b",
+            f"{p['published_hz']:,.1f}",
+            f"{p['here_hz']:,.1f}",
+        ]
+        for p in rates()
+        if (p["encoding"], p["resolution"]) in (("lcs", 2), ("lcs", 6), ("nlcs", 8))
+    ]
+    for name, ours in (("LCS 6 b", lcs[6]), ("LCS 8 b", lcs[8]), ("N-LCS 8 b", nlcs[8])):
+        theirs = published(ours["readout"], ours["resolution"])["accuracy"]
+        rows.append([f"six textures, the paper's network, {name}", f"{100 * theirs:.2f} %", percent(ours["last"])])
+    (best,) = sweep("tuned-2ms")
+    rows.append([f"six textures, a leaky network, LCS 3 b at {rate(best)} of 640 kb/s", "", percent(best["last"])])
+    frames = frame_points()
+    theirs = published("frame", 10)["accuracy"]
+    rows.append(["six textures from frames, ReLU units", f"{100 * theirs:.2f} %", percent(frames["rnn"]["last"])])
+    rows.append(["six textures from frames, convolutions", "", percent(frames["cnn"]["last"])])
+    for mode, text in (("paper", "in the paper's model"), ("consistent", "with seven corrections")):
+        ratio = read("docs/data/fig7.json")["modes"][mode]["ratio"]
+        value = f"{digits(ratio['lcs'][5], 3)} (LCS), {digits(ratio['nlcs']['0.2'][5], 3)} (N-LCS)"
+        rows.append([f"power by that of frames, 6 b, 1 mV of noise, {text}", "", value])
+    return markdown(["", "published", "here"], rows)
+
+
+# -- power -----------------------------------------------------------------------------------------
+
+
+@table
+def power_parts() -> str:
+    """Fig. 6, mode ``paper``, at the least and the most noise."""
+    data = read("docs/data/fig6.json")
+    names = {"nlcs": "N-LCS", "lcs": "LCS", "frame": "frame"}
+    rows = [
+        [f"{1e3 * data['noise_v_rms'][i]:g} mV", names[readout]]
+        + [f"{data['modes']['paper'][i][readout][part]:.3e}" for part in ("afe", "converter", "io", "total")]
+        for i in (0, 2)
+        for readout in names
+    ]
+    return markdown(["v_n", "readout", "AFE", "converter", "I/O", "total"], rows)
+
+
+def by_resolution(values: dict[str, Any], show: Callable[[float | None], str]) -> str:
+    """Return a table of LCS and of N-LCS with its time constants over the resolutions."""
+    named = {"LCS": values["lcs"]}
+    named |= {f"N-LCS {1e3 * float(tau_s):.0f} ms": row for tau_s, row in values["nlcs"].items()}
+    return markdown(["N", *map(str, range(1, 11))], [[name, *map(show, row)] for name, row in named.items()])
+
+
+@table
+def power_crossover() -> str:
+    """Crossover in mV, mode ``paper``."""
+    values = read("docs/data/fig7.json")["modes"]["paper"]["crossover"]
+    return by_resolution(values, lambda v: "-" if v is None else digits(1e3 * v, 4))
+
+
+@table
+def power_ratio() -> str:
+    """Spiking over frame power at 1 mV, mode ``consistent``."""
+    values = read("docs/data/fig7.json")["modes"]["consistent"]["ratio"]
+    return by_resolution(values, lambda v: digits(float(v or 0), 3))
+
+
+@table
+def power_sensitivity() -> str:
+    """Every correction alone, all but one, and the variants."""
+    data = read("docs/data/sensitivity.json")
+    rows = []
+    for row in data["rows"]:
+        bold = "**" if row["case"] == "all (consistent)" else ""
+        cells = [row["case"]]
+        for readout in ("nlcs", "lcs"):
+            crossing = row["crossover"][readout]
+            noise = crossing["noise_v_rms"]
+            cells += [f"{ratio:.3g}" for ratio in row["ratio"][readout]]
+            cells.append(crossing["spikes_win"] + ("" if noise is None else f" {digits(1e3 * noise, 3)}"))
+        rows.append([f"{bold}{cell}{bold}" for cell in cells])
+    noises = [f"{1e3 * noise:.3g} mV" for noise in data["noise_v_rms"]]
+    columns = [[f"{name} {noises[0]}", *noises[1:], "spikes win"] for name in ("N-LCS", "LCS")]
+    return markdown(["corrections", *columns[0], *columns[1]], rows)
+
+
+# -- speed -----------------------------------------------------------------------------------------
+
+
+@table
+def speed_encoders() -> str:
+    """Encoders against a plain copy, for many signals and for one array."""
+    names = {
+        "copy": "copy",
+        "lcs": "LCS",
+        "lcs, counts per taxel only": "LCS, events per taxel only",
+        "cw-lcs": "CW-LCS",
+        "nlcs": "N-LCS (4,096 signals)",
+        "lcs, numpy over time": "LCS, NumPy over the taxels, Python over time",
+        "snntorch delta": "snnTorch `spikegen.delta` (1,024 signals)",
+    }
+    many, one = (
+        {r["name"]: r for r in read(f"benchmarks/results/{name}.json")["results"]} for name in ("encoder", "encoder_64")
+    )
+    rows = []
+    for name, text in names.items():
+        times = many[name]["times_the_copy"]
+        rows.append(
+            [
+                text,
+                f"{many[name]['taxel_samples_per_second'] / 1e6:,.0f}",
+                f"{digits(times['median'], 3)} ({digits(times['least'], 3)} to {digits(times['most'], 3)})",
+                digits(one[name]["times_the_copy"]["median"], 3),
+            ]
+        )
+    return markdown(["", "million taxel-samples/s", "times the copy", "64 taxels"], rows)
+
+
+@table
+def speed_cosim() -> str:
+    """Co-simulation and model against a bare Verilator loop."""
+    rows = []
+    for r in read("benchmarks/results/cosim.json")["results"]:
+        median, least, most = (digits(r["of_bare_loop"][name], 3) for name in ("median", "least", "most"))
+        rows.append([r["name"], f"{r['clocks_per_second']:,.0f}", f"{median} ({least} to {most})"])
+    return markdown(["", "clocks/s", "of the bare loop"], rows)
+
+
+@table
+def speed_layer() -> str:
+    """One training step of the recurrent layer: CPU time and memory of every candidate."""
+    results = read("benchmarks/results/network.json")["results"]
+    results.sort(key=lambda r: (r["rate"], r["steps"]))
+    rows = []
+    for name in results[0]["candidates"]:
+        of_cases = [r["candidates"][name] for r in results]
+        rows.append([name, *(f"{1e3 * c['cpu_s']['median']:.1f}, {c['peak_mib']:.0f}" for c in of_cases)])
+    rows.append(["matrix products alone (torch)", *(f"{1e3 * r['limit_cpu_s']['median']:.1f}" for r in results)])
+    kernel = [r["candidates"]["this project, kernel"]["cpu_s"]["median"] for r in results]
+    fastest = [min(c["cpu_s"]["median"] for c in r["candidates"].values() if c["library"]) for r in results]
+    rows.append(["fastest library / kernel", *(f"{f / k:.1f}" for f, k in zip(fastest, kernel, strict=True))])
+    limits = [r["limit_cpu_s"]["median"] for r in results]
+    rows.append(["kernel / matrix products", *(f"{k / limit:.2f}" for k, limit in zip(kernel, limits, strict=True))])
+    head = ["", *(f"{r['steps']} steps, {100 * r['input_density']:.0f} % of the inputs" for r in results)]
+    return markdown(head, rows)
+
+
+@table
+def leak() -> str:
+    """The leak of N-LCS in integers against floating point, per cent of the event rate."""
+    rows = []
+    for r in read("benchmarks/results/leak.json")["results"]:
+        low, high = r["exponential"]
+        numbers = [f"{r['fractions'][fraction]:.2f}" for fraction in ("4", "6", "8", "10", "12")]
+        limits = [f"{low:+.2f} to {high:+.2f}", f"{r['moving']:+.2f}"]
+        rows.append([str(r["resolution"]), str(r["leak_shift"]), *numbers, *limits])
+    return markdown(["N", "k", *(f"F = {f}" for f in (4, 6, 8, 10, 12)), "exponential", "moving"], rows)
+
+
+def filled(text: str) -> str:
+    """Return a document with every table made anew."""
+    return BLOCK.sub(lambda found: f"{found[1]}\n{TABLES[found[2]]()}\n{found[3]}", text)
+
+
+if __name__ == "__main__":
+    for page in PAGES:
+        text = page.read_text()
+        if (new := filled(text)) != text:
+            page.write_text(new)
+            print(page.relative_to(ROOT))

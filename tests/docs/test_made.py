@@ -1,0 +1,48 @@
+"""Documents that are made from data or from the commands say what these say."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+def load(path: str) -> ModuleType:
+    """Return a script of ``docs/`` as a module; the folder is no package."""
+    spec = importlib.util.spec_from_file_location(f"docs_{Path(path).stem}", ROOT / path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+tables = load("docs/tables.py")
+
+
+@pytest.mark.parametrize("page", tables.PAGES, ids=lambda page: page.name)
+def test_the_tables_are_those_of_the_data(page: Path) -> None:
+    text = page.read_text()
+    assert tables.filled(text) == text, "run python docs/tables.py"
+
+
+def test_every_table_stands_somewhere() -> None:
+    shown = {name for page in tables.PAGES for _, name, _ in tables.BLOCK.findall(page.read_text())}
+    assert shown == set(tables.TABLES)
+
+
+def test_the_rates_are_those_that_the_power_model_reads() -> None:
+    for point in tables.rates():
+        stored = tables.stored_hz(point["encoding"], point["resolution"])
+        assert stored == pytest.approx(point["here_hz"], rel=1e-4)
+
+
+def test_the_command_reference_is_what_help_prints() -> None:
+    commands = load("docs/commands.py")
+    assert commands.PAGE.read_text() == commands.page(), "run python docs/commands.py"
