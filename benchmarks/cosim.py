@@ -24,7 +24,9 @@ from cocotb.triggers import FallingEdge
 
 from cocotb_tests.bench.readout import Bench
 from cocotb_tests.bench.textures import scan
-from cocotb_tests.session.simulator import BUILD, VERILATOR_FLAGS, build, build_environment
+from cocotb_tests.session.runners import VERILATOR_FLAGS, build_environment
+from cocotb_tests.session.simulator import build
+from cocotb_tests.session.store import BUILD
 from model.config import ReadoutConfig
 from model.readout import Stimulus, simulate
 

@@ -14,7 +14,7 @@ import pytest
 from cocotb_tests.bench.block import Block, Checker, Sink, bits, job, payload, report
 from cocotb_tests.bench.reference import AddressEvent, ArbiterReference
 from cocotb_tests.session.block import cosimulate
-from cocotb_tests.session.simulator import Simulator
+from cocotb_tests.session.runners import Simulator
 from model.config import ReadoutConfig
 
 Want = Callable[[int, int], bool]

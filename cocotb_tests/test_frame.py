@@ -16,7 +16,8 @@ import pytest
 from cocotb_tests.bench.block import JOB, Sink, report
 from cocotb_tests.bench.frame import FrameBench, SarAdc
 from cocotb_tests.bench.textures import random_scan, scan
-from cocotb_tests.session.simulator import Simulator, build
+from cocotb_tests.session.runners import Simulator
+from cocotb_tests.session.simulator import build
 from model.config import ReadoutConfig
 from model.frame import FrameConfig, FrameStimulus, adc_code, simulate, unpack
 

@@ -16,7 +16,7 @@ from cocotb.utils import get_sim_time
 from cocotb_tests.bench.block import Block, Checker, job, payload, report
 from cocotb_tests.bench.reference import AddressEvent, LinkReference
 from cocotb_tests.session.block import cosimulate
-from cocotb_tests.session.simulator import Simulator
+from cocotb_tests.session.runners import Simulator
 from model.config import ReadoutConfig
 
 PERIOD_PS = 10_000

@@ -9,8 +9,9 @@ import pytest
 
 from cocotb_tests.commands.sim import reproduce
 from cocotb_tests.session.player import Job
+from cocotb_tests.session.runners import Simulator
 from cocotb_tests.session.session import run_job
-from cocotb_tests.session.simulator import Simulator, build
+from cocotb_tests.session.simulator import build
 from model.config import ReadoutConfig
 
 ARRAYS = [(1, 1), (1, 4), (3, 5), (8, 8), (12, 16)]

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 
+import pytest
+
+from cocotb_tests.session import runners, simulator, store
 from cocotb_tests.session.store import ROOT
+from model.config import ReadoutConfig
 
 COUNT_YOSYS = """
 import subprocess
@@ -73,3 +80,65 @@ def test_yosys_runs_only_when_something_changed(tmp_path: Path) -> None:
     again = build_in(folder)
     assert again[0] == 1
     assert again[1] != first[1]
+
+
+def test_verilators_library_is_compiled_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(simulator, "BUILD", tmp_path)
+    for rows in (1, 2):
+        log = (simulator.build(ReadoutConfig(rows=rows, columns=1), "verilator").folder / "build.log").read_text()
+        assert log.count(" -c -o Vtop__ALL.o ") == 1
+    assert " -c -o verilated" not in log
+
+
+def test_a_killed_build_leaves_nothing_that_runs_and_the_next_removes_its_folder(tmp_path: Path) -> None:
+    build = """
+from cocotb_tests.session import runners, simulator
+from model.config import ReadoutConfig
+from pathlib import Path
+runners.BUILD = simulator.BUILD = Path("build").resolve()
+simulator.build(ReadoutConfig(rows=1, columns=1), "verilator")
+"""
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    killed = subprocess.Popen([sys.executable, "-c", build], cwd=tmp_path, env=environment)
+    wait_until(lambda: any("cc1plus" in line for line in running_in(tmp_path)))
+    killed.kill()
+    killed.wait()
+    wait_until(lambda: not running_in(tmp_path))
+    (left,) = (tmp_path / "build" / "sim").glob(".*")
+    with store.scratch_folder(tmp_path / "build" / "sim", "mine") as mine:
+        assert not left.exists()
+        with store.scratch_folder(tmp_path / "build" / "sim", "other"):
+            assert mine.exists()  # its owner lives
+    assert not mine.exists()
+
+
+def running_in(folder: Path) -> list[str]:
+    """Return the command lines of all processes whose current folder is below a folder."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            if (process / "cwd").resolve().is_relative_to(folder):
+                found.append((process / "cmdline").read_text())
+    return found
+
+
+def wait_until(happened: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 120
+    while not happened():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def test_the_store_keeps_what_was_used_last(tmp_path: Path) -> None:
+    now = time.time()
+    for age, name in enumerate(["new", "recent", "old", "older"]):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "program").write_bytes(bytes(1_000_000))
+        (tmp_path / name / "built").touch()
+        used = now - age * 1800 - 60
+        os.utime(tmp_path / name / "built", (used, used))
+    (tmp_path / ".draft").mkdir()
+    store.trim(tmp_path, limit=3_500_000)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".draft", "new", "old", "recent"]
+    store.trim(tmp_path, limit=1)  # those of the last hour may be in use
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".draft", "new", "recent"]

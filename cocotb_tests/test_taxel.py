@@ -13,7 +13,7 @@ import pytest
 from cocotb_tests.bench.block import Block, Checker, job, report
 from cocotb_tests.bench.reference import TaxelReference
 from cocotb_tests.session.block import cosimulate
-from cocotb_tests.session.simulator import Simulator
+from cocotb_tests.session.runners import Simulator
 from model.config import ReadoutConfig
 
 PHASES, CLOCKS = 14, 160

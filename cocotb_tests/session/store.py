@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import hashlib
 import importlib.metadata
 import json
-from collections.abc import Iterable
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +23,9 @@ from rtl.verilog import Config, verilog
 ROOT = Path(__file__).resolve().parents[2]
 BUILD = (ROOT if (ROOT / "pyproject.toml").is_file() else Path.cwd()) / "build"
 """In the checkout; in the current folder where the packages are installed without one."""
+MOST_BYTES = 2**30
+"""Of ``build/sim`` and of ``build/verilog``, each."""
+KEPT_S = 3600
 
 
 def sources(places: Iterable[tuple[Any, str]]) -> str:
@@ -28,14 +36,19 @@ def sources(places: Iterable[tuple[Any, str]]) -> str:
     places : iterable of (module, str)
         Packages, and a pattern of the files in each.
     """
-    digest = hashlib.sha256()
+    read = hashlib.sha256()
     for package, pattern in places:
         folder = Path(str(package.__file__)).parent
         files = sorted(folder.glob(pattern))
         assert files, f"no sources {pattern} in {folder}"
         for path in files:
-            digest.update(f"{path.relative_to(folder.parent)}\0".encode() + path.read_bytes() + b"\0")
-    return digest.hexdigest()
+            read.update(f"{path.relative_to(folder.parent)}\0".encode() + path.read_bytes() + b"\0")
+    return read.hexdigest()
+
+
+def digest(recipe: Any) -> str:
+    """Return a short name for what something is made of, given as JSON content."""
+    return hashlib.sha256(json.dumps(recipe).encode()).hexdigest()[:12]
 
 
 def versions(*packages: str) -> dict[str, str]:
@@ -53,19 +66,84 @@ def verilog_text(config: Config) -> str:
     A text is stored with its own digest, so that a damaged one is generated again; it is written whole or not at
     all, so that two processes may generate the same.
     """
-    recipe = [type(config).__name__, config.to_dict(), *_VERILOG_IS_MADE_OF]
-    key = hashlib.sha256(json.dumps(recipe).encode()).hexdigest()
-    path = BUILD / "verilog" / f"{key[:24]}.v"
+    key = digest([type(config).__name__, config.to_dict(), _VERILOG_IS_MADE_OF])
+    path = BUILD / "verilog" / f"{key}.v"
     with contextlib.suppress(OSError, UnicodeDecodeError):
         stamp, _, text = path.read_text().partition("\n")
         if stamp == _stamp(text):
+            path.touch()
             return text
     text = verilog(config)
     path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_write(path) as file:
         file.write(f"{_stamp(text)}\n{text}".encode())
+    trim(path.parent)
     return text
 
 
 def _stamp(text: str) -> str:
     return f"// sha256 {hashlib.sha256(text.encode()).hexdigest()}"
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Hold a folder against all other processes; the system lets go of it when this one ends, however that ends."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
+
+
+@contextlib.contextmanager
+def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
+    """Make a folder of this process, removed at the end; remove those that killed processes left there.
+
+    Parameters
+    ----------
+    parent : Path
+        Made if need be. All folders in it whose names begin with a dot are such folders.
+    name : str
+        For a person who finds it.
+    """
+    parent.mkdir(parents=True, exist_ok=True)
+    with contextlib.ExitStack() as mine:
+        with locked(parent):  # or another would find the folder before it is locked
+            for left in parent.glob(".*/"):
+                _remove_if_abandoned(left)
+            folder = Path(tempfile.mkdtemp(prefix=f".{name}.", dir=parent))
+            mine.enter_context(locked(folder))
+        mine.callback(shutil.rmtree, folder, ignore_errors=True)
+        yield folder
+
+
+def _remove_if_abandoned(folder: Path) -> None:
+    with contextlib.suppress(OSError):  # a living process holds it
+        handle = os.open(folder, os.O_RDONLY | os.O_NOFOLLOW)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            shutil.rmtree(folder, ignore_errors=True)
+        finally:
+            os.close(handle)
+
+
+def trim(folder: Path, limit: int = MOST_BYTES) -> None:
+    """Remove what has not been used for longest, until a folder of the store is within its limit.
+
+    What was used within the last hour stays. The time of use is that of a file, or of the file ``built`` in a folder.
+    """
+    used = []
+    for entry in folder.glob("[!.]*"):
+        with contextlib.suppress(OSError):  # another process trims
+            files = [entry, *entry.iterdir()] if entry.is_dir() else [entry]
+            mark = entry / "built" if entry.is_dir() else entry
+            used.append((mark.stat().st_mtime, sum(file.lstat().st_size for file in files), entry))
+    total = 0
+    for time_of_use, size, entry in sorted(used, reverse=True):
+        total += size
+        if total > limit and time_of_use < time.time() - KEPT_S:
+            if entry.is_dir():
+                shutil.rmtree(entry, ignore_errors=True)
+            else:
+                entry.unlink(missing_ok=True)
