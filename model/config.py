@@ -86,6 +86,19 @@ class ReadoutConfig:
     ------
     InputError
         If a value is of the wrong type, out of range, or does not fit another.
+
+    Examples
+    --------
+    >>> config = ReadoutConfig(rows=12, columns=16, encoding="nlcs", resolution=8)
+    >>> config.taxels, config.step, config.event_bits, round(config.tau_s, 3)
+    (192, 4, 8, 0.2)
+    >>> config.replace(encoding="lcs").has_polarity
+    True
+    >>> ReadoutConfig.from_json(config.to_json()) == config
+    True
+    >>> ReadoutConfig(resolution=11)
+    Traceback (most recent call last):
+    model.errors.InputError: resolution must be in 1..sample_bits - 2 = 10, not 11
     """
 
     rows: int = parameter(8, "", f"{SPECIFICATION} 1", "rows of taxels, 1..64")

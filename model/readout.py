@@ -170,6 +170,16 @@ def simulate(config: ReadoutConfig, stimulus: Stimulus) -> Events:
     ------
     InputError
         If the stimulus does not fit the configuration.
+
+    Examples
+    --------
+    Two taxels on one link: the arbiter latches both requests at once and sends them one per clock.
+
+    >>> from model.config import ReadoutConfig
+    >>> config = ReadoutConfig(rows=1, columns=2, resolution=6, clocks_per_sample=8)
+    >>> simulate(config, Stimulus.from_samples(config, np.array([[0, 0], [20, -20]])))
+    array([(11, 0, 0,  True), (12, 1, 0, False)],
+          dtype=[('t', '<i8'), ('x', '<i2'), ('y', '<i2'), ('p', '?')])
     """
     stimulus.check(config)
     return _run(config, stimulus, stimulus.clocks)[0]

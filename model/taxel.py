@@ -74,6 +74,19 @@ def encode(config: ReadoutConfig, samples: Samples, out: Counts | None = None) -
     ------
     InputError
         If the samples have the wrong shape, type or range.
+
+    Examples
+    --------
+    A step of 16 codes (N = 6, W = 12); the signal rises by three levels, rests, and falls by five:
+
+    >>> import numpy as np
+    >>> from model.config import ReadoutConfig
+    >>> config = ReadoutConfig(rows=1, columns=1, resolution=6)
+    >>> counts = encode(config, np.array([[0], [50], [49], [-40]]))
+    >>> counts.ravel()
+    array([ 0,  3,  0, -5], dtype=int16)
+    >>> decode(config, counts).ravel()
+    array([  0.,  48.,  48., -32.])
     """
     samples = _check_samples(config, samples)
     counts: Counts = np.empty(samples.shape, _count_dtype(config)) if out is None else out

@@ -53,6 +53,20 @@ class Recording:
     ------
     InputError
         If the events do not fit the array, the encoder or the duration, or are out of order.
+
+    Examples
+    --------
+    >>> from model.config import ReadoutConfig
+    >>> from model.events.address import EVENT_DTYPE
+    >>> events = np.array([(11, 0, 0, True), (12, 1, 0, False)], EVENT_DTYPE)
+    >>> recording = Recording(events, ReadoutConfig(rows=1, columns=2), 1280, metadata={"label": "brick"})
+    >>> recording.duration_s, recording.rate_hz
+    (0.001, 2000.0)
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     recording.save(Path(folder) / "brick.npz")
+    ...     Recording.load(Path(folder) / "brick.npz") == recording
+    True
     """
 
     events: Events

@@ -38,6 +38,17 @@ class LevelCrossing:
     ------
     InputError
         If channels of polarity are wanted of N-LCS, which has no OFF events, or without them.
+
+    Examples
+    --------
+    At N = 3 an event is a crossing of 1/16 of full scale:
+
+    >>> import torch
+    >>> encode = LevelCrossing(ReadoutConfig(rows=1, columns=1, resolution=3))
+    >>> encode(torch.tensor([[0.0], [0.13], [0.13], [-0.01]])).flatten().tolist()
+    [0.0, 2.0, 0.0, -2.0]
+    >>> LevelCrossing(encode.config, polarity=True)(torch.tensor([[0.0], [0.13]])).shape
+    torch.Size([2, 2, 1])
     """
 
     config: ReadoutConfig

@@ -61,6 +61,14 @@ def layer(
     Returns
     -------
     Tensor of 0 and 1, shape (steps, batch, neurons)
+
+    Examples
+    --------
+    One neuron without a leak takes 0.4 in every step. It fires where its potential passes 1, and starts from 0 again:
+
+    >>> x, w_in, bias, decay = torch.ones(7, 1, 1), torch.full((1, 1), 0.4), torch.zeros(1), torch.ones(1)
+    >>> layer(NeuronRule(), x, w_in, bias, decay).flatten().tolist()
+    [0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0]
     """
     suits = x.device.type == "cpu" and all(p is None or p.dtype == torch.float32 for p in (x, w_in, w_rec))
     suits = suits and x.shape[0] * x.shape[1] * max(w_in.shape) < MOST_ENTRIES

@@ -1,0 +1,27 @@
+"""The examples in docstrings say what the code does."""
+
+from __future__ import annotations
+
+import doctest
+from importlib import import_module
+
+import pytest
+
+EXAMPLES = {
+    "model.config": "ReadoutConfig",
+    "model.taxel": "encode",
+    "model.readout": "simulate",
+    "model.events.recording": "Recording",
+    "snn.kernels.layer": "layer",
+    "snn.exchange.transforms": "LevelCrossing",
+}
+
+
+@pytest.mark.parametrize(("name", "of"), EXAMPLES.items())
+def test_the_examples_of(name: str, of: str) -> None:
+    module = import_module(name)
+    found = {test.name: test for test in doctest.DocTestFinder().find(module)}
+    assert found[f"{name}.{of}"].examples
+    failed, tried = doctest.testmod(module)
+    assert tried > 0
+    assert failed == 0
