@@ -59,6 +59,16 @@ def write_json(path: Path, content: dict[str, Any]) -> None:
         file.write((json.dumps(plain(content), indent=1, allow_nan=False) + "\n").encode())
 
 
+def read_json(path: Path, what: str) -> Any:
+    """Return what a JSON file holds, or refuse it in one sentence."""
+    try:
+        return json.loads(path.read_text())
+    except OSError as error:
+        raise InputError(f"cannot read {what} {path}: {error.strerror}") from None
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{what} {path} is not JSON: {error}") from None
+
+
 def plain(content: Any) -> Any:
     """Return JSON content in which a float that is no finite number, which JSON has not, is a text such as "-inf"."""
     if isinstance(content, dict):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -13,6 +12,7 @@ import numpy as np
 
 from model.errors import InputError
 from model.events.recording import Recording
+from model.files import read_json
 
 if TYPE_CHECKING:
     from model.power.equations import PowerModel
@@ -230,16 +230,6 @@ def fig7_notes(fig7: Data) -> dict[str, list[str]]:
 
 
 # -- accuracy, benchmarks ----------------------------------------------------------------------------
-
-
-def read_json(path: Path, what: str) -> Any:
-    """Return what a JSON file holds, or refuse it in one sentence."""
-    try:
-        return json.loads(path.read_text())
-    except OSError as error:
-        raise InputError(f"cannot read {what} {path}: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{what} {path} is not JSON: {error}") from None
 
 
 def fig9_data(path: Path) -> Data:

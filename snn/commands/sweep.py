@@ -17,6 +17,7 @@ from snn.commands.options import Folds, Seeds, Workers, build_experiment, with_e
 from snn.experiments.recipes import BASELINES
 
 if TYPE_CHECKING:
+    from snn.experiments.points import PointSummary
     from snn.experiments.sweep import SweepPoint
     from snn.experiments.workers import Crew
 
@@ -131,7 +132,7 @@ def command_line(context: typer.Context) -> str:
     return shlex.join(words)
 
 
-def _print_table(points: list[dict[str, Any]]) -> None:
+def _print_table(points: list[PointSummary]) -> None:
     """Print the accuracy of every point over its data rate."""
     from rich import box
     from rich.console import Console
@@ -146,15 +147,15 @@ def _print_table(points: list[dict[str, Any]]) -> None:
     for name in ("rate", "last epoch", "95 % interval", "sd", "selected", "sd"):
         table.add_column(name, justify="right")
     for point in points:
-        last, selected = point["last"], point["selected"]
-        low, high = last["bootstrap_95"]
+        last, selected = point.result("last"), point.result("selected")
+        low, high = last.bootstrap_95
         table.add_row(
-            point["name"],
-            f"{point['normalised_rate']:.3g}",
-            f"{100 * last['accuracy']:.1f}",
+            point.name,
+            f"{point.normalised_rate:.3g}",
+            f"{100 * last.accuracy:.1f}",
             f"{100 * low:.1f} to {100 * high:.1f}",
-            f"{100 * last['sd_over_cells']:.1f}",
-            f"{100 * selected['accuracy']:.1f}",
-            f"{100 * selected['sd_over_cells']:.1f}",
+            f"{100 * (last.sd_over_cells or 0):.1f}",
+            f"{100 * selected.accuracy:.1f}",
+            f"{100 * (selected.sd_over_cells or 0):.1f}",
         )
     Console().print(table)

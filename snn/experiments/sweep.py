@@ -21,6 +21,7 @@ from snn.data.scans import ScanData
 from snn.experiments.crossval import check_same, read_cell, summarise
 from snn.experiments.experiment import Experiment
 from snn.experiments.folds import check_folds
+from snn.experiments.points import Cells, PointSummary, Result, write_sweep
 from snn.experiments.workers import Crew, Local, pack, sentence
 
 PUBLISHED_BPS = 640e3
@@ -160,12 +161,8 @@ class PointRun:
         }
         write_json(self.folder / "result.json", self.report)
 
-    def summary(self) -> dict[str, Any]:
-        """Return the point in a sweep's summary: rates, cells done, and accuracies over the seeds that are whole.
-
-        Rates are None before the scans are made, accuracies before the first seed is whole. Rates in events (values,
-        of frames) and bits per second, ``normalised_rate`` in units of 640 kb/s.
-        """
+    def summary(self) -> PointSummary:
+        """Return the point in a sweep's summary: rates, cells done, and accuracies over the seeds that are whole."""
         bits = self.point.bits_per_event
         data_rate = None if self.rate_hz is None else self.rate_hz * bits
         whole = [s for s in range(self.seeds) if all((fold, s) in self.done for fold in range(self.folds))]
@@ -175,20 +172,20 @@ class PointRun:
                 cells = [self.done[fold, s] for s in whole for fold in range(self.folds)]
                 self._partial = (len(whole), summarise(cells, self._images, len(self._class_names)))
             readings = self._partial[1]
-        return {
-            "name": self.point.name,
-            "readout": self.point.readout,
-            "resolution": self.point.resolution,
-            "preset": self.point.experiment.preset,
-            "rate_hz": self.rate_hz,
-            "bits_per_event": bits,
-            "data_rate_bps": data_rate,
-            "normalised_rate": None if data_rate is None else data_rate / PUBLISHED_BPS,
-            "class_names": self._class_names if self.ready else None,
-            "cells": {"done": len(self.done), "of": len(self.paths), "whole_seeds": len(whole)},
-            "last": readings["last"] if readings else None,
-            "selected": readings["selected"] if readings else None,
-        }
+        return PointSummary(
+            name=self.point.name,
+            readout=self.point.readout,
+            resolution=self.point.resolution,
+            preset=self.point.experiment.preset,
+            rate_hz=self.rate_hz,
+            bits_per_event=bits,
+            data_rate_bps=data_rate,
+            normalised_rate=None if data_rate is None else data_rate / PUBLISHED_BPS,
+            class_names=self._class_names if self.ready else None,
+            cells=Cells(len(self.done), len(self.paths), len(whole)),
+            last=Result(**readings["last"]) if readings else None,
+            selected=Result(**readings["selected"]) if readings else None,
+        )
 
 
 def run_points(runs: Sequence[PointRun], crew: Crew, progress: OnCell | None = None) -> None:
@@ -341,7 +338,7 @@ def sweep(
     fold_seed: int = 0,
     command: str | None = None,
     progress: OnCell | None = None,
-) -> list[dict[str, Any]]:
+) -> list[PointSummary]:
     """Cross-validate every point in a folder of its own; return the summaries, which also stand in ``sweep.json``.
 
     Parameters
@@ -370,7 +367,7 @@ def sweep(
 
     def note(run: PointRun, result: dict[str, Any] | None) -> None:
         if run.ready:
-            write_json(folder / "sweep.json", {"command": command, "points": [run.summary() for run in runs]})
+            write_sweep(folder / "sweep.json", command, [run.summary() for run in runs])
         if progress is not None:
             progress(run, result)
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 from model.errors import InputError
 from model.figures.style import new_figure, save_figure
 from model.textures.presets import PRESETS
-from snn.figures.fig9 import READINGS, Data, Sweep, measured, own_point, partial
+from snn.experiments.points import READINGS, Sweep
+from snn.figures.fig9 import Data, own_point
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -17,24 +18,24 @@ if TYPE_CHECKING:
 
 def confusion_data(sweeps: Sequence[Sweep], reading: str, name: str | None = None) -> Data:
     """Return the confusion matrices of the points of a name, or of the best finished spiking point of each preset."""
-    candidates = [(sweep, point) for sweep in sweeps for point in sweep.points if measured(point)]
+    candidates = [(sweep, point) for sweep in sweeps for point in sweep.points if point.measured]
     if name is not None:
-        chosen = [(sweep, point) for sweep, point in candidates if point["name"] == name]
+        chosen = [(sweep, point) for sweep, point in candidates if point.name == name]
         if not chosen:
-            known = dict.fromkeys(point["name"] for _, point in candidates)
+            known = dict.fromkeys(point.name for _, point in candidates)
             raise InputError(f"no point is called {name!r}; there are {', '.join(known) or 'none with results'}")
     else:
         chosen = []
         for preset in PRESETS:
-            finished = [(sweep, point) for sweep, point in candidates if not partial(point)]
-            spiking = [c for c in finished if c[1]["preset"] == preset and c[1]["readout"] != "frame"]
+            finished = [(sweep, point) for sweep, point in candidates if not point.partial]
+            spiking = [c for c in finished if c[1].preset == preset and c[1].readout != "frame"]
             if spiking:
-                chosen.append(max(spiking, key=lambda c: c[1][reading]["accuracy"]))
+                chosen.append(max(spiking, key=lambda c: c[1].result(reading).accuracy))
     return {
         "reading": reading,
         "points": [
             own_point(sweep, point, reading)
-            | {"class_names": point["class_names"], "confusion": point[reading]["confusion"]}
+            | {"class_names": point.class_names, "confusion": point.result(reading).confusion}
             for sweep, point in chosen
         ],
     }

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from model.errors import InputError
 from model.figures.style import PALETTE, READOUT_COLOURS, READOUT_MARKERS, dress, new_figure, save_figure
+from model.files import read_json
 from model.power.equations import READOUT_NAMES
-from model.report.data import read_json
 from model.textures.presets import PRESETS
+from snn.experiments.points import READINGS, PointSummary, Sweep, load_sweep
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,7 +31,6 @@ KEPT = Path(__file__).with_name("sweeps")
 LATEST = Path("out/sweep/sweep.json")
 """Where ``python -m snn sweep`` writes unless told otherwise."""
 
-READINGS = {"last": "last epoch", "selected": "epoch selected by inner validation"}
 NAMES = READOUT_NAMES | {"cw-lcs": "CW-LCS"}
 COLOURS = READOUT_COLOURS | {"cw-lcs": PALETTE["purple"]}
 MARKERS = READOUT_MARKERS | {"cw-lcs": "D"}
@@ -43,25 +43,6 @@ _GREY = "#555555"
 
 
 # -- sweeps ------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Sweep:
-    """What ``python -m snn sweep`` wrote.
-
-    Attributes
-    ----------
-    name : str
-        Of the folder, or of the file that was kept.
-    command : str
-        That made it.
-    points : list of dict
-        As in the file, all valid.
-    """
-
-    name: str
-    command: str
-    points: list[Data]
 
 
 def load_sweeps(paths: Sequence[Path]) -> list[Sweep]:
@@ -81,79 +62,6 @@ def kept_sweeps() -> list[Path]:
     return sorted(KEPT.glob("*.json"))
 
 
-def load_sweep(path: Path) -> Sweep:
-    """Return the sweep of a file, or of a folder that holds ``sweep.json``.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, or a point lacks what the figures need.
-    """
-    file = path / "sweep.json" if path.is_dir() else path
-    content = read_json(file, "the sweep")
-    points = content.get("points") if isinstance(content, dict) else None
-    if not isinstance(points, list) or not points:
-        raise InputError(f"{file} holds no points of a sweep; make it with python -m snn sweep")
-    for number, point in enumerate(points):
-        _check_point(point, f"{file}: point {number}")
-    name = file.resolve().parent.name if file.name == "sweep.json" else file.stem
-    return Sweep(name, str(content.get("command", "")), points)
-
-
-def measured(point: Data) -> bool:
-    """Return whether a point has results: a sweep gives them from the first whole seed on."""
-    return point.get("last") is not None or point.get("selected") is not None
-
-
-def partial(point: Data) -> bool:
-    """Return whether cells of a point are still to be run."""
-    return "cells" in point and bool(point["cells"]["done"] < point["cells"]["of"])
-
-
-def _check_point(point: Any, where: str) -> None:
-    """Refuse a point that cannot be drawn, in one sentence."""
-
-    def number(value: Any, low: float, high: float = math.inf) -> bool:
-        return isinstance(value, (int, float)) and not isinstance(value, bool) and low <= value <= high
-
-    def need(good: bool, what: str, value: Any) -> None:
-        if not good:
-            raise InputError(f"{where} needs {what}, not {value!r}; run the sweep again")
-
-    need(isinstance(point, dict), "the fields of a point", point)
-    get = point.get
-    need(isinstance(get("name"), str), "a name", get("name"))
-    where += f" ({get('name')})"
-    need(get("readout") in NAMES, f"readout, one of {', '.join(NAMES)}", get("readout"))
-    need(get("preset") in PRESETS, f"preset, one of {', '.join(PRESETS)}", get("preset"))
-    cells = get("cells")
-    need(isinstance(cells, dict), "cells, their numbers", cells)
-    least = {"done": 0, "of": 1, "whole_seeds": int(measured(point))}
-    for key, low in least.items():
-        need(type(cells.get(key)) is int and cells[key] >= low, f"cells.{key}, at least {low}", cells.get(key))
-    if not measured(point):
-        return
-    for key in ("data_rate_bps", "normalised_rate"):
-        need(number(get(key), 0) and 0 < get(key) < math.inf, f"{key}, a positive number", get(key))
-    for reading in READINGS:
-        found = get(reading)
-        need(isinstance(found, dict), f"the results of the {READINGS[reading]}", found)
-        need(number(found.get("accuracy"), 0, 1), "accuracy in 0..1", found.get("accuracy"))
-        for key in ("wilson_95", "bootstrap_95"):
-            ends = found.get(key)
-            good = isinstance(ends, list) and len(ends) == 2 and all(number(end, 0, 1) for end in ends)
-            need(good, f"{key}, [low, high] in 0..1", ends)
-        need(number(found.get("images"), 1), "images, their number", found.get("images"))
-        rows = found.get("confusion")
-        square = isinstance(rows, list) and bool(rows) and all(
-            isinstance(row, list) and len(row) == len(rows) and all(number(n, 0) for n in row) for row in rows
-        )  # fmt: skip
-        need(square, "confusion, a square table of numbers", rows)
-        names = get("class_names")
-        good = isinstance(names, list) and len(names) == len(rows) and all(isinstance(name, str) for name in names)
-        need(good, f"class_names, {len(rows)} names", names)
-
-
 # -- Fig. 9, data ------------------------------------------------------------------------------------
 
 
@@ -167,7 +75,7 @@ def fig9_data(sweeps: Sequence[Sweep], reading: str) -> Data:
         point
         | {
             "readout": f"{point['readout']}, {PUBLISHED_NAME}",
-            "label": f"{NAMES[point['readout']]} {_detail(point)}, {PUBLISHED_NAME}",
+            "label": f"{NAMES[point['readout']]} {_detail_of(point)}, {PUBLISHED_NAME}",
             "sweep": PUBLISHED_NAME,
             "preset": published["preset"],
             "classes": published["classes"],
@@ -178,10 +86,10 @@ def fig9_data(sweeps: Sequence[Sweep], reading: str) -> Data:
     left_out = []
     for sweep in sweeps:
         for point in sweep.points:
-            if measured(point):
+            if point.measured:
                 points.append(own_point(sweep, point, reading))
             else:
-                left_out.append(f"{sweep.name}: {point['name']}")
+                left_out.append(f"{sweep.name}: {point.name}")
     named: dict[str, list[str]] = {}
     for sweep in sweeps:
         named.setdefault(_protocol(sweep, reading), []).append(sweep.name)
@@ -197,41 +105,54 @@ def fig9_data(sweeps: Sequence[Sweep], reading: str) -> Data:
     }
 
 
-def own_point(sweep: Sweep, point: Data, reading: str) -> Data:
+def own_point(sweep: Sweep, point: PointSummary, reading: str) -> Data:
     """Return a point of a sweep as the figures take it; the interval is the one over images and seeds."""
-    found = point[reading]
-    label = f"{NAMES[point['readout']]} {_detail(point)}, {sweep.name}"
-    if point["preset"] != "paper" and point["preset"] not in sweep.name:
-        label += f", {point['preset']}"
-    if partial(point):
-        label += f", {point['cells']['done']} of {point['cells']['of']} cells"
+    found, cells = point.result(reading), point.cells
+    label = f"{NAMES[point.readout]} {_detail(point.readout, point.name, point.resolution)}, {sweep.name}"
+    if point.preset not in (None, "paper") and str(point.preset) not in sweep.name:
+        label += f", {point.preset}"
+    if point.partial:
+        label += f", {cells.done} of {cells.of} cells"
     return {
-        "readout": point["readout"],
+        "readout": point.readout,
         "label": label,
         "sweep": sweep.name,
-        **{key: point.get(key) for key in ("name", "preset", "resolution", "cells")},
-        **{key: point[key] for key in ("data_rate_bps", "normalised_rate")},
-        "classes": len(found["confusion"]),
-        "accuracy": found["accuracy"],
-        "interval": found["bootstrap_95"],
-        **{key: found.get(key) for key in ("wilson_95", "sd_over_cells", "sd_over_folds", "sd_over_seeds")},
-        "images": found["images"],
+        "name": point.name,
+        "preset": point.preset,
+        "resolution": point.resolution,
+        "cells": dataclasses.asdict(cells),
+        "data_rate_bps": point.data_rate_bps,
+        "normalised_rate": point.normalised_rate,
+        "classes": len(found.confusion),
+        "accuracy": found.accuracy,
+        "interval": found.bootstrap_95,
+        **{key: getattr(found, key) for key in ("wilson_95", "sd_over_cells", "sd_over_folds", "sd_over_seeds")},
+        "images": found.images,
     }
 
 
-def _detail(point: Data) -> str:
+def partial(point: Data) -> bool:
+    """Return whether cells of a drawn point are still to be run."""
+    return "cells" in point and bool(point["cells"]["done"] < point["cells"]["of"])
+
+
+def _detail(readout: str, name: str, resolution: int) -> str:
     """Return what tells the points of a readout apart: the resolution, or of frames the network."""
-    name = str(point.get("name", "")).removeprefix("frame").strip("-")
-    return name if point["readout"].startswith("frame") and name else f"{point['resolution']} b"
+    name = name.removeprefix("frame").strip("-")
+    return name if readout.startswith("frame") and name else f"{resolution} b"
+
+
+def _detail_of(point: Data) -> str:
+    return _detail(point["readout"], str(point.get("name", "")), point["resolution"])
 
 
 def _protocol(sweep: Sweep, reading: str) -> str:
     """Return images, folds, seeds and epoch in words, as the finished points have them."""
     found = []
     for point in sweep.points:
-        if measured(point) and not partial(point):
-            of, seeds = point["cells"]["of"], point["cells"]["whole_seeds"]
-            found.append(f"{point[reading]['images']} images, {of // seeds} folds x {seeds} seeds")
+        if point.measured and not point.partial:
+            of, seeds = point.cells.of, point.cells.whole_seeds
+            found.append(f"{point.result(reading).images} images, {of // seeds} folds x {seeds} seeds")
     return f"{' or '.join(dict.fromkeys(found)) or 'no point is finished'}, {READINGS[reading]}"
 
 
@@ -334,7 +255,7 @@ def _label_points(panel: Axes, points: list[Data]) -> None:
     for point in points:
         readout = point["readout"].split(",")[0]
         if readout != "frame":
-            groups.setdefault((readout, _detail(point)), []).append(point)
+            groups.setdefault((readout, _detail_of(point)), []).append(point)
     for (readout, text), group in groups.items():
         side = 1 if readout == "lcs" else 0
         outer: Data = (max if side else min)(group, key=lambda point: _ends(point)[side])
@@ -346,7 +267,7 @@ def _label_points(panel: Axes, points: list[Data]) -> None:
     lowest = -math.inf
     for point in sorted((p for p in points if p["readout"].startswith("frame")), key=lambda p: p["accuracy"]):
         lowest = max(100 * point["accuracy"], lowest + 3.5)  # no label on another
-        panel.annotate(_detail(point), (point["normalised_rate"], lowest), xytext=(7, 0), textcoords="offset points",
+        panel.annotate(_detail_of(point), (point["normalised_rate"], lowest), xytext=(7, 0), textcoords="offset points",
                        va="center", fontsize=7.5, color=COLOURS["frame"], path_effects=halo)  # fmt: skip
 
 

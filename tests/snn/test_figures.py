@@ -27,6 +27,7 @@ from snn.exchange.weights import Weights, load_weights, save_weights
 from snn.experiments.crossval import summarise
 from snn.experiments.experiment import Experiment
 from snn.experiments.folds import stratified_folds
+from snn.experiments.points import READINGS, load_sweep, write_sweep
 from snn.experiments.sweep import PUBLISHED_BPS, PointRun, SweepPoint
 from snn.figures import fig9 as figures
 from snn.figures.confusion import confusion_data, draw_confusion
@@ -162,7 +163,7 @@ def bars(figure: Figure, panel: int) -> set[tuple[float, float, float]]:
 
 
 def test_the_points_of_these_tests_have_what_a_sweep_writes(folder: Path) -> None:
-    written = PointRun(SweepPoint("lcs-4b", Experiment()), folder / "lcs-4b", 3, 2, 0).summary()
+    written = dataclasses.asdict(PointRun(SweepPoint("lcs-4b", Experiment()), folder / "lcs-4b", 3, 2, 0).summary())
     for point in SWEEP["points"] + PHYSICAL["points"]:
         assert set(point) == set(written)
         assert set(point["cells"]) == set(written["cells"])
@@ -276,10 +277,12 @@ def test_the_kept_sweeps_are_the_default(
     refused(snn, "nor out/sweep/sweep.json; make one with python -m snn sweep", "fig9")
 
 
-def test_all_sweeps_that_are_kept_can_be_drawn() -> None:
+def test_all_sweeps_that_are_kept_can_be_drawn(tmp_path: Path) -> None:
     for file in figures.kept_sweeps():
-        sweep = figures.load_sweep(file)
-        for reading in figures.READINGS:
+        sweep = load_sweep(file)
+        write_sweep(tmp_path / file.name, sweep.command, sweep.points)
+        assert (tmp_path / file.name).read_bytes() == file.read_bytes(), "what is read is what is written"
+        for reading in READINGS:
             figures.draw_fig9(figures.fig9_data([sweep], reading))
             confusion_data([sweep], reading)
 

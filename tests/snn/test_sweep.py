@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import signal
@@ -27,6 +28,7 @@ from snn.experiments import cluster as dask_cluster
 from snn.experiments import workers
 from snn.experiments.cluster import Cluster
 from snn.experiments.experiment import Experiment
+from snn.experiments.points import Cells, PointSummary, Result
 from snn.experiments.sweep import PointRun, SweepPoint, sweep
 from snn.experiments.workers import Local
 from snn.training import TrainConfig
@@ -101,9 +103,9 @@ def test_cells_of_other_scans_or_another_experiment_are_refused(tmp_path: Path) 
 def test_rates_of_the_summary_by_hand(tmp_path: Path) -> None:
     def summary(experiment: Experiment) -> dict[str, Any]:
         run = PointRun(SweepPoint("x", experiment, easy_data()), tmp_path, 2, 1, 0)
-        assert run.summary()["normalised_rate"] is None
+        assert run.summary().normalised_rate is None
         run.prepare(lambda: None)
-        return run.summary()
+        return dataclasses.asdict(run.summary())
 
     lcs = summary(Experiment(readout=ReadoutConfig(encoding="lcs", resolution=4)))  # easy_data: 1000 events/s
     assert (lcs["readout"], lcs["resolution"], lcs["preset"], lcs["bits_per_event"]) == ("lcs", 4, "physical", 7)
@@ -182,9 +184,10 @@ def test_bad_options_get_one_sentence(options: str, message: str, tmp_path: Path
 
 
 def test_the_table_has_the_interval_over_images_and_seeds(capsys: pytest.CaptureFixture[str]) -> None:
-    found = {"accuracy": 0.8, "wilson_95": [0.75, 0.85], "bootstrap_95": [0.612, 0.934]}
-    found |= {"sd_over_folds": 0.011, "sd_over_cells": 0.157}
-    _print_table([{"name": "lcs-6", "normalised_rate": 1.085, "last": found, "selected": found | {"accuracy": 0.7}}])
+    last = Result(0.8, 0.011, None, 0.157, [0.75, 0.85], [0.612, 0.934], 30, [0.8], [[1]])
+    selected = dataclasses.replace(last, accuracy=0.7)
+    point = PointSummary("lcs-6", "lcs", 6, "paper", 1.0, 7, 7.0, 1.085, ["a"], Cells(6, 6, 2), last, selected)
+    _print_table([point])
     title, row = capsys.readouterr().out.split("point")
     assert "95 % interval over images and seeds; sd over cells" in " ".join(title.split())
     assert row.splitlines()[-2].split() == ["lcs-6", "1.08", "80.0", "61.2", "to", "93.4", "15.7", "70.0", "15.7"]

@@ -1,0 +1,210 @@
+"""The points of a sweep in ``sweep.json``: one record, written and read here."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, get_args
+
+from model.config import Encoding
+from model.errors import InputError
+from model.files import read_json, write_json
+from model.textures.presets import PRESETS
+
+READOUTS = ("nlcs", "lcs", "frame", "cw-lcs")
+assert set(get_args(Encoding)) < set(READOUTS)
+
+READINGS = {"last": "last epoch", "selected": "epoch selected by inner validation"}
+
+
+@dataclass(frozen=True)
+class Result:
+    """What the cells of whole seeds give in one reading (``snn.experiments.crossval.summarise``).
+
+    Attributes
+    ----------
+    accuracy : float
+    sd_over_folds, sd_over_seeds, sd_over_cells : float or None
+        Standard deviations; None of a single one.
+    wilson_95, bootstrap_95 : [float, float]
+    images : int
+    accuracy_of_seeds : list of float
+    confusion : list of list of int
+        Rows are the classes, columns the predictions.
+    """
+
+    accuracy: float
+    sd_over_folds: float | None
+    sd_over_seeds: float | None
+    sd_over_cells: float | None
+    wilson_95: Sequence[float]
+    bootstrap_95: Sequence[float]
+    images: int
+    accuracy_of_seeds: Sequence[float]
+    confusion: Sequence[Sequence[int]]
+
+
+@dataclass(frozen=True)
+class Cells:
+    """How many cells are done, of how many, and how many seeds are whole."""
+
+    done: int
+    of: int
+    whole_seeds: int
+
+
+@dataclass(frozen=True)
+class PointSummary:
+    """A point of a sweep.
+
+    Attributes
+    ----------
+    name : str
+    readout : str
+        One of READOUTS.
+    resolution : int
+        Bits: N of the encoder, or those of a sample in a frame.
+    preset : str or None
+        None of event files that a user recorded.
+    rate_hz, data_rate_bps, normalised_rate : float or None
+        Events (values, of frames) and bits per second, and bits in units of 640 kb/s; None before the scans are made.
+    bits_per_event : int
+    class_names : list of str or None
+    cells : Cells
+    last, selected : Result or None
+        None before the first seed is whole.
+    """
+
+    name: str
+    readout: str
+    resolution: int
+    preset: str | None
+    rate_hz: float | None
+    bits_per_event: int
+    data_rate_bps: float | None
+    normalised_rate: float | None
+    class_names: Sequence[str] | None
+    cells: Cells
+    last: Result | None
+    selected: Result | None
+
+    @property
+    def measured(self) -> bool:
+        """Whether it has results: a sweep gives them from the first whole seed on."""
+        return self.last is not None
+
+    @property
+    def partial(self) -> bool:
+        """Whether cells are still to be run."""
+        return self.cells.done < self.cells.of
+
+    def result(self, reading: str) -> Result:
+        """Return the results of a reading of READINGS; the point must be measured."""
+        found = self.last if reading == "last" else self.selected
+        assert found is not None
+        return found
+
+    @classmethod
+    def from_dict(cls, fields: Any, where: str) -> PointSummary:
+        """Return the point of a file; refuse one that cannot be drawn, in one sentence that begins with ``where``."""
+        _need(isinstance(fields, dict), where, "the fields of a point", fields)
+        get = fields.get
+        _need(isinstance(get("name"), str), where, "a name", get("name"))
+        where += f" ({get('name')})"
+        _need(get("readout") in READOUTS, where, f"readout, one of {', '.join(READOUTS)}", get("readout"))
+        _need(get("preset") in (*PRESETS, None), where, f"preset, one of {', '.join(PRESETS)}", get("preset"))
+        for key in ("resolution", "bits_per_event"):
+            _need(type(get(key)) is int and get(key) >= 0, where, f"{key}, a whole number", get(key))
+        measured = get("last") is not None or get("selected") is not None
+        made = {field.name: get(field.name) for field in dataclasses.fields(cls)}
+        made["cells"] = _cells(get("cells"), measured, where)
+        if measured:
+            for key in ("data_rate_bps", "normalised_rate"):
+                _need(_number(get(key), 0) and 0 < get(key) < math.inf, where, f"{key}, a positive number", get(key))
+            made |= {reading: _result(get(reading), READINGS[reading], where) for reading in READINGS}
+            names, classes = get("class_names"), len(made["selected"].confusion)
+            good = isinstance(names, list) and len(names) == classes and all(isinstance(name, str) for name in names)
+            _need(good, where, f"class_names, {classes} names", names)
+        return cls(**made)
+
+
+def _number(value: Any, low: float, high: float = math.inf) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and low <= value <= high
+
+
+def _need(good: bool, where: str, what: str, value: Any) -> None:
+    if not good:
+        raise InputError(f"{where} needs {what}, not {value!r}; run the sweep again")
+
+
+def _cells(cells: Any, measured: bool, where: str) -> Cells:
+    _need(isinstance(cells, dict), where, "cells, their numbers", cells)
+    for key, low in {"done": 0, "of": 1, "whole_seeds": int(measured)}.items():
+        good = type(cells.get(key)) is int and cells[key] >= low
+        _need(good, where, f"cells.{key}, at least {low}", cells.get(key))
+    return Cells(cells["done"], cells["of"], cells["whole_seeds"])
+
+
+def _result(found: Any, reading: str, where: str) -> Result:
+    _need(isinstance(found, dict), where, f"the results of the {reading}", found)
+    _need(_number(found.get("accuracy"), 0, 1), where, "accuracy in 0..1", found.get("accuracy"))
+    for key in ("wilson_95", "bootstrap_95"):
+        ends = found.get(key)
+        good = isinstance(ends, list) and len(ends) == 2 and all(_number(end, 0, 1) for end in ends)
+        _need(good, where, f"{key}, [low, high] in 0..1", ends)
+    for key in ("sd_over_folds", "sd_over_seeds", "sd_over_cells"):
+        _need(found.get(key) is None or _number(found[key], 0), where, f"{key}, a number", found.get(key))
+    _need(_number(found.get("images"), 1), where, "images, their number", found.get("images"))
+    rows = found.get("confusion")
+    square = isinstance(rows, list) and bool(rows) and all(
+        isinstance(row, list) and len(row) == len(rows) and all(_number(n, 0) for n in row) for row in rows
+    )  # fmt: skip
+    _need(square, where, "confusion, a square table of numbers", rows)
+    return Result(**{field.name: found.get(field.name) for field in dataclasses.fields(Result)})
+
+
+# -- the file ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """What ``python -m snn sweep`` wrote.
+
+    Attributes
+    ----------
+    name : str
+        Of the folder, or of the file that was kept.
+    command : str
+        That made it.
+    points : list of PointSummary
+    """
+
+    name: str
+    command: str
+    points: list[PointSummary]
+
+
+def write_sweep(path: Path, command: str | None, points: Sequence[PointSummary]) -> None:
+    """Write ``sweep.json``, whole or not at all."""
+    write_json(path, {"command": command, "points": [dataclasses.asdict(point) for point in points]})
+
+
+def load_sweep(path: Path) -> Sweep:
+    """Return the sweep of a file, or of a folder that holds ``sweep.json``.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or a point lacks what the figures need.
+    """
+    file = path / "sweep.json" if path.is_dir() else path
+    content = read_json(file, "the sweep")
+    points = content.get("points") if isinstance(content, dict) else None
+    if not isinstance(points, list) or not points:
+        raise InputError(f"{file} holds no points of a sweep; make it with python -m snn sweep")
+    read = [PointSummary.from_dict(point, f"{file}: point {number}") for number, point in enumerate(points)]
+    name = file.resolve().parent.name if file.name == "sweep.json" else file.stem
+    return Sweep(name, str(content.get("command", "")), read)
