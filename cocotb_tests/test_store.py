@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from cocotb_tests.session import runners, simulator, store
+from cocotb_tests.session import simulator, store
 from cocotb_tests.session.store import ROOT
 from model.config import ReadoutConfig
 

@@ -59,14 +59,34 @@ def write_json(path: Path, content: dict[str, Any]) -> None:
         file.write((json.dumps(plain(content), indent=1, allow_nan=False) + "\n").encode())
 
 
-def read_json(path: Path, what: str) -> Any:
-    """Return what a JSON file holds, or refuse it in one sentence."""
+def read_json(path: Path, what: str, kind: type | None = None) -> Any:
+    """Return what a JSON file holds.
+
+    Parameters
+    ----------
+    path : Path
+    what : str
+        What the file is to the user, as in "the sweep".
+    kind : type, optional
+        ``dict`` or ``list``: what it must be.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, is not JSON, is nested too deeply, or is of another kind; the sentence names the file.
+    """
     try:
-        return json.loads(path.read_text())
+        content = json.loads(path.read_bytes())
     except OSError as error:
         raise InputError(f"cannot read {what} {path}: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:  # a character that is no text is one too
         raise InputError(f"{what} {path} is not JSON: {error}") from None
+    except RecursionError:
+        raise InputError(f"{what} {path} is not JSON that can be read: it is nested too deeply") from None
+    if kind is not None and not isinstance(content, kind):
+        noun = "object" if kind is dict else "list"
+        raise InputError(f"{what} {path} must be a JSON {noun}, not {type(content).__name__}")
+    return content
 
 
 def plain(content: Any) -> Any:

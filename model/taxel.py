@@ -26,7 +26,7 @@ from model import taxel_kernels as kernels
 from model.config import ReadoutConfig
 from model.decay import decay_phases
 from model.errors import InputError
-from model.events.address import EVENT_DTYPE, Events
+from model.events.address import EVENT_DTYPE, Events, taxel_of
 
 Samples = NDArray[np.integer[Any]]
 """Codes of W bits, shape (ticks, taxels)."""
@@ -201,7 +201,7 @@ def counts_of_events(config: ReadoutConfig, events: Events, ticks: int) -> tuple
     counts = np.zeros((ticks, config.taxels), np.int32)
     late = np.zeros((ticks, config.taxels), np.bool_)
     tick, delay = np.divmod(events["t"] - EVENT_LATENCY, config.clocks_per_sample)
-    taxel = events["y"].astype(np.int64) * config.columns + events["x"]
+    taxel = taxel_of(events, config)
     seen = (tick >= 0) & (tick < ticks)
     tick, delay, taxel = tick[seen], delay[seen], taxel[seen]
     np.add.at(counts, (tick, taxel), np.where(events["p"][seen], 1, -1))

@@ -150,8 +150,7 @@ def _picture(config: ReadoutConfig, texture: Any, folder: Path, ticks: int | Non
     )
     shutil.copyfile(folder / "events" / f"{texture.name}.npz", folder / "rtl.npz")
     plot_comparison(
-        rtl.events,
-        model,
+        (rtl.events, model),
         config,
         folder / "raster.png",
         labels=("RTL", "model"),

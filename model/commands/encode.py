@@ -12,6 +12,7 @@ import typer
 from numpy.typing import NDArray
 
 from model.cli.config_options import with_config
+from model.cli.tables import new_table, show
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.events.address import Events
@@ -225,7 +226,8 @@ def decode(
     """Rebuild the signals of all taxels from an event file alone."""
     check_samples_path(out)
     if plot is not None:
-        from model.figures.raster import check_picture_path, plot_signals
+        from model.figures.raster import plot_signals
+        from model.figures.style import check_picture_path
 
         check_picture_path(plot)
     recording = Recording.load(source)
@@ -272,7 +274,8 @@ def compare(
 ) -> None:
     """Compare two event files, event by event: exit code 0 if equal, 1 if not."""
     if plot is not None:
-        from model.figures.raster import check_picture_path, plot_comparison
+        from model.figures.raster import plot_comparison
+        from model.figures.style import check_picture_path
 
         check_picture_path(plot)
     first, second = Recording.load(a), Recording.load(b)
@@ -283,7 +286,7 @@ def compare(
     if plot is not None:
         duration = max(first.duration_clocks, second.duration_clocks)
         config = _covering(first.config, second.config)
-        plot_comparison(first.events, second.events, config, plot, labels, duration_clocks=duration)
+        plot_comparison((first.events, second.events), config, plot, labels, duration_clocks=duration)
     if difference is None:
         print(f"equal: {len(first.events)} events")
         return
@@ -316,11 +319,6 @@ def _covering(a: ReadoutConfig, b: ReadoutConfig) -> ReadoutConfig:
 
 def _print_counts(first: Recording, second: Recording, labels: tuple[str, str]) -> None:
     """Print the numbers of events of the taxels in which they differ."""
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
     config = _covering(first.config, second.config)
     counts = [count_per_taxel(recording.events, config) for recording in (first, second)]
     print(f"\n{labels[0]} has {len(first.events)} events, {labels[1]} {len(second.events)}")
@@ -329,12 +327,10 @@ def _print_counts(first: Recording, second: Recording, labels: tuple[str, str]) 
         print("every taxel has the same number of events in both")
         return
     print(f"the number of events differs in {len(differing)} of {config.taxels} taxels")
-    table = Table(box=box.SIMPLE_HEAD)
-    for heading in ("row", "column", *labels, "difference"):
-        table.add_column(Text(heading), justify="right", overflow="fold")
+    table = new_table(("row", "column", *labels, "difference"), left=(), overflow="fold")
     for row, column in differing[:_MOST_LINES]:
         n, m = (int(c[row, column]) for c in counts)
         table.add_row(str(row), str(column), str(n), str(m), f"{m - n:+d}")
     if len(differing) > _MOST_LINES:
         table.caption = f"and {len(differing) - _MOST_LINES} more"
-    Console().print(table)
+    show(table)

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from model.cli.config_options import with_config
+from model.cli.progress import bar
 from model.config import ReadoutConfig
 from model.power.rates import measure_table, tables_text
 from model.textures.presets import preset
-
-if TYPE_CHECKING:
-    pass
 
 
 @with_config(fields=("rows", "columns"), file=False)
@@ -45,7 +43,7 @@ def event_rates(
         textures = open_dataset(place)
         textures = textures if limit is None else textures.limit(limit)
         for scan in scans:
-            tables.append(measure_table(textures, scan, config, workers=threads, progress=True))
+            tables.append(measure_table(textures, scan, config, workers=threads, watch=bar))
             last = tables[-1]
             rate = last.population_hz("lcs", 6)
             print(

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-import math
 from typing import Annotated, Any
 
 import typer
 
 from model.cli.field_options import with_fields
+from model.cli.progress import bar
+from model.cli.tables import new_table, show
 from model.commands.options import (
     DatasetOption,
     JsonOption,
@@ -20,7 +21,7 @@ from model.commands.options import (
 )
 from model.errors import InputError
 from model.figures.results import DEFAULT_OUT, write_results
-from model.power.build import rate_table
+from model.power.build import build_model, rate_table
 from model.power.equations import (
     CORRECTIONS,
     READOUT_NAMES,
@@ -61,31 +62,25 @@ def explore(
 ) -> None:
     """Show which readout and resolution cost least for your sensor."""
     from model.power.plots import plot_explore
-    from model.power.synthesis import load_reports
 
+    own = list(settings or [])
+    if (bandwidth := sensor.get("signal_bandwidth_hz")) is not None:  # said by the user, so not that of the textures
+        own.insert(0, f"signal_bandwidth_hz={bandwidth!r}")
     parameters = PowerParameters().replace(**sensor)
-    parameters = parameters.with_settings(settings or [])
-    gates = load_reports(synthesis or [])
     PowerModel().breakdown("frame", rate_resolution, noise, tau)  # refuses bad numbers before anything is measured
-    measured: RateSource
-    if event_rate is not None or nlcs_event_rate is not None:
+
+    array = (parameters.rows, parameters.columns)
+
+    def source() -> RateSource:
+        if event_rate is None and nlcs_event_rate is None:
+            return rate_table(dataset, preset_name, rates, list(RESOLUTIONS), [tau], array, watch=bar)
         if dataset is not None or rates is not None:
             raise InputError("--event-rate stands in place of --dataset and --rates; give one of them")
         if event_rate is None:
             raise InputError("--nlcs-event-rate goes with --event-rate, the rate of LCS; give both")
-        rates_hz = (event_rate, event_rate if nlcs_event_rate is None else nlcs_event_rate)
-        for rate in rates_hz:
-            if not (math.isfinite(rate) and rate >= 0):
-                raise InputError(f"event rate must be a number of events/s from 0, not {rate:g}")
-        measured = GivenRates(*rates_hz, rate_resolution)
-    else:
-        table = rate_table(dataset, preset_name, rates, list(RESOLUTIONS), [tau], (parameters.rows, parameters.columns))
-        measured = table
-        if "signal_bandwidth_hz" not in sensor and not any(
-            s.startswith("signal_bandwidth_hz=") for s in settings or []
-        ):
-            parameters = parameters.replace(signal_bandwidth_hz=table.bandwidth_hz)
-    model = PowerModel(parameters=parameters, corrections=frozenset(CORRECTIONS), measured=measured, gates=gates)
+        return GivenRates(event_rate, event_rate if nlcs_event_rate is None else nlcs_event_rate, rate_resolution)
+
+    model = build_model(frozenset(CORRECTIONS), own, synthesis, source, parameters)
     data = explore_data(model, noise, tau, min_resolution)
     written = write_results(out, "explore", data, plot_explore)
     if not as_json:
@@ -98,9 +93,6 @@ def explore(
 
 def _print(data: dict[str, Any]) -> None:
     """Print the study as a table, the cheapest of every resolution marked, and the answer."""
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
     from rich.text import Text
 
     from model.power.plots import watts
@@ -110,9 +102,8 @@ def _print(data: dict[str, Any]) -> None:
         f"{sensor['rows']} x {sensor['columns']} taxels, {sensor['bandwidth_hz']:g} Hz, "
         f"noise {sensor['noise_v_rms'] * 1e3:g} mV rms, pads {sensor['pads_voltage_v']:g} V"
     )
-    table = Table(box=box.SIMPLE_HEAD, title=title, title_justify="left")
-    for heading in ("N", *(READOUT_NAMES[r] for r in READOUTS), "cheapest", ""):
-        table.add_column(heading, justify="left" if heading in ("", "cheapest") else "right")
+    names = [READOUT_NAMES[readout] for readout in READOUTS]
+    table = new_table(("N", *names, "cheapest", ""), title, left=(len(names) + 1, len(names) + 2))
     for row in data["table"]:
         cells = []
         for readout in READOUTS:
@@ -120,7 +111,7 @@ def _print(data: dict[str, Any]) -> None:
             cells.append(Text(watts(row[readout]["total"]), style="bold" if best else ""))
         remark = "below the noise" if row["resolution"] > data["noise_resolution"] else ""
         table.add_row(str(row["resolution"]), *cells, READOUT_NAMES[row["cheapest"]], remark)
-    Console().print(table)
+    show(table)
     best = data["cheapest"]
     print(
         f"cheapest with at least {data['least_resolution']} bit: {READOUT_NAMES[best['readout']]} at "

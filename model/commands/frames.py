@@ -11,6 +11,8 @@ import typer
 
 from model.cli.config_options import with_config
 from model.cli.field_options import with_fields
+from model.cli.progress import bar
+from model.cli.tables import new_table, show
 from model.config import Encoding, ReadoutConfig
 from model.errors import InputError
 from model.frame_config import FrameConfig
@@ -104,10 +106,13 @@ def frames(
     if limit is not None:
         textures = textures.limit(limit)
     threads = workers if workers is not None else os.cpu_count() or 1
-    results = {
-        encoding: spiking_traffic(config, measure_rates(textures, scan, config, workers=threads), frame)
-        for encoding, config in configs.items()
-    }
+    with bar("scanning textures", len(configs) * len(textures)) as progress:
+        results = {
+            encoding: spiking_traffic(
+                config, measure_rates(textures, scan, config, workers=threads, progress=progress), frame
+            )
+            for encoding, config in configs.items()
+        }
     report = {
         "dataset": textures.name,
         "images": len(textures),
@@ -135,19 +140,12 @@ def _configurations(base: ReadoutConfig, scan: Scan, tau_s: float | None) -> dic
 
 def _print_table(report: dict[str, Any]) -> None:
     """Print a report as a table on standard output, a line for each readout."""
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-
     frame = report["frame"]
     title = (
         f"{report['rows']} x {report['columns']} taxels, {report['resolution']} b, tau {report['tau_s']:.3g} s, "
         f"{report['dataset']} ({report['preset']}), {report['images']} images"
     )
-    table = Table(box=box.SIMPLE_HEAD, title=title, title_justify="left")
-    table.add_column("readout")
-    for name in ("sent/s", "bits each", "bits/s", "to frame", "taxel/s", "frames/s"):
-        table.add_column(name, justify="right")
+    table = new_table(("readout", "sent/s", "bits each", "bits/s", "to frame", "taxel/s", "frames/s"), title)
     for encoding, name in READOUTS.items():
         r = report[encoding]
         table.add_row(
@@ -168,9 +166,8 @@ def _print_table(report: dict[str, Any]) -> None:
         f"{frame['conversions_per_taxel_per_s']:,.0f}",
         f"{frame['frame_rate_hz']:,.1f}",
     )
-    console = Console()
-    console.print(table)
-    console.print(
+    show(table)
+    print(
         "sent: events or words; taxel: events or samples of one taxel; "
         "frames: the frame rate at which frames need as many bits"
     )

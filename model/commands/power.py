@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from model.cli.progress import bar
+from model.cli.tables import new_table, show
 from model.commands.options import (
     DataOption,
     DatasetOption,
@@ -61,7 +63,9 @@ def power(
     # Bad numbers are refused before anything is measured.
     PowerModel().breakdown("frame", resolution, noise, tau)
     wanted = (list(RESOLUTIONS), list(TAUS_S)) if crossover else ([resolution], [tau])
-    model = build_model(corrections, settings, synthesis, lambda: rate_table(dataset, preset_name, rates, *wanted))
+    model = build_model(
+        corrections, settings, synthesis, lambda: rate_table(dataset, preset_name, rates, *wanted, watch=bar)
+    )
     if not crossover:
         data = breakdowns(model, resolution, noise, tau)
         if as_json:
@@ -88,17 +92,10 @@ def _mode_text(model: PowerModel) -> str:
 
 def _print_breakdown(data: dict[str, Any], model: PowerModel, title: str) -> None:
     """Print breakdowns as a table, a column for each readout."""
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-
     from model.power.equations import READOUT_NAMES, READOUTS
     from model.power.plots import watts
 
-    table = Table(box=box.SIMPLE_HEAD, title=f"{title}, {_mode_text(model)}", title_justify="left")
-    table.add_column("power")
-    for readout in READOUTS:
-        table.add_column(READOUT_NAMES[readout], justify="right")
+    table = new_table(("power", *(READOUT_NAMES[readout] for readout in READOUTS)), f"{title}, {_mode_text(model)}")
     parts = list(dict.fromkeys(part for readout in READOUTS for part in data[readout]["converter_parts"]))
     table.add_row("AFE", *(watts(data[r]["afe"]) for r in READOUTS))
     table.add_row("converter", *(watts(data[r]["converter"]) for r in READOUTS))
@@ -110,29 +107,22 @@ def _print_breakdown(data: dict[str, Any], model: PowerModel, title: str) -> Non
     table.add_row("total", *(watts(data[r]["total"]) for r in READOUTS), style="bold")
     frame = data["frame"]["total"]
     table.add_row("total / frame", *(f"{data[r]['total'] / frame:.3g}" for r in READOUTS))
-    Console().print(table)
+    show(table)
 
 
 def _print_crossovers(data: dict[str, Any], sides: dict[str, Any], model: PowerModel) -> None:
     """Print crossovers as a table, a line for each resolution."""
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-
     from model.power.study import RESOLUTIONS
 
     lines = [(f"N-LCS {float(tau):g} s", data["nlcs"][tau], sides["nlcs"][tau]) for tau in data["nlcs"]]
     lines.append(("LCS", data["lcs"], sides["lcs"]))
     title = f"AFE noise (mV rms) where spikes and frames cost the same, {_mode_text(model)}"
-    table = Table(box=box.SIMPLE_HEAD, title=title, title_justify="left")
-    table.add_column("N", justify="right")
-    for name, _, _ in lines:
-        table.add_column(name, justify="right")
+    table = new_table(("N", *(name for name, _, _ in lines)), title, left=())
     for i, n in enumerate(RESOLUTIONS):
         table.add_row(str(n), *(_side_text(values[i], side[i]) for _, values, side in lines))
     table.caption = "spikes cost less above (>) or below (<) it, at any noise, or at none"
     table.caption_justify = "left"
-    Console().print(table)
+    show(table)
 
 
 def _side_text(noise_v_rms: float | None, side: str) -> str:
@@ -154,23 +144,15 @@ def _print_parameters(parameters: PowerParameters, as_json: bool) -> None:
         }
         print(json.dumps({"parameters": listed, "corrections": CORRECTIONS}))
         return
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD)
-    for heading in ("parameter", "value", "unit", "meaning", "source"):
-        table.add_column(heading, justify="right" if heading == "value" else "left", overflow="fold")
+    table = new_table(("parameter", "value", "unit", "meaning", "source"), left=(0, 2, 3, 4), overflow="fold")
     for f in fields:
         value = f"{getattr(parameters, f.name):g}"
         table.add_row(f.name, value, f.metadata["unit"], f.metadata["meaning"], f.metadata["source"])
-    Console().print(table)
-    corrections = Table(box=box.SIMPLE_HEAD)
-    corrections.add_column("correction")
-    corrections.add_column("meaning")
+    show(table)
+    corrections = new_table(("correction", "meaning"), left=(0, 1))
     for name, meaning in CORRECTIONS.items():
         corrections.add_row(name, meaning)
-    Console().print(corrections)
+    show(corrections)
 
 
 # -- figures -----------------------------------------------------------------------------------------
@@ -192,7 +174,7 @@ def fig6(
     models = both_modes(
         settings,
         synthesis,
-        lambda: rate_table(dataset, preset_name, rates, [FIG_RESOLUTION], [FIG_TAU_S]),
+        lambda: rate_table(dataset, preset_name, rates, [FIG_RESOLUTION], [FIG_TAU_S], watch=bar),
     )
     print(write_results(out, "fig6", fig6_data(models), plot_fig6, data_out))
 
@@ -211,7 +193,7 @@ def fig7(
     from model.power.study import RESOLUTIONS, TAUS_S, fig7_data
 
     models = both_modes(
-        settings, synthesis, lambda: rate_table(dataset, preset_name, rates, list(RESOLUTIONS), list(TAUS_S))
+        settings, synthesis, lambda: rate_table(dataset, preset_name, rates, list(RESOLUTIONS), list(TAUS_S), watch=bar)
     )
     print(write_results(out, "fig7", fig7_data(models), plot_fig7, data_out))
 
@@ -244,23 +226,19 @@ def sensitivity(
 
 def _print_sensitivity(data: dict[str, Any]) -> None:
     """Print the study as a table."""
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-
     from model.power.equations import READOUT_NAMES, SPIKING
 
     title = (
         f"spiking / frame power, N = {data['resolution']}, tau {data['tau_s']:g} s, at AFE noise in mV rms; "
         f"below 1 spikes cost less"
     )
-    table = Table(box=box.SIMPLE_HEAD, title=title, title_justify="left")
-    table.add_column("corrections", no_wrap=True)
+    headings = ["corrections"]
     for readout in SPIKING:
         for noise in data["noise_v_rms"]:
             name = READOUT_NAMES[readout] if noise == data["noise_v_rms"][0] else ""
-            table.add_column(f"{name} {noise * 1e3:.3g}".strip(), justify="right", no_wrap=True)
-        table.add_column("spikes win", justify="right", no_wrap=True)
+            headings.append(f"{name} {noise * 1e3:.3g}".strip())
+        headings.append("spikes win")
+    table = new_table(headings, title, no_wrap=True)
     group = data["rows"][0]["group"]
     for row in data["rows"]:
         if row["group"] != group:
@@ -271,8 +249,7 @@ def _print_sensitivity(data: dict[str, Any]) -> None:
             cells += [f"{ratio:.3g}" for ratio in row["ratio"][readout]]
             cells.append(crossover_text(row["crossover"][readout]))
         table.add_row(row["case"], *cells)
-    console = Console()
-    Console(width=max(console.width, _TABLE_WIDTH)).print(table)
+    show(table, _TABLE_WIDTH)
 
 
 _TABLE_WIDTH = 132  # of the sensitivity table

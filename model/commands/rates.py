@@ -5,16 +5,17 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Sequence
 from typing import Annotated, Any
 
 import typer
 
 from model.cli.config_options import with_config
+from model.cli.progress import bar
+from model.cli.tables import show_facts
 from model.config import ReadoutConfig
-from model.textures.dataset import Dataset, open_dataset
-from model.textures.presets import Scan, preset
-from model.textures.rates import PAPER_TAU_S, Rates, measure_rates, published_rate_hz
+from model.textures.dataset import open_dataset
+from model.textures.presets import preset
+from model.textures.rates import PAPER_TAU_S, measure_rates, published_rate_hz
 
 
 @with_config(fields=("encoding", "resolution", "rows", "columns"))
@@ -49,7 +50,8 @@ def rates(
     if limit is not None:
         textures = textures.limit(limit)
     threads = workers if workers is not None else os.cpu_count() or 1
-    result = _measure_with_progress(textures, scan, config, start_row or [0.0], threads)
+    with bar("scanning textures", len(textures)) as progress:
+        result = measure_rates(textures, scan, config, start_row or [0.0], threads, progress)
     report = {
         "preset": scan.name,
         "encoding": config.encoding,
@@ -68,25 +70,8 @@ def rates(
         _print_table(report)
 
 
-def _measure_with_progress(
-    dataset: Dataset, scan: Scan, config: ReadoutConfig, start_rows: Sequence[float], workers: int
-) -> Rates:
-    """Return the rates, with a progress bar on standard error if that is a terminal."""
-    if not sys.stderr.isatty():
-        return measure_rates(dataset, scan, config, start_rows, workers)
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("scanning textures", total=len(dataset))
-        return measure_rates(dataset, scan, config, start_rows, workers, lambda: bar.advance(task))
-
-
 def _print_table(report: dict[str, Any]) -> None:
     """Print a report as a table on standard output."""
-    from rich.console import Console
-    from rich.table import Table
-
     rate, published, tau_s = (report[k] for k in ("population_rate_hz", "published_rate_hz", "tau_s"))
     rows = {
         "readout": f"{report['encoding']} {report['resolution']} b"
@@ -99,7 +84,4 @@ def _print_table(report: dict[str, Any]) -> None:
     }
     if published is not None:
         rows["published"] = f"{published:,.1f} events/s (here {rate / published - 1:+.2%})"
-    table = Table(show_header=False, box=None)
-    for name, value in rows.items():
-        table.add_row(name, value)
-    Console().print(table)
+    show_facts(rows)

@@ -9,21 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.events.address import Events
+from model.events.address import Events, taxel_of
 from model.events.compare import unmatched
-from model.files import atomic_write, check_writable
+from model.figures.style import GREY, OFF_COLOUR, ON_COLOUR, UNMATCHED_COLOUR, check_picture_path, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-ON_COLOUR = "#0072b2"  # blue and orange of the Okabe-Ito palette; black stands out from both
-OFF_COLOUR = "#e69f00"
-UNMATCHED_COLOUR = "#000000"
-
-FORMATS = (".png", ".pdf", ".svg")
-DPI = 160
 
 _WIDTH_IN = 10.0
 _TICK_LIMIT = 4000  # events drawn one by one; more become an image, which takes the same time for any number
@@ -34,8 +26,7 @@ _POINTS = 4000  # points of a signal drawn at most
 
 
 def plot_comparison(
-    a: Events,
-    b: Events,
+    pair: tuple[Events, Events],
     config: ReadoutConfig,
     path: Path,
     labels: tuple[str, str] = ("RTL", "model"),
@@ -48,14 +39,14 @@ def plot_comparison(
 
     Parameters
     ----------
-    a, b : ndarray of EVENT_DTYPE, shapes (events_a,) and (events_b,)
-        The recordings; a is drawn above b.
+    pair : two arrays of EVENT_DTYPE, shape (events,)
+        The recordings; the first is drawn above the second.
     config : ReadoutConfig
         Array size and clock.
     path : Path
         Picture to write: .png, .pdf or .svg.
     labels : (str, str)
-        Names of a and b.
+        Names of the two.
     title : str, optional
         Line above everything.
     signal : float array, shape (ticks, taxels), optional
@@ -71,15 +62,15 @@ def plot_comparison(
         If the picture cannot be written.
     """
     check_picture_path(path)
-    end_ms = _end_ms(config, (a, b), signal, duration_clocks)
-    marks = unmatched(a, b)
+    end_ms = _end_ms(config, pair, signal, duration_clocks)
+    marks = unmatched(*pair)
     figure, axes = _panels(title, texture is not None, signal is not None, 2, config)
     if texture is not None:
         _draw_texture(axes["texture"], texture, end_ms)
     if signal is not None:
         _draw_signals(axes["signal"], signal, config)
     any_alone = bool(marks[0].any() or marks[1].any())
-    for name, events, mark, label in zip(("raster0", "raster1"), (a, b), marks, labels, strict=True):
+    for name, events, mark, label in zip(("raster0", "raster1"), pair, marks, labels, strict=True):
         alone = int(mark.sum())
         remark = "all events equal" if not (marks[0].any() or marks[1].any()) else f"{alone:,} without an equal"
         _draw_events(axes[name], events, config, end_ms, mark)
@@ -117,13 +108,6 @@ def plot_signals(
     _caption(axes["raster0"], "events", f"{len(events):,} events")
     _legend(axes["raster0"], config, False)
     _finish(figure, axes, end_ms, path)
-
-
-def check_picture_path(path: Path) -> None:
-    """Refuse a picture of unknown format, or in a folder that does not exist, before any work is done."""
-    if path.suffix.lower() not in FORMATS:
-        raise InputError(f"pictures end in {', '.join(FORMATS)}, {path.name} does not; rename the output")
-    check_writable(path)
 
 
 # -- panels ------------------------------------------------------------------------------------------
@@ -168,7 +152,7 @@ def _panels(
 
 def _caption(panel: Axes, label: str, remark: str = "") -> None:
     panel.set_title(label, loc="left", fontsize=9.5, fontweight="bold", pad=4)
-    panel.set_title(remark, loc="center", fontsize=8.5, color="#555555", pad=4)
+    panel.set_title(remark, loc="center", fontsize=8.5, color=GREY, pad=4)
 
 
 def _draw_texture(panel: Axes, texture: NDArray[Any], end_ms: float) -> None:
@@ -199,7 +183,7 @@ def _draw_signals(panel: Axes, signal: NDArray[Any], config: ReadoutConfig, labe
 def _draw_events(panel: Axes, events: Events, config: ReadoutConfig, end_ms: float, mark: NDArray[np.bool_]) -> None:
     """Draw events as short upright ticks, one line of them per taxel, taxel 0 at the top."""
     time_ms = events["t"] * (1e3 / config.clock_hz)
-    taxel = events["y"].astype(np.int64) * config.columns + events["x"]
+    taxel = taxel_of(events, config)
     if len(events) <= _TICK_LIMIT:
         _draw_ticks(panel, time_ms, taxel, events["p"])
     else:
@@ -283,12 +267,7 @@ def _legend(panel: Axes, config: ReadoutConfig, any_marked: bool) -> None:
 
 def _finish(figure: Figure, axes: dict[str, Axes], end_ms: float, path: Path) -> None:
     """Label the time axis and write the picture."""
-    import matplotlib
-
     last = list(axes.values())[-1]
     last.set_xlim(0, end_ms)
     last.set_xlabel("time (ms)", fontsize=8.5)
-    # Without a date and with fixed ids the same data give the same bytes.
-    undated = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}[path.suffix.lower()]
-    with matplotlib.rc_context({"svg.hashsalt": "events"}), atomic_write(path) as file:
-        figure.savefig(file, format=path.suffix[1:].lower(), dpi=DPI, metadata=undated)
+    save_figure(figure, path)

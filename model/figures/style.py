@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from model.figures.raster import DPI, check_picture_path
-from model.files import atomic_write
+from model.errors import InputError
+from model.files import atomic_write, check_writable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,8 +24,29 @@ PALETTE = {
 }
 """The colours of all pictures: those of M. Okabe and K. Ito but yellow, and a grey; told apart by colour-blind eyes."""
 
-READOUT_COLOURS = {"nlcs": PALETTE["vermilion"], "lcs": PALETTE["blue"], "frame": PALETTE["black"]}
-READOUT_MARKERS = {"nlcs": "^", "lcs": "o", "frame": "s"}
+GREY = "#555555"
+"""Remarks, and what is no data."""
+
+READOUT_COLOURS = {
+    "nlcs": PALETTE["vermilion"],
+    "lcs": PALETTE["blue"],
+    "cw-lcs": PALETTE["purple"],
+    "frame": PALETTE["black"],
+}
+READOUT_MARKERS = {"nlcs": "^", "lcs": "o", "cw-lcs": "D", "frame": "s"}
+PART_COLOURS = {"afe": PALETTE["blue"], "converter": PALETTE["orange"], "io": PALETTE["green"]}
+TAU_COLOURS = (PALETTE["vermilion"], PALETTE["orange"], PALETTE["purple"])
+ON_COLOUR, OFF_COLOUR, UNMATCHED_COLOUR = PALETTE["blue"], PALETTE["orange"], PALETTE["black"]
+
+FORMATS = (".png", ".pdf", ".svg")
+DPI = 160
+
+
+def check_picture_path(path: Path) -> None:
+    """Refuse a picture of unknown format, or in a folder that does not exist, before any work is done."""
+    if path.suffix.lower() not in FORMATS:
+        raise InputError(f"pictures end in {', '.join(FORMATS)}, {path.name} does not; rename the output")
+    check_writable(path)
 
 
 def new_figure(width_in: float, height_in: float, title: str) -> Figure:

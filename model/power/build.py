@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, get_args
 
 from model.errors import InputError
 from model.power.parameters import PowerParameters
+from model.textures.rates import Watch, unwatched
 
 if TYPE_CHECKING:
-    from model.power.equations import PowerModel
+    from model.power.equations import PowerModel, RateSource
     from model.power.rates import RateTable
 
 
@@ -37,6 +38,7 @@ def rate_table(
     resolutions: Sequence[int],
     taus_s: Sequence[float],
     array: tuple[int, int] = (8, 8),
+    watch: Watch = unwatched,
 ) -> RateTable:
     """Return measured event rates: of a dataset, from a file, or those that come with the project."""
     from model.power.rates import STORED, load_tables, measure_table, stored_table
@@ -50,7 +52,7 @@ def rate_table(
         from model.textures.dataset import open_dataset
 
         base = ReadoutConfig(rows=array[0], columns=array[1])
-        return measure_table(open_dataset(dataset), scan, base, resolutions, taus_s, progress=True)
+        return measure_table(open_dataset(dataset), scan, base, resolutions, taus_s, watch=watch)
     if rates is None:
         return stored_table(scan.name, path=STORED)
     tables = [table for table in load_tables(rates) if table.preset == scan.name]
@@ -59,33 +61,52 @@ def rate_table(
     return tables[0]
 
 
-def _with_bandwidth(parameters: PowerParameters, table: RateTable, settings: Sequence[str]) -> PowerParameters:
+def _with_bandwidth(
+    parameters: PowerParameters, source: RateSource, settings: Sequence[str], published_sensor: bool
+) -> PowerParameters:
     """Return the parameters with the bandwidth of the data; 97 Hz stays that of the published scan of Kylberg."""
-    published = (table.dataset, table.preset) == ("kylberg", "paper")
-    if published or any(setting.startswith("signal_bandwidth_hz=") for setting in settings):
+    from model.power.rates import RateTable
+
+    if not isinstance(source, RateTable) or any(s.startswith("signal_bandwidth_hz=") for s in settings):
         return parameters
-    return parameters.replace(signal_bandwidth_hz=table.bandwidth_hz)
+    if published_sensor and (source.dataset, source.preset) == ("kylberg", "paper"):
+        return parameters
+    return parameters.replace(signal_bandwidth_hz=source.bandwidth_hz)
 
 
 def build_model(
     corrections: frozenset[str],
     settings: Sequence[str] | None,
     synthesis: Sequence[Path] | None,
-    table: Callable[[], RateTable],
+    source: Callable[[], RateSource],
+    sensor: PowerParameters | None = None,
 ) -> PowerModel:
-    """Return the power model of some options; the table is asked for only where a correction needs it."""
+    """Return the power model of some options.
+
+    Parameters
+    ----------
+    corrections : frozenset of str
+    settings : sequence of str, optional
+        ``NAME=NUMBER`` each.
+    synthesis : sequence of Path, optional
+        Reports of the digital parts.
+    source : callable
+        Gives the event rates; asked only where a correction needs them.
+    sensor : PowerParameters, optional
+        A sensor that is not the published one: its bandwidth is that of the rates, unless a setting says it.
+    """
     from model.power.equations import PowerModel
     from model.power.synthesis import load_reports
 
     settings = settings or []
-    parameters = PowerParameters().with_settings(settings)
+    parameters = (sensor or PowerParameters()).with_settings(settings)
     if synthesis and "digital" not in corrections:
         raise InputError("--synthesis belongs to correction digital; add --mode consistent or --correct digital")
     gates = load_reports(list(synthesis or []))
     measured = None
     if corrections & {"event_rates", "bandwidth"}:
-        measured = table()
-        parameters = _with_bandwidth(parameters, measured, settings)
+        measured = source()
+        parameters = _with_bandwidth(parameters, measured, settings, sensor is None)
     return PowerModel(parameters=parameters, corrections=corrections, measured=measured, gates=gates)
 
 

@@ -34,6 +34,11 @@ class GivenRates:
     nlcs_hz: float
     resolution: int
 
+    def __post_init__(self) -> None:
+        for rate in (self.lcs_hz, self.nlcs_hz):
+            if not (math.isfinite(rate) and rate >= 0):
+                raise InputError(f"event rate must be a number of events/s from 0, not {rate:g}")
+
     def taxel_rates(self, readout: Readout, resolution: FloatArray, tau_s: FloatArray, taxels: int) -> TaxelRates:
         """Return the rates of a spiking readout, whatever the time constant; see ``RateSource``."""
         rate = (self.lcs_hz if readout == "lcs" else self.nlcs_hz) * 2.0 ** (resolution - self.resolution)

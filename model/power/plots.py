@@ -5,16 +5,22 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from model.figures.style import READOUT_COLOURS, READOUT_MARKERS, dress, new_figure, save_figure
+from model.figures.style import (
+    GREY,
+    PALETTE,
+    PART_COLOURS,
+    READOUT_COLOURS,
+    READOUT_MARKERS,
+    TAU_COLOURS,
+    dress,
+    new_figure,
+    save_figure,
+)
 from model.power.equations import READOUT_NAMES, READOUTS, SPIKING
 
 Data = dict[str, Any]
 
-# Okabe-Ito, as in model.figures.raster.
-PART_COLOURS = {"afe": "#0072b2", "converter": "#e69f00", "io": "#009e73"}
 PART_NAMES = {"afe": "AFE", "converter": "converter", "io": "I/O"}
-TAU_COLOURS = ("#d55e00", "#e69f00", "#cc79a7")
-_GREY = "#555555"
 
 
 def watts(value: float) -> str:
@@ -46,7 +52,7 @@ def plot_fig6(data: Data, path: Path) -> None:
                     height = entry[readout][part]
                     panel.bar(x, height, bottom=bottom or floor, width=0.82, color=colour, label=PART_NAMES[part])
                     bottom += height
-                panel.text(x, bottom * 1.15, watts(bottom), ha="center", va="bottom", fontsize=6.3, color=_GREY)
+                panel.text(x, bottom * 1.15, watts(bottom), ha="center", va="bottom", fontsize=6.3, color=GREY)
             panel.text(3.7 * group + 1, -0.15, f"noise {noise * 1e3:.3g} mV rms", ha="center", va="top", fontsize=8.5,
                        transform=panel.get_xaxis_transform())  # fmt: skip
         panel.set_yscale("log")
@@ -81,7 +87,7 @@ def plot_fig7(data: Data, path: Path) -> None:
         panel.set_yscale("log")
         if notes:
             note = "no crossover; at any noise less power is drawn by\n\n" + "\n".join(notes)
-            panel.text(0.5, 0.5, note, ha="center", va="center", fontsize=7.5, color=_GREY,
+            panel.text(0.5, 0.5, note, ha="center", va="center", fontsize=7.5, color=GREY,
                        transform=panel.transAxes)  # fmt: skip
         if panel.get_legend_handles_labels()[0]:
             panel.legend(fontsize=8, frameon=False, loc="upper left")
@@ -90,7 +96,7 @@ def plot_fig7(data: Data, path: Path) -> None:
     dress(panels[-1], f"{mode} mode, {data['ratio_noise_v_rms'] * 1e3:g} mV")
     for (label, style), ratios in zip(_lines(entry["ratio"]), _values(entry["ratio"]), strict=True):
         panels[-1].plot(data["resolution"], ratios, label=label, **style)
-    panels[-1].axhline(1.0, color="#000000", lw=0.8)
+    panels[-1].axhline(1.0, color=PALETTE["black"], lw=0.8)
     panels[-1].set_yscale("log")
     panels[-1].set_ylabel("spiking / frame power", fontsize=8.5)
     panels[-1].legend(fontsize=8, frameon=False, loc="upper left")
@@ -133,7 +139,7 @@ def plot_sensitivity(data: Data, path: Path) -> None:
     heights = list(range(len(rows)))
     for k, (panel, noise) in enumerate(zip(panels, data["noise_v_rms"], strict=True)):
         dress(panel, f"{noise * 1e3:.3g} mV rms")
-        panel.axvline(1.0, color="#000000", lw=0.8)
+        panel.axvline(1.0, color=PALETTE["black"], lw=0.8)
         for readout in SPIKING:
             panel.plot(
                 [row["ratio"][readout][k] for row in rows],
@@ -179,11 +185,11 @@ def plot_explore(data: Data, path: Path) -> None:
             label=READOUT_NAMES[readout],
         )
     best = data["cheapest"]
-    panel.plot(best["resolution"], best["total"], "o", ms=14, mfc="none", mec=_GREY, mew=1.2)
+    panel.plot(best["resolution"], best["total"], "o", ms=14, mfc="none", mec=GREY, mew=1.2)
     finest = data["noise_resolution"]
     if finest < resolutions[-1]:
         panel.axvspan(finest + 0.5, resolutions[-1] + 0.5, color="#eeeeee", zorder=0)
-        panel.text(finest + 0.6, 0.02, "below the noise", fontsize=8, color=_GREY, va="bottom",
+        panel.text(finest + 0.6, 0.02, "below the noise", fontsize=8, color=GREY, va="bottom",
                    transform=panel.get_xaxis_transform())  # fmt: skip
     panel.set_yscale("log")
     panel.set_xticks(resolutions)

@@ -7,7 +7,6 @@ those of the two datasets in both presets.
 from __future__ import annotations
 
 import functools
-import itertools
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,9 +18,11 @@ from numpy.typing import NDArray
 
 from model.config import ReadoutConfig
 from model.errors import InputError
+from model.files import read_json
 from model.power.equations import FloatArray, Readout, TaxelRates
 from model.power.parameters import MAX_RESOLUTION, MIN_RESOLUTION
 from model.textures.presets import Scan
+from model.textures.rates import Watch, each_texture, scan_texture, unwatched
 
 if TYPE_CHECKING:
     from model.textures.dataset import Dataset, Texture
@@ -170,11 +171,9 @@ def load_tables(path: Path = STORED) -> tuple[RateTable, ...]:
     """Return the tables of a file."""
     remedy = "write one with python -m model event-rates"
     try:
-        values = json.loads(path.read_text())
-    except OSError as error:
-        raise InputError(f"cannot read the event rates {path}: {error.strerror}; {remedy}") from None
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"the event rates {path} are not JSON: {error}; {remedy}") from None
+        values = read_json(path, "the event rates")
+    except InputError as error:
+        raise InputError(f"{error}; {remedy}") from None
     if not isinstance(values, dict) or not isinstance(values.get("tables"), list):
         raise InputError(f"{path} holds no tables of event rates; {remedy}")
     return tuple(RateTable.from_dict(table) for table in values["tables"])
@@ -218,7 +217,7 @@ def measure_table(
     resolutions: Sequence[int] = RESOLUTIONS,
     taus_s: Sequence[float] = TAUS_S,
     workers: int = 1,
-    progress: bool = False,
+    watch: Watch = unwatched,
 ) -> RateTable:
     """Return the event rates of every taxel, of LCS and N-LCS, with every request taken at once.
 
@@ -234,41 +233,23 @@ def measure_table(
         What to measure.
     workers : int
         Threads.
-    progress : bool
-        Show a bar on standard error, if that is a terminal.
+    watch : Watch
+        Shows how far it is, image by image and sample rate by sample rate.
     """
-    from concurrent.futures import ThreadPoolExecutor
-
-    from rich.console import Console
-    from rich.progress import Progress
-
-    if not len(dataset):
-        raise InputError("event rates need at least one image; the dataset is empty")
-    if workers < 1:
-        raise InputError(f"the number of workers must be at least 1, not {workers}")
     base = base or ReadoutConfig()
-    configs = [scan.configure(base.replace(encoding="lcs", resolution=n)) for n in resolutions]
-    configs += [scan.configure(base.replace(encoding="nlcs", resolution=n), tau) for tau in taus_s for n in resolutions]
-    groups: dict[float, list[int]] = {}  # configurations of one sample rate share their samples
-    for i, config in enumerate(configs):
-        groups.setdefault(config.sample_rate_hz, []).append(i)
+    configs, groups = _configurations(scan, base, resolutions, taus_s)
     fine = [rate_hz for rate_hz in groups if rate_hz >= 2 * _HIGHEST_HZ]
-    for_spectrum = min(fine) if fine else max(groups)
+    spectrum_rate_hz = min(fine) if fine else max(groups)
 
     rates, spectrum = np.zeros((len(configs), base.taxels)), np.zeros(_SPECTRUM_BINS)
-    console = Console(stderr=True)
-    bar = Progress(console=console, transient=True, disable=not (progress and console.is_terminal))
-    with ThreadPoolExecutor(workers) as pool, bar:
-        task = bar.add_task("encoding textures", total=len(groups) * len(dataset))
+    with watch("encoding textures", len(groups) * len(dataset)) as progress:
         # Images inside, sample rates outside: a scan keeps what it worked out for the last rates only.
         for rate_hz, members in groups.items():
-            chosen = [configs[i] for i in members]
-            work = functools.partial(_scan_image, scan=scan, configs=chosen, want_spectrum=rate_hz == for_spectrum)
-            first = work(dataset[0])
-            for found in itertools.chain([first], pool.map(work, dataset[1:])):
-                rates[members] += found[0]
-                spectrum += found[1]
-                bar.advance(task)
+            chosen, for_spectrum = [configs[i] for i in members], rate_hz == spectrum_rate_hz
+            work = functools.partial(_measure, scan=scan, configs=chosen, want_spectrum=for_spectrum)
+            for found, power in each_texture(dataset, work, workers, progress):
+                rates[members] += found
+                spectrum += power
     rates /= len(dataset)
     lcs, nlcs = rates[: len(resolutions)], rates[len(resolutions) :]
     return RateTable(
@@ -285,31 +266,29 @@ def measure_table(
     )
 
 
+def _configurations(
+    scan: Scan, base: ReadoutConfig, resolutions: Sequence[int], taus_s: Sequence[float]
+) -> tuple[list[ReadoutConfig], dict[float, list[int]]]:
+    """Return the configurations of a table, and which of them share a sample rate and so their samples."""
+    configs = [scan.configure(base.replace(encoding="lcs", resolution=n)) for n in resolutions]
+    configs += [scan.configure(base.replace(encoding="nlcs", resolution=n), tau) for tau in taus_s for n in resolutions]
+    groups: dict[float, list[int]] = {}
+    for i, config in enumerate(configs):
+        groups.setdefault(config.sample_rate_hz, []).append(i)
+    return configs, groups
+
+
 _SPECTRUM_BINS = 20_000
 _SPECTRUM_STEP_HZ = 0.25
 
 
-def _scan_image(
+def _measure(
     texture: Texture, scan: Scan, configs: list[ReadoutConfig], want_spectrum: bool
 ) -> tuple[FloatArray, FloatArray | float]:
     """Return the rates of every configuration and taxel, and the power spectrum, of one image at one sample rate."""
-    from model.taxel import count_events
-    from model.textures.scan import quantise
-
-    image = texture.load()
-    try:
-        signals = scan.signals(configs[0], image)
-        seconds = scan.duration_s(configs[0], image.shape)
-    except InputError as error:
-        raise InputError(f"image {texture.name}: {error}") from None
-    samples = quantise(signals, configs[0].sample_bits)[0]
-    rates = np.zeros((len(configs), configs[0].taxels))
-    for rate, config in zip(rates, configs, strict=True):
-        events = count_events(config, samples)
-        if skipped := scan.skipped_ticks(config):
-            events = events - count_events(config, samples[:skipped])
-        rate[:] = events / seconds
-    return rates, _spectrum(signals, configs[0].sample_rate_hz) if want_spectrum else 0.0
+    found = scan_texture(texture, scan, configs)
+    power = _spectrum(found.signals, configs[0].sample_rate_hz) if want_spectrum else 0.0
+    return found.counts / found.seconds, power
 
 
 _HIGHEST_HZ = 2500.0  # no texture has power there, and slower samples would fold it down
@@ -332,6 +311,3 @@ def _bandwidth_hz(spectrum: FloatArray) -> float:
     """Return the frequency below which 99 % of the power lies."""
     total = np.cumsum(spectrum)
     return float((np.searchsorted(total, POWER_SHARE * total[-1]) + 1) * _SPECTRUM_STEP_HZ)
-
-
-# -- the command -------------------------------------------------------------------------------------

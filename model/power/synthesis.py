@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any, Literal, get_args, get_type_hints
 
 from model.config import MAX_SIDE
 from model.errors import InputError
+from model.files import read_json
 
 Design = Literal["nlcs", "lcs", "frame"]
 """The readouts of which there can be a report, by the names of the power model."""
@@ -101,14 +101,11 @@ class SynthesisReport:
     @classmethod
     def load(cls, path: Path) -> SynthesisReport:
         """Return the report of a JSON file."""
+        values = read_json(path, "the synthesis report")
         try:
-            return cls.from_dict(json.loads(path.read_text()))
-        except OSError as error:
-            raise InputError(f"cannot read the synthesis report {path}: {error.strerror}") from None
+            return cls.from_dict(values)
         except InputError as error:
             raise InputError(f"synthesis report {path}: {error}") from None
-        except (ValueError, RecursionError) as error:
-            raise InputError(f"the synthesis report {path} is not JSON: {error}") from None
 
 
 def load_reports(paths: list[Path]) -> dict[str, SynthesisReport]:

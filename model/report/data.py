@@ -6,11 +6,12 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 
 from model.errors import InputError
+from model.events.address import taxel_of
 from model.events.recording import Recording
 from model.files import read_json
 
@@ -27,9 +28,6 @@ MOST_EVENTS = 50_000
 
 MODEL_TICKS = 1000
 """Sample ticks of the scan that stands in where there is no simulation: 50 ms."""
-
-RATE_KEYS = ("data_rate_bps", "data_rate_bit_s", "data_rate", "bits_per_second", "rate_bps")
-INTERVAL_KEYS = ("interval", "wilson_95", "bootstrap_95")
 
 RATIO_MEANINGS = {
     "times_the_copy": "time, as a multiple of that of a plain copy of the samples: a shorter bar is faster",
@@ -131,7 +129,7 @@ def _run(name: str, first: Recording, recordings: Sequence[Recording]) -> Data:
             "label": label,
             "events": len(recording.events),
             "t": events["t"].tolist(),
-            "taxel": (events["y"].astype(np.int64) * config.columns + events["x"]).tolist(),
+            "taxel": taxel_of(events, config).tolist(),
         }
         if config.has_polarity:
             columns["on"] = events["p"].astype(np.int64).tolist()
@@ -240,40 +238,34 @@ def fig9_data(path: Path) -> Data:
     InputError
         If the file cannot be read, or a point has no usable accuracy and data rate.
     """
-    from model.power.equations import READOUT_NAMES
-
     what = "the accuracy results"
-    values = read_json(path, what)
-    points = values.get("points", values.get("results")) if isinstance(values, dict) else values
+    values = read_json(path, what, dict)
+    points = values.get("points")
     if not isinstance(points, list) or not points:
         raise InputError(f"{what} {path} need a list of points; docs/guide/report.md shows one")
-    found = []
-    for number, point in enumerate(points):
-        where = f"{what} {path}: point {number}"
-        if not isinstance(point, dict):
-            raise InputError(f"{where} is not an object")
-        rate = next((point[key] for key in RATE_KEYS if key in point), None)
-        if rate is None or not _is_number(rate) or rate <= 0:
-            raise InputError(f"{where} needs {RATE_KEYS[0]}, a positive number of bit/s, not {rate!r}")
-        accuracy = point.get("accuracy")
-        if accuracy is None or not _is_number(accuracy) or not 0 <= accuracy <= 1:
-            raise InputError(f"{where} needs accuracy, a number in 0..1, not {accuracy!r}")
-        interval = next((point[key] for key in INTERVAL_KEYS if key in point), None)
-        if interval is not None and not (
-            isinstance(interval, list) and len(interval) == 2 and all(_is_number(end) for end in interval)
-        ):
-            raise InputError(f"{where} has an interval that is not [low, high]: {interval!r}")
-        readout = str(point.get("readout", point.get("encoding", "")))
-        resolution = point.get("resolution")
-        label = point.get("label", point.get("name"))
-        if label is None:
-            label = READOUT_NAMES.get(readout, readout) + (f" {resolution} b" if resolution is not None else "")
-        found.append(
-            {"readout": readout, "label": str(label), "data_rate_bps": rate, "accuracy": accuracy}
-            | ({"interval": interval} if interval is not None else {})
-        )
-    origin = values.get("source", "") if isinstance(values, dict) else ""
-    return {"source": str(origin), "points": found}
+    found = [_fig9_point(point, f"{what} {path}: point {number}") for number, point in enumerate(points)]
+    return {"source": str(values.get("source", "")), "points": found}
+
+
+def _fig9_point(point: Any, where: str) -> Data:
+    """Return what the page draws of a point, as ``python -m snn fig9`` wrote it."""
+    from model.power.equations import READOUT_NAMES
+
+    if not isinstance(point, dict):
+        raise InputError(f"{where} is not an object")
+    rate, accuracy, interval = (point.get(key) for key in ("data_rate_bps", "accuracy", "interval"))
+    if not _is_number(rate) or rate <= 0:
+        raise InputError(f"{where} needs data_rate_bps, a positive number of bit/s, not {rate!r}")
+    if not _is_number(accuracy) or not 0 <= accuracy <= 1:
+        raise InputError(f"{where} needs accuracy, a number in 0..1, not {accuracy!r}")
+    if interval is not None and not (
+        isinstance(interval, list) and len(interval) == 2 and all(_is_number(end) for end in interval)
+    ):
+        raise InputError(f"{where} has an interval that is not [low, high]: {interval!r}")
+    readout, resolution = str(point.get("readout", "")), point.get("resolution")
+    label = READOUT_NAMES.get(readout, readout) + (f" {resolution} b" if resolution is not None else "")
+    drawn = {"readout": readout, "label": str(point.get("label", label)), "data_rate_bps": rate, "accuracy": accuracy}
+    return drawn if interval is None else drawn | {"interval": interval}
 
 
 def benchmark_data(folder: Path) -> tuple[list[Data], list[str]]:
@@ -337,7 +329,7 @@ def _ratio(key: str, value: Any) -> dict[str, float]:
     return {end: ends[end] for end in ("median", "least", "most") if end in ends} if "median" in ends else {}
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: Any) -> TypeGuard[float]:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
 

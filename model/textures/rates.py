@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.textures.dataset import Dataset, Texture
-from model.textures.presets import Scan
+from model.textures.presets import Scan, Signals, quantise
+
+Result = TypeVar("Result")
 
 PUBLISHED_RATES_HZ = {
     ("lcs", 2): 2429.48,
@@ -89,27 +96,14 @@ def measure_rates(
     InputError
         If the dataset is empty, an image is damaged or too small, or workers is less than 1.
     """
-    import numpy as np
+    if not start_rows:
+        raise InputError("a rate needs at least one image and one start row; the list of start rows is empty")
 
-    if workers < 1:
-        raise InputError(f"the number of workers must be at least 1, not {workers}")
-    if not len(dataset) or not start_rows:
-        raise InputError("a rate needs at least one image and one start row; the dataset or the list is empty")
+    def work(texture: Texture) -> list[tuple[int, int, float]]:
+        scans = (scan_texture(texture, scan, [config], start_row) for start_row in start_rows)
+        return [(int(found.counts.sum()), found.clipped, found.seconds) for found in scans]
 
-    def one(texture: Texture) -> list[tuple[int, int, float]]:
-        found = _scan_texture(texture, scan, config, start_rows)
-        if progress is not None:
-            progress()
-        return found
-
-    # The first image fills the caches that the threads then share.
-    results = one(dataset[0])
-    pool = ThreadPoolExecutor(workers)
-    try:
-        for found in pool.map(one, dataset[1:]):
-            results += found
-    finally:
-        pool.shutdown(cancel_futures=True)
+    results = [found for image in each_texture(dataset, work, workers, progress) for found in image]
     events, clipped, seconds = (np.array(column) for column in zip(*results, strict=True))
     rates = events / seconds
     return Rates(
@@ -124,26 +118,102 @@ def measure_rates(
     )
 
 
-def _scan_texture(
-    texture: Texture, scan: Scan, config: ReadoutConfig, start_rows: Sequence[float]
-) -> list[tuple[int, int, float]]:
-    """Return events, clipped samples and length in seconds of the scans of one image."""
-    import numpy as np
+@dataclass(frozen=True, eq=False)
+class Scanned:
+    """One scan of one image, encoded with every request taken at once.
 
-    from model.taxel import encode
+    Attributes
+    ----------
+    counts : int64 array, shape (configurations, taxels)
+        Events that count, of every configuration and taxel.
+    clipped : int
+        Samples outside full scale.
+    seconds : float
+        Length of the scan.
+    signals : float64 array, shape (ticks, taxels)
+        Output of the sensors in full scale.
+    """
+
+    counts: NDArray[np.int64]
+    clipped: int
+    seconds: float
+    signals: Signals
+
+
+def scan_texture(texture: Texture, scan: Scan, configs: Sequence[ReadoutConfig], start_row: float = 0.0) -> Scanned:
+    """Return the events of one scan of an image.
+
+    Parameters
+    ----------
+    texture : Texture
+    scan : Scan
+    configs : sequence of ReadoutConfig
+        From ``scan.configure``; of one array, sample rate and number of bits, since they share their samples.
+    start_row : float
+        Image row at which the array's row 0 slides.
+    """
+    from model.taxel import count_events
 
     image = texture.load()
-    skipped = scan.skipped_ticks(config)
-    results = []
-    for start_row in start_rows:
-        try:
-            samples, clipped = scan.samples(config, image, start_row)
-            seconds = scan.duration_s(config, image.shape)
-        except InputError as error:
-            raise InputError(f"image {texture.name}: {error}") from None
-        counts = encode(config, samples)[skipped:]
-        results.append((int(np.abs(counts).sum(dtype=np.int64)), clipped, seconds))
-    return results
+    try:
+        signals = scan.signals(configs[0], image, start_row)
+        seconds = scan.duration_s(configs[0], image.shape)
+    except InputError as error:
+        raise InputError(f"image {texture.name}: {error}") from None
+    samples, clipped = quantise(signals, configs[0].sample_bits)
+    counts = np.stack([count_events(config, samples) for config in configs])
+    for found, config in zip(counts, configs, strict=True):
+        if skipped := scan.skipped_ticks(config):
+            found -= count_events(config, samples[:skipped])
+    return Scanned(counts, clipped, seconds, signals)
+
+
+Watch = Callable[[str, int], AbstractContextManager[Callable[[], object]]]
+"""Takes what is done and its number of pieces, and gives what to call after each, as ``model.cli.progress.bar``."""
+
+
+@contextmanager
+def unwatched(text: str, total: int) -> Iterator[Callable[[], object]]:
+    """Show nothing."""
+    yield lambda: None
+
+
+def each_texture(
+    dataset: Dataset,
+    work: Callable[[Texture], Result],
+    workers: int = 1,
+    progress: Callable[[], object] | None = None,
+) -> Iterator[Result]:
+    """Give what a function makes of every image, in their order, worked out by threads.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    work : callable
+        Takes a texture.
+    workers : int
+        Threads; the results do not depend on them.
+    progress : callable, optional
+        Called after each image.
+    """
+    if workers < 1:
+        raise InputError(f"the number of workers must be at least 1, not {workers}")
+    if not len(dataset):
+        raise InputError("event rates need at least one image; the dataset is empty")
+
+    def one(texture: Texture) -> Result:
+        found = work(texture)
+        if progress is not None:
+            progress()
+        return found
+
+    # The first image fills the caches that the threads then share.
+    yield one(dataset[0])
+    pool = ThreadPoolExecutor(workers)
+    try:
+        yield from pool.map(one, dataset[1:])
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 def published_rate_hz(dataset: Dataset, scan: Scan, config: ReadoutConfig) -> float | None:
@@ -154,6 +224,3 @@ def published_rate_hz(dataset: Dataset, scan: Scan, config: ReadoutConfig) -> fl
     if scan.name == "paper" and whole and array and tau:
         return PUBLISHED_RATES_HZ.get((config.encoding, config.resolution))
     return None
-
-
-# -- the command -------------------------------------------------------------------------------------

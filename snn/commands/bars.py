@@ -12,21 +12,6 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def bar(text: str, total: int | None = None) -> Iterator[Any]:
-    """Give a function to call after each piece of work; without a terminal nothing is shown."""
-    if not sys.stderr.isatty():
-        yield lambda: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
-        task = shown.add_task(text, total=total)
-        yield lambda: shown.advance(task)
-
-
-@contextmanager
 def epoch_bar(epochs: int) -> Iterator[tuple[Any, Any]]:
     """Give functions to show an epoch and to say a sentence; without a terminal every tenth epoch is a line.
 

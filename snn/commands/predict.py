@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from model.cli.progress import bar
 from model.files import check_writable, write_json
-from snn.commands.bars import bar
 
 if TYPE_CHECKING:
     import numpy as np

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from model.cli.progress import bar
 from model.errors import InputError
 from model.files import write_json
-from snn.commands.bars import bar, epoch_bar
+from snn.commands.bars import epoch_bar
 from snn.commands.options import Folds, Seeds, Workers, check_device, output_folder, with_experiment
 
 if TYPE_CHECKING:

@@ -7,14 +7,13 @@ epoch that counts. Test images select nothing.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from model.errors import InputError
-from model.files import plain
+from model.files import plain, read_json
 from snn.data.scans import ScanData, Split
 from snn.experiments.experiment import Experiment
 from snn.experiments.folds import INNER_FOLDS, stratified_folds
@@ -93,9 +92,9 @@ def summarise(cells: list[dict[str, Any]], images: int, classes: int) -> dict[st
 def read_cell(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return what a cell was run with, and its result; refuse another file."""
     try:
-        content = json.loads(path.read_text())
+        content = read_json(path, "the cell", dict)
         experiment, result = content["experiment"], content["result"]
-    except (OSError, ValueError, KeyError, TypeError):
+    except (InputError, KeyError):
         raise InputError(f"{path} is not the result of a cell; remove it") from None
     if not (isinstance(experiment, dict) and isinstance(result, dict)):
         raise InputError(f"{path} is not the result of a cell; remove it")

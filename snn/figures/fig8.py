@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.events.address import taxel_of
-from model.figures.raster import OFF_COLOUR, ON_COLOUR
-from model.figures.style import PALETTE, dress, new_figure, save_figure
+from model.figures.style import GREY, OFF_COLOUR, ON_COLOUR, PALETTE, dress, new_figure, save_figure
 from model.textures.physical import PhysicalScan
 from snn.figures.fig8_play import Played
 
@@ -23,7 +22,6 @@ CLASS_COLOURS = tuple(
 )
 """Colours of the classes; more classes take them again."""
 
-_GREY = "#555555"
 _INK = "#333333"
 _SHOWN = 3  # taxels whose signal is drawn
 _NOTE = 0.15  # this part of a panel's width has room for words
@@ -90,7 +88,7 @@ def _draw_signals(panel: Axes, played: Played) -> None:
     panel.legend(handles[:kinds], labels[:kinds], loc="lower right", bbox_to_anchor=(1, 1), ncols=2, frameon=False,
                  fontsize=8, handletextpad=0.1, markerscale=2.5, borderaxespad=0.1)  # fmt: skip
     dress(panel, "pressure signals and their events")
-    panel.set_title(f"lanes {gap:.2g} full scales apart", fontsize=8, color=_GREY, pad=4)
+    panel.set_title(f"lanes {gap:.2g} full scales apart", fontsize=8, color=GREY, pad=4)
 
 
 def _draw_zoom(panel: Axes, played: Played) -> None:
@@ -145,7 +143,7 @@ def _draw_events(panel: Axes, played: Played) -> None:
     panel.set_ylim(config.taxels - 0.5, -0.5)
     panel.set_ylabel("taxel", fontsize=8.5)
     dress(panel, "address events")
-    panel.set_title(f"{len(events):,} events of {config.taxels} taxels", fontsize=8, color=_GREY, pad=4)
+    panel.set_title(f"{len(events):,} events of {config.taxels} taxels", fontsize=8, color=GREY, pad=4)
 
 
 def _draw_hidden(panel: Axes, played: Played) -> None:
@@ -158,10 +156,10 @@ def _draw_hidden(panel: Axes, played: Played) -> None:
         panel.axvspan(0, 1e3 * played.start_s, color="#eeeeee", zorder=0)
         if played.start_s >= _NOTE * played.recording.duration_s:
             panel.text(500 * played.start_s, played.spikes.shape[1] / 2, "events do not\ncount yet", fontsize=8,
-                       color=_GREY, ha="center", va="center")  # fmt: skip
+                       color=GREY, ha="center", va="center")  # fmt: skip
     dress(panel, "hidden neurons")
     panel.set_title(f"{played.spikes.sum():,.0f} spikes of {played.spikes.shape[1]} neurons, steps of "
-                    f"{1e3 * played.step_s:g} ms", fontsize=8, color=_GREY, pad=4)  # fmt: skip
+                    f"{1e3 * played.step_s:g} ms", fontsize=8, color=GREY, pad=4)  # fmt: skip
 
 
 def _draw_evidence(panel: Axes, played: Played) -> None:
@@ -172,7 +170,7 @@ def _draw_evidence(panel: Axes, played: Played) -> None:
         panel.plot(played.ends_ms, played.evidence[:, label], color=_colour(label), lw=2.4 if won else 1.1,
                    zorder=3 if won else 2, label=name)  # fmt: skip
     dress(panel, "evidence for each class")
-    panel.set_title(played.meaning, fontsize=8, color=_GREY, pad=4)
+    panel.set_title(played.meaning, fontsize=8, color=GREY, pad=4)
     panel.set_ylabel("logit", fontsize=8.5)
     top = float(played.evidence[-1, winner])
     low, high = panel.get_ylim()

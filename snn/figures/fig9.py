@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from model.errors import InputError
-from model.figures.style import PALETTE, READOUT_COLOURS, READOUT_MARKERS, dress, new_figure, save_figure
+from model.figures.style import GREY, READOUT_COLOURS, READOUT_MARKERS, dress, new_figure, save_figure
 from model.files import read_json
 from model.power.equations import READOUT_NAMES
 from model.textures.presets import PRESETS
@@ -32,14 +32,11 @@ LATEST = Path("out/sweep/sweep.json")
 """Where ``python -m snn sweep`` writes unless told otherwise."""
 
 NAMES = READOUT_NAMES | {"cw-lcs": "CW-LCS"}
-COLOURS = READOUT_COLOURS | {"cw-lcs": PALETTE["purple"]}
-MARKERS = READOUT_MARKERS | {"cw-lcs": "D"}
 STYLES = (("-", "full"), ("--", "left"), ("-.", "bottom"), (":", "right"))
 """Line and filling of the marks of each sweep, in turn."""
 
 PUBLISHED_NAME = "published"
 BARS = "bars: 95 % interval over images and seeds; of published points, standard deviation over folds"
-_GREY = "#555555"
 
 
 # -- sweeps ------------------------------------------------------------------------------------------
@@ -183,8 +180,8 @@ def draw_fig9(data: Data) -> Figure:
             _draw_series(panel, series, readout, _style(sweep, sweeps))
         _label_points(panel, points)
         for classes in sorted({point["classes"] for point in points}):
-            panel.axhline(100 / classes, color=_GREY, lw=0.9, ls=(0, (1, 2)), zorder=0)
-            panel.text(0.005, 100 / classes + 0.8, "chance", fontsize=7.5, color=_GREY,
+            panel.axhline(100 / classes, color=GREY, lw=0.9, ls=(0, (1, 2)), zorder=0)
+            panel.text(0.005, 100 / classes + 0.8, "chance", fontsize=7.5, color=GREY,
                        transform=panel.get_yaxis_transform())  # fmt: skip
         panel.set_xscale("log")
         panel.set_xlabel(f"data rate / ({data['reference_bps'] / 1e3:g} kb/s)", fontsize=8.5)
@@ -200,7 +197,7 @@ def draw_fig9(data: Data) -> Figure:
     legend = figure.legend(handles=_keys(data, sweeps), loc="outside lower left", ncols=3 + 2 * len(presets),
                            title="\n".join([*data["protocol"], BARS]), title_fontsize=8, fontsize=8, frameon=False,
                            alignment="left", columnspacing=1.4)  # fmt: skip
-    legend.get_title().set_color(_GREY)
+    legend.get_title().set_color(GREY)
     return figure
 
 
@@ -226,15 +223,15 @@ def _draw_series(panel: Axes, points: list[Data], readout: str, style: Data) -> 
     if readout == "frame":
         style = style | {"ls": ""}
     x, y = ([p["normalised_rate"] for p in points], [100 * p["accuracy"] for p in points])
-    panel.plot(x, y, color=COLOURS[readout], marker=MARKERS[readout], **style)
+    panel.plot(x, y, color=READOUT_COLOURS[readout], marker=READOUT_MARKERS[readout], **style)
     for point in points:
         at, ends = point["normalised_rate"], _ends(point)
         if ends[1] > ends[0]:
             caps = 11 if point["sweep"] == PUBLISHED_NAME else 5  # a published bar shows beside one of the same rate
-            panel.plot([at, at], [100 * end for end in ends], color=COLOURS[readout], lw=style["lw"], marker="_",
-                       ms=caps, mew=style["lw"], alpha=0.75, zorder=1.5)  # fmt: skip
+            panel.plot([at, at], [100 * end for end in ends], color=READOUT_COLOURS[readout], lw=style["lw"],
+                       marker="_", ms=caps, mew=style["lw"], alpha=0.75, zorder=1.5)  # fmt: skip
         if partial(point):
-            panel.plot(at, 100 * point["accuracy"], "o", ms=15, mfc="none", mec=_GREY, mew=1)
+            panel.plot(at, 100 * point["accuracy"], "o", ms=15, mfc="none", mec=GREY, mew=1)
 
 
 def _ends(point: Data) -> tuple[float, float]:
@@ -263,12 +260,12 @@ def _label_points(panel: Axes, points: list[Data]) -> None:
         gap = 7 if place == outer["accuracy"] else 3  # clear of the mark, or of the bar's end
         panel.annotate(text, (outer["normalised_rate"], 100 * place), xytext=(2, gap) if side else (4, -gap),
                        textcoords="offset points", ha="right" if side else "left", va="bottom" if side else "top",
-                       fontsize=7.5, color=COLOURS[readout], path_effects=halo)  # fmt: skip
+                       fontsize=7.5, color=READOUT_COLOURS[readout], path_effects=halo)  # fmt: skip
     lowest = -math.inf
     for point in sorted((p for p in points if p["readout"].startswith("frame")), key=lambda p: p["accuracy"]):
         lowest = max(100 * point["accuracy"], lowest + 3.5)  # no label on another
-        panel.annotate(_detail_of(point), (point["normalised_rate"], lowest), xytext=(7, 0), textcoords="offset points",
-                       va="center", fontsize=7.5, color=COLOURS["frame"], path_effects=halo)  # fmt: skip
+        panel.annotate(_detail(point), (point["normalised_rate"], lowest), xytext=(7, 0), textcoords="offset points",
+                       va="center", fontsize=7.5, color=READOUT_COLOURS["frame"], path_effects=halo)  # fmt: skip
 
 
 def _keys(data: Data, sweeps: list[str]) -> list[Line2D]:
@@ -276,9 +273,13 @@ def _keys(data: Data, sweeps: list[str]) -> list[Line2D]:
     from matplotlib.lines import Line2D
 
     there = {point["readout"].split(",")[0] for point in data["points"]}
-    keys = [Line2D([], [], color=COLOURS[r], marker=MARKERS[r], ls="", label=NAMES[r]) for r in NAMES if r in there]
+    keys = [
+        Line2D([], [], color=READOUT_COLOURS[r], marker=READOUT_MARKERS[r], ls="", label=NAMES[r])
+        for r in NAMES
+        if r in there
+    ]
     for sweep in (PUBLISHED_NAME, *sweeps):
-        keys.append(Line2D([], [], color=_GREY, marker="o", label=sweep, **_style(sweep, sweeps)))
+        keys.append(Line2D([], [], color=GREY, marker="o", label=sweep, **_style(sweep, sweeps)))
     if any(partial(point) for point in data["points"]):
-        keys.append(Line2D([], [], ls="", marker="o", ms=11, mfc="none", mec=_GREY, label="not all cells finished"))
+        keys.append(Line2D([], [], ls="", marker="o", ms=11, mfc="none", mec=GREY, label="not all cells finished"))
     return keys

@@ -132,7 +132,7 @@ def test_unmatched_marks_the_last_of_equal_events() -> None:
 def test_draws_any_number_of_events(n_a: int, n_b: int, suffix: str, tmp_path: Path) -> None:
     path = tmp_path / f"raster.{suffix}"
     a = random_events(n_a)
-    plot_comparison(a, a[:n_b] if n_b <= n_a else random_events(n_b), CONFIG, path, title="title")
+    plot_comparison((a, a[:n_b] if n_b <= n_a else random_events(n_b)), CONFIG, path, title="title")
     assert path.stat().st_size > 5000
     assert [file.name for file in tmp_path.iterdir()] == [path.name]
 
@@ -143,7 +143,7 @@ def test_draws_any_array(rows: int, columns: int, encoding: str, tmp_path: Path)
     config = ReadoutConfig(rows=rows, columns=columns, encoding=encoding)  # type: ignore[arg-type]
     events = make_events(np.arange(100), np.arange(100) % rows, np.arange(100) % columns)
     signal = np.zeros((20, config.taxels))
-    plot_comparison(events, events, config, tmp_path / "a.png", signal=signal, texture=np.zeros((9, 40), np.uint8))
+    plot_comparison((events, events), config, tmp_path / "a.png", signal=signal, texture=np.zeros((9, 40), np.uint8))
     plot_signals(events, signal, config, tmp_path / "b.png")
     assert Image.open(tmp_path / "a.png").height > Image.open(tmp_path / "b.png").height
 
@@ -152,13 +152,13 @@ def test_same_events_give_the_same_picture(tmp_path: Path) -> None:
     events = random_events(500)
     for suffix in ("png", "svg"):
         for name in ("a", "b"):
-            plot_comparison(events, events, CONFIG, tmp_path / f"{name}.{suffix}")
+            plot_comparison((events, events), CONFIG, tmp_path / f"{name}.{suffix}")
         assert (tmp_path / f"a.{suffix}").read_bytes() == (tmp_path / f"b.{suffix}").read_bytes()
 
 
 def test_every_mismatch_shows_in_black(tmp_path: Path) -> None:
     def black_pixels(b: Events) -> int:
-        plot_comparison(a, b, CONFIG, tmp_path / "a.png", labels=("", ""))
+        plot_comparison((a, b), CONFIG, tmp_path / "a.png", labels=("", ""))
         picture = np.asarray(Image.open(tmp_path / "a.png").convert("RGB")).astype(int)
         return int((picture.sum(axis=2) == 0).sum())
 
@@ -176,7 +176,7 @@ def test_refuses_unknown_formats_and_folders(tmp_path: Path) -> None:
         (missing, f"cannot write {missing}: the folder {missing.parent} does not exist; create it first"),
     ):
         with pytest.raises(InputError) as refused:
-            plot_comparison(no_events(), no_events(), CONFIG, path)
+            plot_comparison((no_events(), no_events()), CONFIG, path)
         assert str(refused.value) == sentence
 
 

@@ -159,7 +159,7 @@ def test_clipped_samples_are_counted(tmp_path):
 
 def test_nothing_to_measure_is_refused():
     data = embedded_dataset()
-    with pytest.raises(InputError, match=r"^a rate needs at least one image and one start row; "):
+    with pytest.raises(InputError, match=r"^event rates need at least one image; the dataset is empty$"):
         measure_rates(Dataset("none", (), ()), PHYSICAL, ReadoutConfig())
     with pytest.raises(InputError, match=r"^a rate needs at least one image and one start row; "):
         measure_rates(data, PHYSICAL, ReadoutConfig(), [])

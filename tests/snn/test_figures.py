@@ -147,7 +147,7 @@ def marks(figure: Figure, panel: int) -> dict[tuple[str, Any], list[tuple[float,
     """Return the points of a panel by colour and filling; bars and rings are other markers."""
     found: dict[tuple[str, Any], list[tuple[float, float]]] = {}
     for line in figure.axes[panel].lines:
-        if line.get_marker() in figures.MARKERS.values() and line.get_markersize() < 10:
+        if line.get_marker() in figures.READOUT_MARKERS.values() and line.get_markersize() < 10:
             points = [(float(x), float(y)) for x, y in zip(line.get_xdata(), line.get_ydata(), strict=True)]
             found.setdefault((str(line.get_color()), line.get_fillstyle()), []).extend(points)
     return found
@@ -180,7 +180,7 @@ def test_the_published_points_are_those_of_the_paper() -> None:
         assert point["normalised_rate"] == rate
         assert point["data_rate_bps"] == pytest.approx(rate * 640e3)
         assert point.get("sd_over_folds") == (PUBLISHED_SD[key] / 100 if key in PUBLISHED_SD else None)
-    colour = figures.COLOURS["lcs"]
+    colour = figures.READOUT_COLOURS["lcs"]
     figure = figures.draw_fig9(data)
     assert marks(figure, 0)[colour, "none"] == [PUBLISHED["lcs", n] for n in (2, 4, 6, 8)]
     assert {(x, round(low, 9), round(high, 9)) for x, low, high in bars(figure, 0)} == {

@@ -1,0 +1,54 @@
+"""Tables of the commands on standard output, all of one look."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+def new_table(headings: Iterable[str], title: str = "", left: Iterable[int] = (0,), **columns: Any) -> Table:
+    """Return an empty table.
+
+    Parameters
+    ----------
+    headings : iterable of str
+        Taken as they are: a bracket in one is no markup.
+    title : str
+        Line above the table.
+    left : iterable of int
+        Numbers of the columns that stand on the left; the others, numbers, stand on the right.
+    **columns
+        What rich's ``add_column`` takes, for all columns.
+    """
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=box.SIMPLE_HEAD, title=Text(title, style="table.title") if title else None, title_justify="left")
+    at_left = set(left)
+    for number, heading in enumerate(headings):
+        table.add_column(Text(heading), justify="left" if number in at_left else "right", **columns)
+    return table
+
+
+def show(table: Table, least_width: int = 0) -> None:
+    """Print a table, at least so many characters wide, on standard output."""
+    from rich.console import Console
+
+    console = Console()
+    Console(width=max(console.width, least_width)).print(table)
+
+
+def show_facts(facts: Mapping[str, str]) -> None:
+    """Print names and values, one pair a line."""
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(show_header=False, box=None)
+    for name, value in facts.items():
+        table.add_row(Text(name), Text(value))
+    Console().print(table)

@@ -1,0 +1,34 @@
+"""One reader of JSON for all files: what is wrong, in one sentence with the file's name."""
+
+from __future__ import annotations
+
+import pytest
+
+from model.errors import InputError
+from model.files import read_json
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "sentence"),
+    [
+        ("{", None, "the sweep a.json is not JSON: Expecting property name"),
+        (b"\xff\xfe{", None, "the sweep a.json is not JSON: "),
+        ("[" * 100_000, None, "the sweep a.json is not JSON that can be read: it is nested too deeply"),
+        ("[1]", dict, "the sweep a.json must be a JSON object, not list"),
+        ("{}", list, "the sweep a.json must be a JSON list, not dict"),
+        (None, None, "cannot read the sweep a.json: No such file or directory"),
+    ],
+)
+def test_a_file_that_is_not_what_it_should_be_gets_one_sentence(tmp_path, monkeypatch, text, kind, sentence):
+    monkeypatch.chdir(tmp_path)
+    path = (tmp_path / "a.json").relative_to(tmp_path)
+    if text is not None:
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(InputError) as refused:
+        read_json(path, "the sweep", kind)
+    assert str(refused.value).startswith(sentence)
+
+
+def test_what_a_file_holds_comes_back(tmp_path):
+    (tmp_path / "a.json").write_text('{"a": [1, 2.5, null]}')
+    assert read_json(tmp_path / "a.json", "the sweep", dict) == {"a": [1, 2.5, None]}
