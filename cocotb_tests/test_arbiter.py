@@ -6,7 +6,7 @@ import random
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cocotb
 import pytest
@@ -14,8 +14,10 @@ import pytest
 from cocotb_tests.bench.block import Block, Checker, Sink, bits, job, payload, report
 from cocotb_tests.bench.reference import AddressEvent, ArbiterReference
 from cocotb_tests.session.block import cosimulate
-from cocotb_tests.session.runners import Simulator
 from model.config import ReadoutConfig
+
+if TYPE_CHECKING:
+    from cocotb_tests.session.runners import Simulator
 
 Want = Callable[[int, int], bool]
 """Whether the taxel of a row and column raises a request now, if it has none."""

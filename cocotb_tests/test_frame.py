@@ -7,19 +7,21 @@ import os
 import random
 from collections import Counter
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cocotb
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from cocotb_tests.bench.block import JOB, Sink, report
 from cocotb_tests.bench.frame import FrameBench, SarAdc
 from cocotb_tests.bench.textures import random_scan, scan
-from cocotb_tests.session.runners import Simulator
-from cocotb_tests.session.simulator import build
 from model.config import ReadoutConfig
 from model.frame import FrameConfig, FrameStimulus, adc_code, simulate, unpack
+
+if TYPE_CHECKING:
+    from cocotb_tests.session.runners import Simulator
 
 
 def job() -> tuple[FrameConfig, random.Random]:
@@ -33,7 +35,7 @@ async def frames_equal_the_model(dut: Any) -> None:
     """All receivers and ADCs, frame starts that come early or late, moving signals, resets in mid-stream."""
     config, rng = job()
     bench = FrameBench(dut, config, rng)
-    texture = random_scan(config.readout, 400, np.random.default_rng(rng.getrandbits(32)))
+    texture = np.load("samples.npy")
     edges = np.array([-config.readout.full_scale, -1, 0, config.readout.full_scale - 1])
 
     def moving(clock: int) -> Any:
@@ -77,9 +79,7 @@ async def texture_scan_gives_its_codes(dut: Any) -> None:
     """A scan over an embedded photograph at the frame rate: the words and their clocks are those of ``simulate``."""
     config, rng = job()
     bench = FrameBench(dut, config, rng)
-    samples = scan(config.rows, config.columns, config.sample_bits, 11)[::100][: scanned_frames(config)].astype(
-        np.int64
-    )
+    samples = np.load("samples.npy")
     await bench.block.reset()
     await bench.reset()
     begin = bench.block.time
@@ -136,8 +136,13 @@ def name(config: FrameConfig) -> str:
     return f"{config.rows}x{config.columns}-{config.resolution}b-{config.word_bits}b-{config.reset}"
 
 
-def cosimulate(config: FrameConfig, simulator: Simulator, test: str, folder: Path, seed: int) -> Counter[str]:
-    """Run one cocotb test of the frame readout and return what it counted."""
+def cosimulate(
+    config: FrameConfig, simulator: Simulator, test: str, folder: Path, seed: int, samples: NDArray[np.int64]
+) -> Counter[str]:
+    """Run one cocotb test of the frame readout on samples of a scan, and return what it counted."""
+    from cocotb_tests.session.simulator import build  # not in the simulator, which imports this file too
+
+    np.save(folder / "samples.npy", samples)
     program = build(config, simulator, top="eskin_frame_readout")
     environment = {JOB: json.dumps({"config": config.to_dict(), "seed": seed})}
     program.test("cocotb_tests.test_frame", folder, test, environment)
@@ -154,7 +159,8 @@ CASES = [
 def test_rtl_equals_the_model_in_every_clock_and_loses_no_sample(
     simulator: Simulator, config: FrameConfig, tmp_path: Path
 ) -> None:
-    counts = cosimulate(config, simulator, "frames_equal_the_model", tmp_path, seed=config.taxels)
+    texture = random_scan(config.readout, 400, np.random.default_rng(config.taxels))
+    counts = cosimulate(config, simulator, "frames_equal_the_model", tmp_path, config.taxels, texture)
     assert counts["checks"] > 4000
     assert counts["words"] > 0
     assert counts["words"] == counts["frames"] * config.words_per_frame
@@ -171,7 +177,10 @@ def test_rtl_equals_the_model_in_every_clock_and_loses_no_sample(
     ids=name,
 )
 def test_texture_scan_leaves_as_the_words_of_the_model(config: FrameConfig, tmp_path: Path) -> None:
-    counts = cosimulate(config, "icarus", "texture_scan_gives_its_codes", tmp_path, seed=1)
+    samples = scan(config.rows, config.columns, config.sample_bits, 11)[::100][: scanned_frames(config)].astype(
+        np.int64
+    )
+    counts = cosimulate(config, "icarus", "texture_scan_gives_its_codes", tmp_path, 1, samples)
     assert counts["frames"] == scanned_frames(config)
     assert counts["words"] == counts["frames"] * config.words_per_frame
     assert counts["different codes"] > 3

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import random
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cocotb
 import pytest
@@ -16,8 +16,10 @@ from cocotb.utils import get_sim_time
 from cocotb_tests.bench.block import Block, Checker, job, payload, report
 from cocotb_tests.bench.reference import AddressEvent, LinkReference
 from cocotb_tests.session.block import cosimulate
-from cocotb_tests.session.runners import Simulator
 from model.config import ReadoutConfig
+
+if TYPE_CHECKING:
+    from cocotb_tests.session.runners import Simulator
 
 PERIOD_PS = 10_000
 BEFORE_EDGE_PS = 10  # when everything is compared

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import random
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cocotb
 import pytest
@@ -13,8 +13,10 @@ import pytest
 from cocotb_tests.bench.block import Block, Checker, job, report
 from cocotb_tests.bench.reference import TaxelReference
 from cocotb_tests.session.block import cosimulate
-from cocotb_tests.session.runners import Simulator
 from model.config import ReadoutConfig
+
+if TYPE_CHECKING:
+    from cocotb_tests.session.runners import Simulator
 
 PHASES, CLOCKS = 14, 160
 

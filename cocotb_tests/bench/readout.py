@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from cocotb.triggers import ValueChange
@@ -13,7 +14,9 @@ from numpy.typing import NDArray
 from model.config import ReadoutConfig
 from model.events.address import EVENT_DTYPE, Events
 from model.events.compare import Difference, first_difference
-from model.readout import Stimulus, simulate, state_at
+
+if TYPE_CHECKING:  # importing it would compile the model in every simulator
+    from model.readout import Stimulus
 
 PATTERN = 65536
 """Entries of the harness's ready pattern, which must be a multiple of the stimulus's."""
@@ -22,6 +25,8 @@ PATTERN = 65536
 @dataclass
 class StimulusDriver:
     """Writes a stimulus in the form that the harness plays (see harness.v)."""
+
+    FILES = ("stimulus.bin", "ready.bin", "ack.bin")
 
     config: ReadoutConfig
     folder: Path
@@ -113,20 +118,26 @@ class Scoreboard:
     clocks: int = 0
     events: int = 0
 
-    def check(self, name: str, stimulus: Stimulus, rtl: Events, errors: int = 0) -> None:
-        """Compare the events of a run with the model's, and count them; raise Mismatch at the first difference."""
-        expected = simulate(self.config, stimulus)
+    def check(
+        self, name: str, clocks: int, expected: Events, rtl: Events, errors: int, again: Callable[[], Stimulus]
+    ) -> None:
+        """Compare the events of a run with the model's, and count them; raise Mismatch at the first difference.
+
+        ``again`` returns the stimulus of the run, for the description of a difference.
+        """
         difference = first_difference(expected, rtl)
         if difference is not None:
-            raise Mismatch(self._describe(name, stimulus, difference))
+            raise Mismatch(self._describe(name, again(), difference))
         if errors:
             raise Mismatch(f"{name}: {errors} breaches of the {self.config.link} protocol; reproduce: {self.reproduce}")
         self.runs += 1
-        self.clocks += stimulus.clocks
+        self.clocks += clocks
         self.events += len(rtl)
 
     def _describe(self, name: str, stimulus: Stimulus, difference: Difference) -> str:
         """Return where RTL and model part, the model's state there, and the command that shows it again."""
+        from model.readout import state_at
+
         clock, row, column, _ = min(event for event in (difference.a, difference.b) if event is not None)
         lines = [f"{name}: RTL and model differ", difference.describe(("model", "RTL"))]
         lines.append(f"the model before the clocks up to {clock}, taxel ({row}, {column}):")
@@ -141,11 +152,37 @@ class Scoreboard:
         return "\n".join([*lines, f"reproduce: {self.reproduce}"])
 
 
+@dataclass(frozen=True)
+class Prepared:
+    """A run whose stimulus and events have been computed outside, so that the simulator needs no model.
+
+    Attributes
+    ----------
+    name : str
+    clocks, outstanding : int
+        Its length, and the requests that wait at its end.
+    folder : str
+        Where its files lie.
+    """
+
+    name: str
+    clocks: int
+    outstanding: int
+    folder: str
+
+    @property
+    def expected(self) -> Events:
+        """The model's events."""
+        events: Events = np.load(Path(self.folder) / "expected.npy")
+        return events
+
+
 class Bench:
     """A readout in its harness, one run after the other."""
 
     def __init__(self, dut: Any, config: ReadoutConfig, folder: Path) -> None:
         self.dut = dut
+        self.folder = folder
         self.driver = StimulusDriver(config, folder)
         self.monitor = EventMonitor(config, folder)
         self.scoreboard = Scoreboard(config)
@@ -153,12 +190,26 @@ class Bench:
     async def play(self, stimulus: Stimulus) -> tuple[Events, int]:
         """Play a stimulus from reset on; return the RTL's events and the breaches of its protocol."""
         self.driver.write(stimulus)
+        return await self._go()
+
+    async def _go(self) -> tuple[Events, int]:
         self.dut.go.value = int(self.dut.done.value) + 1
         await ValueChange(self.dut.done)
         return self.monitor.read(), int(self.dut.errors.value)
 
     async def check(self, name: str, stimulus: Stimulus) -> Events:
         """Play a stimulus and hold the RTL to the model; return the events."""
+        from model.readout import simulate
+
         events, errors = await self.play(stimulus)
-        self.scoreboard.check(name, stimulus, events, errors)
+        expected = simulate(self.scoreboard.config, stimulus)
+        self.scoreboard.check(name, stimulus.clocks, expected, events, errors, lambda: stimulus)
+        return events
+
+    async def check_prepared(self, run: Prepared, again: Callable[[], Stimulus]) -> Events:
+        """Play what has been prepared and hold the RTL to the model; return the events."""
+        for name in StimulusDriver.FILES:
+            (self.folder / name).write_bytes((Path(run.folder) / name).read_bytes())
+        events, errors = await self._go()
+        self.scoreboard.check(run.name, run.clocks, run.expected, events, errors, again)
         return events

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 from collections import Counter
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from cocotb_tests.bench.block import JOB
-from cocotb_tests.session.runners import Simulator
-from cocotb_tests.session.simulator import build
 from model.config import ReadoutConfig
+
+if TYPE_CHECKING:
+    from cocotb_tests.session.runners import Simulator
 
 
 def cosimulate(
@@ -30,6 +32,8 @@ def cosimulate(
     seed : int
         For everything random in it.
     """
+    from cocotb_tests.session.simulator import build  # not in the simulator, which imports this file too
+
     job = {"config": config.to_dict(), "seed": seed}
     module = top.replace("eskin_", "cocotb_tests.test_")
     build(config, simulator, top=top).test(module, folder, test, {JOB: json.dumps(job)})

@@ -5,19 +5,19 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import AsyncIterator, Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cocotb
 
-from cocotb_tests.bench.readout import Bench, Mismatch
-from cocotb_tests.bench.stimuli import outstanding, scenarios, settled
-from cocotb_tests.bench.textures import large_enough
+from cocotb_tests.bench.readout import Bench, Mismatch, Prepared
 from model.config import ReadoutConfig
 from model.errors import InputError
-from model.readout import Stimulus
+
+if TYPE_CHECKING:  # what computes scenarios, scans and expected events takes longer to import than most runs last
+    from model.readout import Stimulus
 
 JOB = "ESKIN_JOB"
 """Environment variable that names the file with the job."""
@@ -35,6 +35,8 @@ class Job:
         The command that shows a mismatch again.
     seed : int or None
         Play the scenarios of this seed, if any.
+    scenarios : list of dict
+        These, as they were prepared.
     dataset, preset, textures, ticks, start_row
         Play scans: the dataset's place (None for the default), the preset, the names of the textures, each with the
         proof that its recording shall carry, the most sample ticks of each (None for all), and the image row where
@@ -48,6 +50,7 @@ class Job:
     config: dict[str, Any]
     reproduce: str
     seed: int | None = None
+    scenarios: list[dict[str, Any]] = field(default_factory=list)
     dataset: str | None = None
     preset: str = "physical"
     textures: dict[str, str] = field(default_factory=dict)
@@ -62,56 +65,48 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Run:
-    """One run: what to play, how to play it again, what waits at its end, and where to keep the events."""
+class Scan:
+    """The scan of a texture: what to play, what waits at its end, and where to keep the events."""
 
     name: str
     stimulus: Stimulus
-    reproduce: str
     outstanding: int
-    keep: Path | None = None
-    metadata: dict[str, Any] = field(default_factory=dict)
+    keep: Path
+    metadata: dict[str, Any]
 
 
-def _runs(job: Job, config: ReadoutConfig) -> Iterator[Run]:
-    """Yield the runs of a job."""
-    if job.seed is not None:
-        for scenario in scenarios(config, job.seed):
-            yield Run(scenario.name, scenario.stimulus, job.reproduce, scenario.outstanding)
-    if job.textures:
-        from model.textures.dataset import open_dataset
-        from model.textures.presets import preset
+def _scans(job: Job, config: ReadoutConfig) -> Iterator[Scan]:
+    """Yield the scans of a job."""
+    if not job.textures:
+        return
+    from cocotb_tests.bench.stimuli import outstanding, settled
+    from cocotb_tests.bench.textures import large_enough
+    from model.textures.dataset import open_dataset
+    from model.textures.presets import preset
 
-        with contextlib.chdir(job.home):
-            dataset, scan = open_dataset(job.dataset), preset(job.preset)
-        by_name = {texture.name: texture for texture in dataset}
-        for name, proof in job.textures.items():
-            texture = by_name[name]
-            image = texture.load()
-            if dataset.name == "embedded":
-                image = large_enough(image, config)
-            samples, clipped = scan.samples(config, image, job.start_row)
-            stimulus = settled(config, samples[: job.ticks])
-            metadata = {
-                "name": name,
-                "class": texture.class_name,
-                "label": texture.label,
-                "dataset": dataset.name,
-                "preset": job.preset,
-                "start_row": job.start_row,
-                "clipped_samples": clipped,
-                "ticks": len(stimulus.samples),
-                "proof": proof,
-                "source": "rtl",
-            }
-            yield Run(
-                f"scan of {name}",
-                stimulus,
-                f"{job.reproduce} ONLY={name}",
-                outstanding(config, stimulus),
-                Path(job.keep) / f"{name}.npz",
-                metadata,
-            )
+    with contextlib.chdir(job.home):
+        dataset, scan = open_dataset(job.dataset), preset(job.preset)
+    by_name = {texture.name: texture for texture in dataset}
+    for name, proof in job.textures.items():
+        texture = by_name[name]
+        image = texture.load()
+        if dataset.name == "embedded":
+            image = large_enough(image, config)
+        samples, clipped = scan.samples(config, image, job.start_row)
+        stimulus = settled(config, samples[: job.ticks])
+        metadata = {
+            "name": name,
+            "class": texture.class_name,
+            "label": texture.label,
+            "dataset": dataset.name,
+            "preset": job.preset,
+            "start_row": job.start_row,
+            "clipped_samples": clipped,
+            "ticks": len(stimulus.samples),
+            "proof": proof,
+            "source": "rtl",
+        }
+        yield Scan(name, stimulus, outstanding(config, stimulus), Path(job.keep) / f"{name}.npz", metadata)
 
 
 @contextlib.contextmanager
@@ -127,25 +122,47 @@ def _told_to_the_caller() -> Iterator[None]:
         raise
 
 
+async def _play_scenarios(bench: Bench, job: Job, config: ReadoutConfig) -> AsyncIterator[dict[str, Any]]:
+    """Play the scenarios of a job; yield what is to be told of each."""
+    bench.scoreboard.reproduce = job.reproduce
+    for number, prepared in enumerate(job.scenarios):
+        run = Prepared(**prepared)
+
+        def again(number: int = number) -> Stimulus:
+            from cocotb_tests.bench.stimuli import scenarios
+
+            assert job.seed is not None
+            return list(scenarios(config, job.seed))[number].stimulus
+
+        events = await bench.check_prepared(run, again)
+        if not len(events):
+            raise Mismatch(f"{run.name}: no event at all, so nothing was compared; reproduce: {job.reproduce}")
+        yield {"name": run.name, "clocks": run.clocks, "events": len(events), "outstanding": run.outstanding}
+
+
+async def _play_scans(bench: Bench, job: Job, config: ReadoutConfig) -> AsyncIterator[dict[str, Any]]:
+    """Play the scans of a job and keep the RTL's events; yield what is to be told of each."""
+    from model.events.recording import Recording
+
+    for scan in _scans(job, config):
+        bench.scoreboard.reproduce = f"{job.reproduce} ONLY={scan.name}"
+        events = await bench.check(f"scan of {scan.name}", scan.stimulus)
+        scan.keep.parent.mkdir(parents=True, exist_ok=True)
+        Recording(events, config, scan.stimulus.clocks, metadata=scan.metadata).save(scan.keep)
+        told = {"name": f"scan of {scan.name}", "clocks": scan.stimulus.clocks, "events": len(events)}
+        yield told | {"outstanding": scan.outstanding}
+
+
 @cocotb.test()
 async def play(dut: Any) -> None:
     """Play all runs of a job against the model, a line of progress.jsonl for each."""
-    from model.events.recording import Recording
-
     job = Job(**json.loads(Path(os.environ[JOB]).read_text()))
     config = ReadoutConfig.from_dict(job.config)
     bench = Bench(dut, config, Path.cwd())
     parent = os.getppid()
     with Path("progress.jsonl").open("w", buffering=1) as progress, _told_to_the_caller():
-        for run in _runs(job, config):
-            bench.scoreboard.reproduce = run.reproduce
-            events = await bench.check(run.name, run.stimulus)
-            if run.keep is not None:
-                run.keep.parent.mkdir(parents=True, exist_ok=True)
-                Recording(events, config, run.stimulus.clocks, metadata=run.metadata).save(run.keep)
-            elif not len(events):
-                raise Mismatch(f"{run.name}: no event at all, so nothing was compared; reproduce: {run.reproduce}")
-            done = {"name": run.name, "clocks": run.stimulus.clocks, "events": len(events)}
-            progress.write(json.dumps(done | {"outstanding": run.outstanding}) + "\n")
-            if os.getppid() != parent:  # who asked for this was killed
-                raise SystemExit(1)
+        for played in (_play_scenarios, _play_scans):
+            async for told in played(bench, job, config):
+                progress.write(json.dumps(told) + "\n")
+                if os.getppid() != parent:  # who asked for this was killed
+                    raise SystemExit(1)

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import shutil
 import threading
-import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from cocotb_tests.bench.readout import Prepared, StimulusDriver
 from cocotb_tests.session.player import JOB, Job
 from cocotb_tests.session.simulator import Build
+from model.config import ReadoutConfig
 from model.errors import InputError
 
 POLL_S = 0.2
@@ -71,6 +75,8 @@ def run_job(program: Build, job: Job, folder: Path, on_run: Callable[[dict[str, 
     progress, mismatch, refused = folder / "progress.jsonl", folder / "mismatch.txt", folder / "refused.txt"
     for old in (progress, mismatch, refused):
         old.unlink(missing_ok=True)
+    if job.seed is not None:
+        job = dataclasses.replace(job, scenarios=_prepare(job, folder / "scenarios"))
     job.write(folder / "job.json")
 
     failure: list[BaseException] = []
@@ -99,7 +105,8 @@ def run_job(program: Build, job: Job, folder: Path, on_run: Callable[[dict[str, 
                         on_run(run)
         if not alive:
             break
-        time.sleep(POLL_S)
+        thread.join(POLL_S)
+    shutil.rmtree(folder / "scenarios", ignore_errors=True)
     if mismatch.exists():
         raise MismatchFound(mismatch.read_text())
     if refused.exists():
@@ -107,3 +114,20 @@ def run_job(program: Build, job: Job, folder: Path, on_run: Callable[[dict[str, 
     if failure:
         raise failure[0]
     return tally
+
+
+def _prepare(job: Job, folder: Path) -> list[dict[str, Any]]:
+    """Write stimulus and expected events of a job's scenarios into a folder each; return what the player must know."""
+    from cocotb_tests.bench.stimuli import scenarios
+    from model.readout import simulate
+
+    assert job.seed is not None
+    config = ReadoutConfig.from_dict(job.config)
+    prepared = []
+    for number, scenario in enumerate(scenarios(config, job.seed)):
+        place = (folder / str(number)).resolve()
+        place.mkdir(parents=True, exist_ok=True)
+        StimulusDriver(config, place).write(scenario.stimulus)
+        np.save(place / "expected.npy", simulate(config, scenario.stimulus))
+        prepared.append(asdict(Prepared(scenario.name, scenario.stimulus.clocks, scenario.outstanding, str(place))))
+    return prepared
