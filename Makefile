@@ -109,7 +109,7 @@ bench: $(STAMP) ## speed against peers and limits, in one run each; JSON in benc
 
 docs: $(STAMP) ## the site of documents and reference pages, out/site/index.html
 	@$(RUN) -c 'import mkdocs' 2>/dev/null || $(RUN) -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[docs]'
-	@$(RUN) docs/tables.py && $(RUN) docs/commands.py
+	@$(RUN) docs/tables.py && $(RUN) docs/commands.py && $(RUN) docs/figures/architecture.py
 	@NO_MKDOCS_2_WARNING=1 $(RUN) -m mkdocs build --quiet && echo out/site/index.html
 
 lint: $(STAMP) ## format check, lint and types

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib.util
+import json
+import re
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -46,3 +48,15 @@ def test_the_rates_are_those_that_the_power_model_reads() -> None:
 def test_the_command_reference_is_what_help_prints() -> None:
     commands = load("docs/commands.py")
     assert commands.PAGE.read_text() == commands.page(), "run python docs/commands.py"
+
+
+def test_the_pictures_of_the_architecture_are_those_of_the_code() -> None:
+    architecture = load("docs/figures/architecture.py")
+    assert json.loads(architecture.DATA.read_text()) == architecture.data(), "run python docs/figures/architecture.py"
+
+
+def test_every_file_that_the_documents_name_is_there() -> None:
+    named = re.compile(r"`((?:model|rtl|snn|cocotb_tests|tests|benchmarks|docs)/[\w./-]*)`")
+    for page in [*tables.PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]:
+        for name in named.findall(page.read_text()):
+            assert (ROOT / name).exists(), f"{page.name} names {name}"
