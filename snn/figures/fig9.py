@@ -264,7 +264,7 @@ def _label_points(panel: Axes, points: list[Data]) -> None:
     lowest = -math.inf
     for point in sorted((p for p in points if p["readout"].startswith("frame")), key=lambda p: p["accuracy"]):
         lowest = max(100 * point["accuracy"], lowest + 3.5)  # no label on another
-        panel.annotate(_detail(point), (point["normalised_rate"], lowest), xytext=(7, 0), textcoords="offset points",
+        panel.annotate(_detail_of(point), (point["normalised_rate"], lowest), xytext=(7, 0), textcoords="offset points",
                        va="center", fontsize=7.5, color=READOUT_COLOURS["frame"], path_effects=halo)  # fmt: skip
 
 
