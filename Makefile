@@ -118,5 +118,6 @@ lint: $(STAMP) ## format check, lint and types
 format: $(STAMP) ## format the code
 	@$(RUN) -m ruff format . && $(RUN) -m ruff check --fix .
 
-clean: ## remove what was built, keep the virtual environment and out/
+clean: ## remove what was built and the recorded scans that are kept, not the virtual environment and out/
+	@if [ -x $(RUN) ]; then $(RUN) -m snn cache --clear || true; fi
 	rm -rf build .pytest_cache .mypy_cache .ruff_cache .hypothesis

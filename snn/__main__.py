@@ -6,6 +6,7 @@ torch and the models are imported only inside functions, so that ``--help`` and 
 from __future__ import annotations
 
 from model.cli.app import make_app, run
+from snn.commands.cache import cache
 from snn.commands.exchange import convert, export, import_
 from snn.commands.figures import fig8, fig9
 from snn.commands.predict import predict
@@ -14,7 +15,7 @@ from snn.commands.train import crossval, train
 
 app = make_app("Classifier of the spiking e-skin readout: from address events to texture class.")
 
-for command in (train, crossval, sweep, predict, fig8, fig9, export, convert):
+for command in (train, crossval, sweep, predict, fig8, fig9, export, convert, cache):
     app.command()(command)
 app.command("import")(import_)
 

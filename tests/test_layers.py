@@ -37,7 +37,7 @@ LAYERS = {
         "__main__",
     ),
     "snn": (
-        "flat",
+        "flat cache",
         "kernels",
         "network_config",
         "network calibration",

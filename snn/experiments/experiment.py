@@ -15,6 +15,7 @@ from model.textures.physical import PhysicalScan
 from model.textures.presets import Scan, preset
 from model.textures.rates import PAPER_TAU_S
 from snn.data.bins import BinConfig
+from snn.data.cache import kept, key_of
 from snn.data.record import FrameSteps, Tick, frame_dataset, record_dataset
 from snn.data.scans import ScanData, load_recordings
 from snn.flat import refuse_unknown
@@ -87,7 +88,7 @@ class Experiment:
             object.__setattr__(self, "given_leak", False)
 
     def data(self, progress: Tick | None = None) -> ScanData:
-        """Return the scans; the model's take a few hundredths of a second each."""
+        """Return the scans; the model's take a few hundredths of a second each, and are kept for the next time."""
         if self.events is not None:
             return load_recordings(Path(self.events), self.bins)
         scan, config = self.scan_and_config()
@@ -97,9 +98,13 @@ class Experiment:
             if not isinstance(scan, PhysicalScan):
                 raise InputError("the paper preset has one start row; use the physical preset for more")
             rows = scan.start_rows(config, textures[0].load().shape, self.start_rows)
-        if self.frames is not None:
-            return frame_dataset(textures, scan, config, self.frames, rows, progress)
-        return record_dataset(textures, scan, config, self.bins, rows, progress)
+
+        def make() -> ScanData:
+            if self.frames is not None:
+                return frame_dataset(textures, scan, config, self.frames, rows, progress)
+            return record_dataset(textures, scan, config, self.bins, rows, progress)
+
+        return kept(key_of(textures, scan, config, self.frames or self.bins, rows), make)
 
     def scan_and_config(self) -> tuple[Scan, ReadoutConfig]:
         """Return the scan of the preset, and the readout with the fields that the preset and ``tau_s`` set."""

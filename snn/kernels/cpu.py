@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
+from snn import cache
 from snn.kernels.rule import SURROGATES, NeuronRule
 
 SOURCE = Path(__file__).with_name("cpu.cpp")
@@ -173,33 +174,36 @@ def _library() -> ctypes.CDLL | None:
         return None
     key = "\0".join((SOURCE.read_text(), compiler, *_FLAGS, platform.machine(), _instructions()))
     name = f"kernel-{hashlib.sha256(key.encode()).hexdigest()[:16]}.so"
-    for folder in _cache_folders():
-        path = folder / name
-        try:
-            if not path.is_file():
+    try:
+        if (folder := cache.usable()) is not None:
+            path = folder / name
+            if not cache.is_private(path):
+                path.unlink(missing_ok=True)
                 _compile(compiler, path)
-            library = ctypes.CDLL(str(path))
-            library.kernel_keep_memory()
-            return library
-        except (OSError, subprocess.CalledProcessError):
-            continue
-    return None
+            return _load(path)
+    except (OSError, subprocess.CalledProcessError):
+        pass
+    try:
+        with tempfile.TemporaryDirectory() as own:  # for this process alone: nobody else can have written there
+            _compile(compiler, Path(own) / name)
+            return _load(Path(own) / name)
+    except (OSError, subprocess.CalledProcessError):
+        return None
+
+
+def _load(path: Path) -> ctypes.CDLL:
+    library = ctypes.CDLL(str(path))
+    library.kernel_keep_memory()
+    return library
 
 
 def _compile(compiler: str, path: Path) -> None:
     """Compile beside the final name, so that no other process ever sees half a library."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:
         made = Path(folder) / path.name
         subprocess.run([compiler, *_FLAGS, str(SOURCE), "-o", str(made)], check=True, capture_output=True)
+        made.chmod(0o700)
         os.replace(made, path)
-
-
-def _cache_folders() -> list[Path]:
-    """Return where the library may lie: the user's cache, else the temporary folder."""
-    name = "spiking-eskin-readout"
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return [home / name, Path(tempfile.gettempdir()) / f"{name}-{os.getuid()}"]
 
 
 def _instructions() -> str:

@@ -1,0 +1,23 @@
+"""The command cache (docs/guide/classifier.md)."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+
+def cache(clear: Annotated[bool, typer.Option("--clear", help="remove all recorded scans")] = False) -> None:
+    """Show how many recorded scans are kept for later runs, and where; with --clear remove them."""
+    from snn import cache as place
+    from snn.data import cache as scans
+
+    if clear:
+        print(f"removed {scans.clear()} recorded scans from {place.folder()}")
+        return
+    entries, size = scans.size()
+    print(
+        f"{place.folder()}: {entries} recorded scans, {size / 1e6:.1f} MB of at most {scans.LIMIT_BYTES / 1e6:.0f} MB"
+    )
+    if place.usable("scans") is None:
+        print("nothing is kept there: the folder cannot be written, or other users own it or can write to it")

@@ -1,0 +1,163 @@
+"""Recorded scans, kept between runs beside what made them (docs/guide/classifier.md).
+
+An entry is named by a sum over all that makes it: image bytes, scan, readout, start rows, time steps, and the sources
+and libraries that compute it. So an entry is never stale; it is only no longer asked for, and the entries that were
+used longest ago go first when there are too many.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import functools
+import hashlib
+import io
+import json
+import os
+import platform
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import model
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.files import atomic_write, plain
+from model.textures.dataset import Dataset
+from model.textures.presets import Scan
+from snn import cache
+from snn.data.scans import ScanData
+
+LIMIT_BYTES = 2**30
+"""Scans are kept up to this size together."""
+
+_ARRAYS = ("values", "labels", "images")
+_ABANDONED_S = 3600.0
+"""Age of a half-written entry from which its writer is dead."""
+
+
+def kept(key: str, make: Callable[[], ScanData]) -> ScanData:
+    """Return the scans of a key: those that are kept, or those that ``make`` gives, which are then kept.
+
+    Without a folder that can be trusted, or on a full disk, nothing is kept.
+    """
+    folder = cache.usable("scans")
+    if folder is None:
+        return make()
+    path = folder / f"{key}.npz"
+    if (found := _read(path)) is not None:
+        with contextlib.suppress(OSError):
+            os.utime(path)  # used last
+        return found
+    data = make()
+    with contextlib.suppress(InputError, OSError):
+        _write(path, data)
+        _shrink(folder, path)
+    return data
+
+
+def key_of(
+    dataset: Dataset,
+    scan: Scan,
+    config: ReadoutConfig,
+    steps: Any,
+    start_rows: Sequence[float],
+) -> str:
+    """Return the name of an entry.
+
+    Parameters
+    ----------
+    dataset, scan, config, start_rows
+        As the recording takes them.
+    steps : BinConfig or FrameSteps
+        What makes time steps of events, or frames.
+    """
+    images = [[t.name, t.class_name, t.label, _sum(t.path, t.path.stat().st_mtime_ns), t.crop] for t in dataset]
+    parts = {
+        "computed by": _computed_by(),
+        "images": images,
+        "classes": dataset.class_names,
+        "scan": [type(scan).__name__, dataclasses.asdict(scan)],
+        "config": config.to_dict(),
+        "steps": [type(steps).__name__, dataclasses.asdict(steps)],
+        "start rows": list(start_rows),
+    }
+    return hashlib.sha256(json.dumps(plain(parts), sort_keys=True).encode()).hexdigest()[:40]
+
+
+def size() -> tuple[int, int]:
+    """Return the number of entries that are kept, and their bytes."""
+    sizes = [path.stat().st_size for path in _entries(cache.folder() / "scans")]
+    return len(sizes), sum(sizes)
+
+
+def clear() -> int:
+    """Remove all entries; return how many there were."""
+    entries = _entries(cache.folder() / "scans")
+    for path in entries:
+        path.unlink(missing_ok=True)
+    return len(entries)
+
+
+def _entries(folder: Path) -> list[Path]:
+    return sorted(folder.glob("*.npz"))
+
+
+def _read(path: Path) -> ScanData | None:
+    """Return an entry, or None where there is none or it is damaged."""
+    if not cache.is_private(path):
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            header = json.loads(str(archive["header"]))
+            arrays = {name: archive[name] for name in _ARRAYS}
+        if not len(arrays["values"]) == len(arrays["labels"]) == len(arrays["images"]) > 0:
+            return None
+        names, class_names = tuple(header.pop("names")), tuple(header.pop("class_names"))
+        return ScanData(**arrays, names=names, class_names=class_names, **header)
+    except Exception:  # a damaged archive makes zipfile, zlib and NumPy raise almost any type
+        return None
+
+
+def _write(path: Path, data: ScanData) -> None:
+    header = {field.name: getattr(data, field.name) for field in dataclasses.fields(data) if field.name not in _ARRAYS}
+    content = io.BytesIO()
+    np.savez_compressed(content, header=np.array(json.dumps(header)), **{n: getattr(data, n) for n in _ARRAYS})
+    with atomic_write(path) as file:
+        file.write(content.getvalue())
+
+
+def _shrink(folder: Path, newest: Path) -> None:
+    """Remove the entries that were used longest ago until the rest is small enough, and what dead writers left."""
+    for path in folder.glob(".*.part"):
+        if time.time() - path.stat().st_mtime > _ABANDONED_S:
+            path.unlink(missing_ok=True)
+    by_use = sorted((path.stat().st_mtime_ns, path.stat().st_size, path) for path in _entries(folder))
+    total = sum(size for _, size, _ in by_use)
+    for _, size, path in by_use:
+        if total <= LIMIT_BYTES or path == newest:
+            break
+        path.unlink(missing_ok=True)
+        total -= size
+
+
+@functools.lru_cache(maxsize=4096)
+def _sum(path: Path, modified: int) -> str:
+    """Return the SHA-256 sum of a file; ``modified`` tells its versions apart within a run."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@functools.cache
+def _computed_by() -> list[str]:
+    """Return what computes the scans: a sum over sources, and the libraries."""
+    import numba
+    import scipy
+
+    found = hashlib.sha256()
+    for folder in (Path(str(model.__file__)).parent, Path(__file__).parent):
+        for path in sorted(folder.rglob("*.py")):
+            found.update(f"{path.relative_to(folder)}\0".encode() + path.read_bytes() + b"\0")
+    return [found.hexdigest(), np.__version__, scipy.__version__, numba.__version__, platform.machine()]

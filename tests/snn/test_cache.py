@@ -1,0 +1,200 @@
+"""Scans are kept by all that makes them, and nothing is believed or run that another user could have written."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import shutil
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from model.config import ReadoutConfig
+from model.textures.dataset import Dataset, embedded_dataset
+from model.textures.paper import PaperScan
+from model.textures.physical import PhysicalScan
+from snn import cache as place
+from snn.__main__ import app
+from snn.data import cache
+from snn.data.bins import BinConfig
+from snn.data.record import FrameSteps
+from snn.data.scans import ScanData
+from snn.experiments.experiment import Experiment
+from tests.snn.helpers import easy_data
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(autouse=True)
+def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the folder of the kept scans, empty at first."""
+    monkeypatch.setenv("ESKIN_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache" / "scans"
+
+
+def same(a: ScanData, b: ScanData) -> bool:
+    arrays = all(
+        np.array_equal(getattr(a, name), getattr(b, name)) and getattr(a, name).dtype == getattr(b, name).dtype
+        for name in ("values", "labels", "images")
+    )
+    others = ("names", "class_names", "taxels", "step_s", "rate_hz")
+    return arrays and all(getattr(a, name) == getattr(b, name) for name in others)
+
+
+@pytest.mark.parametrize(
+    "fields", [{}, {"frames": FrameSteps(frames_per_step=20), "network": {"kind": "rnn"}}], ids=["events", "frames"]
+)
+def test_the_second_time_nothing_is_recorded_and_the_scans_are_the_same(
+    fields: dict[str, object], kept: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    small = ReadoutConfig(rows=1, columns=2, resolution=4)
+    experiment = Experiment(dataset="embedded", readout=small, **fields)  # type: ignore[arg-type]
+    first = experiment.data()
+    monkeypatch.setattr("snn.experiments.experiment.record_dataset", lambda *_: pytest.fail("recorded again"))
+    monkeypatch.setattr("snn.experiments.experiment.frame_dataset", lambda *_: pytest.fail("framed again"))
+    assert same(experiment.data(), first)
+    assert len(list(kept.glob("*.npz"))) == 1
+    assert first.values.any()
+
+
+def test_the_name_of_an_entry_is_made_of_all_that_makes_it(tmp_path: Path) -> None:
+    textures = embedded_dataset().limit(2)
+    config = ReadoutConfig()
+    names = {cache.key_of(textures, PhysicalScan(), config, BinConfig(), [0.0])}
+    assert names == {cache.key_of(textures, PhysicalScan(), config, BinConfig(), [0.0])}
+    for other in (
+        (textures, PhysicalScan(speed_m_per_s=0.06), config, BinConfig(), [0.0]),
+        (textures, PaperScan(), config, BinConfig(), [0.0]),
+        (textures, PhysicalScan(), config.replace(resolution=5), BinConfig(), [0.0]),
+        (textures, PhysicalScan(), config, BinConfig(bin_s=0.002), [0.0]),
+        (textures, PhysicalScan(), config, FrameSteps(), [0.0]),
+        (textures, PhysicalScan(), config, BinConfig(), [0.0, 1.0]),
+        (embedded_dataset().limit(3), PhysicalScan(), config, BinConfig(), [0.0]),
+    ):
+        names.add(cache.key_of(*other))  # type: ignore[arg-type]
+    path = tmp_path / "a.png"
+    shutil.copy(textures[0].path, path)
+    moved = Dataset("embedded", textures.class_names, (dataclasses.replace(textures[0], path=path), textures[1]))
+    assert cache.key_of(moved, PhysicalScan(), config, BinConfig(), [0.0]) in names, "the bytes count, not the place"
+    path.write_bytes(path.read_bytes() + b"\0")
+    os.utime(path, ns=(1, 1))
+    names.add(cache.key_of(moved, PhysicalScan(), config, BinConfig(), [0.0]))
+    assert len(names) == 9
+
+
+def test_a_source_of_the_model_that_changes_makes_another_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    arguments = (embedded_dataset().limit(1), PhysicalScan(), ReadoutConfig(), BinConfig(), [0.0])
+    before = cache.key_of(*arguments)
+    cache._computed_by.cache_clear()
+    original = Path.read_bytes
+    monkeypatch.setattr(Path, "read_bytes", lambda self: original(self) + b"#" * (self.name == "taxel.py"))
+    after = cache.key_of(*arguments)
+    cache._computed_by.cache_clear()
+    assert after != before
+
+
+def test_a_damaged_entry_is_made_again(kept: Path) -> None:
+    data = easy_data()
+    assert same(cache.kept("a", lambda: data), data)
+    whole = (kept / "a.npz").read_bytes()
+    middle = len(whole) // 2
+    for bad in (b"", whole[:middle], whole[:middle] + bytes([whole[middle] ^ 255]) + whole[middle + 1 :], b"PK"):
+        (kept / "a.npz").write_bytes(bad)
+        made: list[int] = []
+        assert same(cache.kept("a", lambda made=made: made.append(1) or data), data)  # type: ignore[misc]
+        assert made == [1]
+        assert same(cache.kept("a", lambda: pytest.fail("kept wrongly")), data)
+
+
+def test_two_writers_do_not_harm_each_other(kept: Path) -> None:
+    data = easy_data()
+    both = threading.Barrier(8)
+
+    def make() -> ScanData:
+        both.wait()
+        return data
+
+    threads = [threading.Thread(target=cache.kept, args=("a", make)) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert [path.name for path in kept.iterdir()] == ["a.npz"]
+    assert same(cache.kept("a", lambda: pytest.fail("not kept")), data)
+
+
+def test_the_entries_used_longest_ago_go_first(kept: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    data = easy_data()
+    for number, name in enumerate("abc"):
+        cache.kept(name, lambda: data)
+        os.utime(kept / f"{name}.npz", (number, number))
+    size = (kept / "a.npz").stat().st_size
+    cache.kept("a", lambda: data)  # used now
+    monkeypatch.setattr(cache, "LIMIT_BYTES", 2 * size)
+    cache.kept("d", lambda: data)
+    assert {path.name for path in kept.glob("*.npz")} == {"a.npz", "d.npz"}
+    (kept / ".x.npz.1.part").write_bytes(b"half")
+    os.utime(kept / ".x.npz.1.part", (0, 0))
+    cache.kept("e", lambda: data)
+    assert not list(kept.glob(".*")), "what a killed writer left is gone"
+
+
+def test_the_command_shows_and_clears(kept: Path) -> None:
+    cache.kept("a", easy_data)
+    shown = CliRunner().invoke(app, ["cache"])
+    assert f"{kept.parent}: 1 recorded scans, 0.0 MB of at most 1074 MB" in shown.output
+    assert CliRunner().invoke(app, ["cache", "--clear"]).output.startswith("removed 1 recorded scans")
+    assert not list(kept.iterdir())
+
+
+def test_a_folder_that_others_can_write_to_or_a_link_is_not_believed(
+    kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cache.kept("a", easy_data)
+    (kept / "a.npz").chmod(0o666)
+    made: list[int] = []
+    cache.kept("a", lambda: made.append(1) or easy_data())  # type: ignore[func-returns-value]
+    assert made == [1]
+    (tmp_path / "other").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "other")
+    monkeypatch.setenv("ESKIN_CACHE", str(tmp_path / "link"))
+    assert place.usable() is None
+    monkeypatch.setenv("ESKIN_CACHE", str(tmp_path / "mine"))
+    monkeypatch.setattr(os, "getuid", lambda: 123456)
+    assert place.usable() is None, "it is another user's"
+    assert same(cache.kept("a", easy_data), easy_data())
+
+
+@pytest.mark.skipif(shutil.which("g++") is None, reason="no compiler")
+def test_a_library_that_was_planted_is_not_run(tmp_path: Path) -> None:
+    """The old place, a predictable one under TMPDIR, and a file of the right name that others could have written."""
+    (tmp_path / "evil.c").write_text(
+        "#include <stdlib.h>\n__attribute__((constructor)) static void run(void) { exit(66); }\n"
+    )
+    subprocess.run(["g++", "-shared", "-fPIC", "-x", "c", "evil.c", "-o", "evil.so"], cwd=tmp_path, check=True)
+    program = "from snn.kernels import cpu; print(cpu.available())"
+    environment = os.environ | {"ESKIN_CACHE": str(tmp_path / "good"), "PYTHONPATH": str(ROOT)}
+
+    def run(**more: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-c", program], env=environment | more, capture_output=True, text=True, cwd=tmp_path
+        )
+
+    assert run().stdout == "True\n"
+    (library,) = (tmp_path / "good").glob("kernel-*.so")
+    old = tmp_path / "tmp" / f"spiking-eskin-readout-{os.getuid()}"
+    old.mkdir(parents=True)
+    shutil.copy(tmp_path / "evil.so", old / library.name)
+    (tmp_path / "file").write_text("no folder can be here")
+    unusable = {"ESKIN_CACHE": "", "XDG_CACHE_HOME": str(tmp_path / "file"), "TMPDIR": str(tmp_path / "tmp")}
+    found = run(**unusable)
+    assert (found.returncode, found.stdout) == (0, "True\n"), found.stderr
+    shutil.copy(tmp_path / "evil.so", library)
+    library.chmod(0o666)
+    assert run().returncode == 0
+    assert library.stat().st_mode & 0o777 == 0o700
