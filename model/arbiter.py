@@ -5,10 +5,26 @@ The rows and the columns of a row are bits of 64-bit words, lowest index in the 
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 ZERO, ONE = np.uint64(0), np.uint64(1)
+
+# Words of the arbiter's state: the burst latch with its columns and their polarities, the rows behind the latch's row,
+# that row, the columns that it held at first, and the rows with a request.
+WAITING, SIGNS, BEHIND, ROW, TAKEN, REQUESTS = range(6)
+
+
+ROW_DTYPE = np.dtype([(name, np.uint64) for name in ("pending", "polarity", "active", "again")])
+"""A row of taxels, a bit for each column: requests, their polarities, the mask, and who must decide once more."""
+
+
+def new_state() -> NDArray[np.uint64]:
+    """Return the state of the arbiter after reset, shape (6,)."""
+    return np.zeros(6, np.uint64)
 
 
 @njit(cache=True)
@@ -49,3 +65,49 @@ def next_row(requests: np.uint64, behind: np.uint64) -> int:
 def rows_behind(row: int) -> np.uint64:
     """Return the rows with a higher index than ``row``."""
     return ~(((ONE << np.uint64(row)) << ONE) - ONE)
+
+
+@njit(inline="always")
+def offers(state: NDArray[np.uint64]) -> bool:
+    """Return whether the latch offers an event."""
+    return state[WAITING] != ZERO
+
+
+@njit(inline="always")
+def idle(state: NDArray[np.uint64]) -> bool:
+    """Return whether nothing is offered and nothing requested."""
+    return state[WAITING] == ZERO and state[REQUESTS] == ZERO
+
+
+@njit(inline="always")
+def request(state: NDArray[np.uint64], row: int) -> None:
+    """Note that a row requests."""
+    state[REQUESTS] |= ONE << np.uint64(row)
+
+
+@njit(inline="always")
+def withdraw(state: NDArray[np.uint64], row: int) -> None:
+    """Note that a row requests no more."""
+    state[REQUESTS] &= ~(ONE << np.uint64(row))
+
+
+@njit(cache=True)
+def take(state: NDArray[np.uint64], columns: int) -> np.int64:
+    """Take the event offered; return 2 * taxel + polarity."""
+    column = lowest(state[WAITING])
+    polarity = np.int64(state[SIGNS] >> np.uint64(column) & ONE)
+    state[WAITING] = without_lowest(state[WAITING])
+    return 2 * (np.int64(state[ROW]) * columns + column) + polarity
+
+
+@njit(cache=True)
+def grant(state: NDArray[np.uint64], rows: Any) -> int:
+    """Latch the requests of the next row if the latch is empty; return the row, or -1."""
+    if state[WAITING] != ZERO or state[REQUESTS] == ZERO:
+        return -1
+    row = next_row(state[REQUESTS], state[BEHIND])
+    state[WAITING] = state[TAKEN] = rows[row].pending
+    state[SIGNS], state[ROW], state[BEHIND] = rows[row].polarity, np.uint64(row), rows_behind(row)
+    rows[row].pending = ZERO
+    withdraw(state, row)
+    return row

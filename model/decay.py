@@ -1,8 +1,11 @@
-"""When the leak of N-LCS ticks: the staggered phases of the one counter that serves the whole array."""
+"""The leak of N-LCS: how much, and when: the staggered phases of the one counter that serves the whole array."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from model.config import ReadoutConfig
@@ -15,3 +18,15 @@ def decay_phases(config: ReadoutConfig) -> NDArray[np.int64]:
     do not fire together (docs/specification.md, section 2, N-LCS).
     """
     return np.arange(config.rows, dtype=np.int64) * config.leak_period // config.rows
+
+
+@njit(cache=True, nogil=True)
+def leak_of(u: Any, leak_shift: int) -> Any:
+    """Return the leak of a reference, u 2**-k rounded half up (docs/specification.md, section 2, N-LCS)."""
+    return (u + (1 << (leak_shift - 1))) >> leak_shift
+
+
+@njit(inline="always")
+def is_due(p: Any, phase: int, tick: int) -> bool:
+    """Return whether a row of some phase leaks at a sample tick, counted from 0."""
+    return tick % p.leak_period == phase

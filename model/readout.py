@@ -7,21 +7,18 @@ decides so again until its sample, its reference or its window moves.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from model import link
-from model.arbiter import ONE, ZERO, lowest, next_row, rows_behind, without_lowest
+from model import arbiter, decay, link
+from model import taxel_kernels as taxel
+from model.arbiter import ONE, ZERO, lowest, without_lowest
 from model.config import ReadoutConfig
-from model.decay import decay_phases
 from model.errors import InputError
 from model.events.address import EVENT_DTYPE, Events
-
-LCS, CW_LCS, N_LCS = range(3)
-_ENCODING = {"lcs": LCS, "cw-lcs": CW_LCS, "nlcs": N_LCS}
 
 
 @dataclass(frozen=True)
@@ -188,224 +185,252 @@ def simulate(config: ReadoutConfig, stimulus: Stimulus) -> Events:
 def state_at(config: ReadoutConfig, stimulus: Stimulus, clock: int) -> State:
     """Return the registers of a readout just before a clock of a run."""
     stimulus.check(config)
-    _, taxels, rows, latch = _run(config, stimulus, clock)
-    shape = (config.rows, config.columns)
+    _, registers = _run(config, stimulus, clock)
+    taxels = registers.taxels.reshape(config.rows, config.columns)
     bits = np.arange(config.columns, dtype=np.uint64)
-    sample, reference, closed, _ = taxels.reshape(4, *shape)
     return State(
-        sample=sample,
-        reference=reference,
-        half_width=config.step - closed * config.closing_step,
-        pending=(rows[0][:, None] >> bits & ONE).astype(bool),
-        polarity=(rows[1][:, None] >> bits & ONE).astype(bool),
-        latch_row=int(latch[3]),
-        latch_columns=int(latch[0]),
-        behind=int(latch[2]),
+        sample=taxels["x"],
+        reference=taxels["u"],
+        half_width=config.step - taxels["closed"] * config.closing_step,
+        pending=(registers.rows["pending"][:, None] >> bits & ONE).astype(bool),
+        polarity=(registers.rows["polarity"][:, None] >> bits & ONE).astype(bool),
+        latch_row=int(registers.latch[arbiter.ROW]),
+        latch_columns=int(registers.latch[arbiter.WAITING]),
+        behind=int(registers.latch[arbiter.BEHIND]),
     )
 
 
-def _run(
-    config: ReadoutConfig, stimulus: Stimulus, clocks: int
-) -> tuple[Events, NDArray[np.int64], NDArray[np.uint64], NDArray[np.uint64]]:
-    """Run the loop; return events, taxel registers (4, taxels), row words (3, rows), latch words (4,)."""
-    taxels = np.zeros((4, config.taxels), np.int64)
-    rows = np.zeros((3, config.rows), np.uint64)
-    latch = np.zeros(4, np.uint64)
-    time, index, polarity = _loop(
-        _ENCODING[config.encoding],
-        config.decide_every == "sample",
-        config.frontend == "digital",
-        config.link == "four_phase",
-        config.columns,
-        config.reference_reset << (config.fraction_bits if config.encoding == "nlcs" else 0),
-        config.step,
-        config.closing_step,
-        1 << config.closing_levels_log2,
-        config.window_period,
-        config.leak_shift,
-        config.leak_period,
-        config.fraction_bits,
-        decay_phases(config),
+class Parameters(NamedTuple):
+    """What the loop knows of a configuration.
+
+    Attributes
+    ----------
+    leaky, per_sample, digital, four_phase : bool
+        N-LCS; one decision per sample tick; digital front end; four-phase link.
+    columns : int
+    reset, step : int
+        The reference after reset, and D; in the units of the reference (codes, N-LCS 2**-F codes).
+    closing_step, levels, window_period : int
+        The closing window; one level where it does not close.
+    leak_shift, leak_period, fraction_bits : int
+        The leak; without one, no fraction bits.
+    """
+
+    leaky: bool
+    per_sample: bool
+    digital: bool
+    four_phase: bool
+    columns: int
+    reset: int
+    step: int
+    closing_step: int
+    levels: int
+    window_period: int
+    leak_shift: int
+    leak_period: int
+    fraction_bits: int
+
+    @classmethod
+    def of(cls, config: ReadoutConfig) -> Parameters:
+        """Return those of a configuration."""
+        leaky = config.encoding == "nlcs"
+        fraction_bits = config.fraction_bits if leaky else 0
+        return cls(
+            leaky=leaky,
+            per_sample=config.decide_every == "sample",
+            digital=config.frontend == "digital",
+            four_phase=config.link == "four_phase",
+            columns=config.columns,
+            reset=config.reference_reset << fraction_bits,
+            step=config.step << fraction_bits,
+            closing_step=config.closing_step,
+            levels=1 << config.closing_levels_log2 if config.encoding == "cw-lcs" else 1,
+            window_period=config.window_period,
+            leak_shift=config.leak_shift,
+            leak_period=config.leak_period,
+            fraction_bits=fraction_bits,
+        )
+
+
+class Inputs(NamedTuple):
+    """A stimulus as the loop takes it: the attributes of ``Stimulus``, and the phase of every row's leak."""
+
+    samples: NDArray[np.int32]
+    sample_clock: NDArray[np.int64]
+    clocks: int
+    enable_clock: NDArray[np.int64]
+    enable: NDArray[np.bool_]
+    ready: NDArray[np.uint8]
+    ack_delay: NDArray[np.int64]
+    phases: NDArray[np.int64]
+
+
+class Registers(NamedTuple):
+    """All registers of a readout but the counter of its decay ticks; changed in place.
+
+    Attributes
+    ----------
+    taxels : ndarray of TAXEL_DTYPE, shape (taxels,)
+    rows : ndarray of ROW_DTYPE, shape (rows,)
+    latch : ndarray of uint64, shape (6,)
+        See ``model.arbiter``.
+    link : ndarray of int64, shape (7,)
+        See ``model.link``.
+    """
+
+    taxels: NDArray[np.void]
+    rows: NDArray[np.void]
+    latch: NDArray[np.uint64]
+    link: NDArray[np.int64]
+
+    @classmethod
+    def after_reset(cls, config: ReadoutConfig) -> Registers:
+        """Return the registers as a reset leaves them."""
+        taxels = np.zeros(config.taxels, taxel.TAXEL_DTYPE)
+        taxels["u"] = Parameters.of(config).reset
+        return cls(taxels, np.zeros(config.rows, arbiter.ROW_DTYPE), arbiter.new_state(), link.new_state())
+
+
+def _run(config: ReadoutConfig, stimulus: Stimulus, clocks: int) -> tuple[Events, Registers]:
+    """Run the loop for some clocks; return the events, and the registers as they then stand."""
+    registers = Registers.after_reset(config)
+    inputs = Inputs(
         np.ascontiguousarray(stimulus.samples, np.int32),
         stimulus.sample_clock,
+        clocks,
         stimulus.enable_clock,
         stimulus.enable,
         stimulus.ready,
         stimulus.ack_delay,
-        clocks,
-        taxels,
-        rows,
-        latch,
-        link.new_state(),
+        decay.decay_phases(config),
     )
+    time, event = _loop(Parameters.of(config), inputs, registers).T
     events = np.empty(len(time), EVENT_DTYPE)
-    events["t"], events["p"] = time, polarity
-    events["y"], events["x"] = np.divmod(index, config.columns)
-    return events, taxels, rows, latch
+    events["t"], events["p"] = time, event & 1
+    events["y"], events["x"] = np.divmod(event >> 1, config.columns)
+    return events, registers
 
 
 @njit(cache=True)
-def _loop(
-    encoding: int,
-    per_sample: bool,
-    digital: bool,
-    four_phase: bool,
-    columns: int,
-    reset: int,
-    step: int,
-    closing_step: int,
-    levels: int,
-    window_period: int,
-    leak_shift: int,
-    leak_period: int,
-    fraction_bits: int,
-    phases: NDArray[np.int64],
-    samples: NDArray[np.int32],
-    sample_clock: NDArray[np.int64],
-    enable_clock: NDArray[np.int64],
-    enable: NDArray[np.bool_],
-    ready: NDArray[np.uint8],
-    ack_delay: NDArray[np.int64],
-    clocks: int,
-    taxels: NDArray[np.int64],
-    rows: NDArray[np.uint64],
-    latch: NDArray[np.uint64],
-    aer: NDArray[np.int64],
-) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.bool_]]:
-    x, u, closed, quiet = taxels[0], taxels[1], taxels[2], taxels[3]
-    pending, polarity, active = rows[0], rows[1], rows[2]
-    u[:] = reset
-    n_rows, n_ticks = len(pending), len(sample_clock)
-    again = np.zeros(n_rows, np.uint64)  # taxels that must decide once more in the next clock
-    any_again = False
-    # The latch: its columns, their polarities, the rows behind its row, and its row.
-    waiting, signs, behind, latched = ZERO, ZERO, ZERO, 0
-    requests = ZERO  # rows with a pending request
-    ticks = changes = 0  # sample ticks and masks so far
-    tick = False
-    events = 0
-    time = np.empty(1024, np.int64)
-    index = np.empty(1024, np.int32)
-    sign = np.empty(1024, np.bool_)
-    link_row, link_column, link_sign = 0, 0, False
-
+def _loop(p: Parameters, s: Inputs, r: Registers) -> NDArray[np.int64]:
+    """Return the events, shape (events, 2): their clocks, and 2 * taxel + polarity."""
+    taxels, rows, latch, aer = r
+    samples, sample_clock, clocks, enable_clock, enable, wants, ack_delay, phases = s
+    log = np.empty((1024, 2), np.int64)
+    events = ticks = changes = 0  # events, sample ticks and masks so far
+    tick = again = False
+    on_link = np.int64(0)
     t = 0
     while t < clocks:
-        # The mask. A disabled taxel is reset; all decide once more, which changes nothing for the others.
-        decide_all = tick or t == 0
-        if changes < len(enable_clock) and enable_clock[changes] == t:
-            for r in range(n_rows):
-                active[r] = ZERO
-                for c in range(columns):
-                    i = r * columns + c
-                    if enable[changes, i]:
-                        active[r] |= ONE << np.uint64(c)
-                    else:
-                        u[i], closed[i], quiet[i] = reset, 0, 0
-                        if digital:
-                            x[i] = 0
-                pending[r] &= active[r]
-                polarity[r] &= active[r]
-                if pending[r] == ZERO:
-                    requests &= ~(ONE << np.uint64(r))
+        # A disabled taxel is reset; all decide once more, which changes nothing for the others.
+        masked = changes < len(enable_clock) and enable_clock[changes] == t
+        if masked:
+            _mask(p, enable[changes], taxels, rows, latch)
             changes += 1
-            decide_all = True
 
         # Transfer, and the grant of the next row.
-        take = waiting != ZERO and (link.ready(aer) if four_phase else ready[t % len(ready)] != 0)
+        take = arbiter.offers(latch) and (link.ready(aer) if p.four_phase else wants[t % len(wants)] != 0)
         if take:
-            column = lowest(waiting)
-            on = signs >> np.uint64(column) & ONE != ZERO
-            if four_phase:
-                link_row, link_column, link_sign = latched, column, on
-            else:
-                if events == len(time):
-                    time, index, sign = _grown(time), _grown(index), _grown(sign)
-                time[events], index[events], sign[events] = t, latched * columns + column, on
+            on_link = arbiter.take(latch, p.columns)
+            if not p.four_phase:
+                log = _with_room(log, events)
+                log[events, 0], log[events, 1] = t, on_link
                 events += 1
-            waiting = without_lowest(waiting)
-        taken_row, taken = 0, ZERO
-        if waiting == ZERO and requests != ZERO:
-            taken_row = next_row(requests, behind)
-            taken = pending[taken_row]
-            waiting, signs, latched, behind = taken, polarity[taken_row], taken_row, rows_behind(taken_row)
-            pending[taken_row] = ZERO
-            requests &= ~(ONE << np.uint64(taken_row))
+        row = arbiter.grant(latch, rows)
 
         # The taxels that have to decide: all, or those whose request was taken or whose threshold moved.
-        if decide_all or taken != ZERO or any_again:
-            any_again = False
-            first, last = (0, n_rows) if decide_all or again.any() else (taken_row, taken_row + 1)
-            for r in range(first, last):
-                todo = active[r] & ~pending[r]
-                if not decide_all:
-                    todo &= again[r] | (taken if r == taken_row else ZERO)
-                again[r] = ZERO
-                leaks = tick and encoding == N_LCS and (ticks - 1) % leak_period == phases[r]
-                while todo != ZERO:
-                    c = lowest(todo)
-                    bit = ONE << np.uint64(c)
-                    todo = without_lowest(todo)
-                    i = r * columns + c
-                    on = off = moved = False
-                    decides = tick or not per_sample
-                    if encoding == N_LCS:
-                        on = decides and (x[i] << fraction_bits) - u[i] > step << fraction_bits
-                        leak = (u[i] + (1 << (leak_shift - 1))) >> leak_shift if leaks else 0
-                        u[i] += (step << fraction_bits if on else 0) - leak
-                        moved = leaks
-                    else:
-                        h = step if encoding == LCS else step - closed[i] * closing_step
-                        on = decides and x[i] - u[i] >= h
-                        off = decides and x[i] - u[i] < -h
-                        if on or off:
-                            u[i] += h if on else -h
-                            closed[i] = quiet[i] = 0
-                        elif tick and encoding == CW_LCS:
-                            quiet[i] += 1
-                            if quiet[i] == window_period:
-                                quiet[i] = 0
-                                moved = closed[i] < levels - 1
-                                closed[i] += 1 if moved else 0
-                    if on or off:
-                        pending[r] |= bit
-                        polarity[r] = polarity[r] | bit if on else polarity[r] & ~bit
-                        requests |= ONE << np.uint64(r)
-                    elif moved and not per_sample:
-                        again[r] |= bit
-                        any_again = True
+        everyone = tick or masked or t == 0
+        if everyone or again or row >= 0:
+            first, last = (0, len(rows)) if everyone or again else (row, row + 1)
+            again = False
+            for y in range(first, last):
+                leaks = tick and p.leaky and decay.is_due(p, phases[y], ticks - 1)
+                todo = rows[y].again | (latch[arbiter.TAKEN] if y == row else ZERO)
+                again |= _decide(p, y, ~ZERO if everyone else todo, tick, leaks, taxels, rows, latch)
 
         # The samples, compared from the next clock on.
-        tick = ticks < n_ticks and sample_clock[ticks] == t
+        tick = ticks < len(sample_clock) and sample_clock[ticks] == t
         if tick:
-            for r in range(n_rows):
-                for c in range(columns):
-                    if not digital or active[r] >> np.uint64(c) & ONE != ZERO:
-                        x[r * columns + c] = samples[ticks, r * columns + c]
+            _take_samples(p, samples[ticks], taxels, rows)
             ticks += 1
-
-        if four_phase and link.advance(aer, t, take, ack_delay) and t + 1 < clocks:
-            if events == len(time):
-                time, index, sign = _grown(time), _grown(index), _grown(sign)
-            time[events], index[events], sign[events] = t, link_row * columns + link_column, link_sign
+        if p.four_phase and link.advance(aer, t, take, ack_delay) and t + 1 < clocks:
+            log = _with_room(log, events)
+            log[events, 0], log[events, 1] = t, on_link
             events += 1
 
         t += 1
-        if waiting == ZERO and requests == ZERO and not tick and not any_again and (not four_phase or link.ready(aer)):
-            until = clocks
-            if ticks < n_ticks:
-                until = min(until, sample_clock[ticks])
+        if arbiter.idle(latch) and not tick and not again and (not p.four_phase or link.ready(aer)):
+            until = sample_clock[ticks] if ticks < len(sample_clock) else clocks
             if changes < len(enable_clock):
                 until = min(until, enable_clock[changes])
-            t = max(t, until)
+            t = max(t, min(until, clocks))
+    return log[:events]
 
-    latch[0], latch[1], latch[2], latch[3] = waiting, signs, behind, np.uint64(latched)
-    return time[:events], index[:events], sign[:events]
+
+@njit(inline="always")
+def _decide(p: Any, y: int, todo: Any, tick: bool, leaks: bool, taxels: Any, rows: Any, latch: Any) -> bool:
+    """Let taxels of a row decide; return whether one must do so once more, since its threshold moved.
+
+    Parameters
+    ----------
+    p : Parameters
+    y : int
+        The row.
+    todo : uint64
+        Its taxels, those that have no request or whose request is taken in this clock count.
+    tick, leaks : bool
+        The clock is that of a sample tick, and of a leak of the row.
+    taxels, rows, latch : ndarray
+        The registers.
+    """
+    todo &= rows[y].active & ~rows[y].pending
+    again = ZERO
+    while todo != ZERO:
+        column = lowest(todo)
+        bit = ONE << np.uint64(column)
+        todo = without_lowest(todo)
+        on, off, moved = taxel.decide(p, taxels[y * p.columns + column], tick, leaks)
+        if on or off:
+            rows[y].pending |= bit
+            rows[y].polarity = rows[y].polarity | bit if on else rows[y].polarity & ~bit
+            arbiter.request(latch, y)
+        elif moved and not p.per_sample:
+            again |= bit
+    rows[y].again = again
+    return again != ZERO
 
 
 @njit(cache=True)
-def _grown(array: NDArray[Any]) -> NDArray[Any]:
-    """Return a copy of an array with room for twice as many."""
-    grown = np.empty(2 * len(array), array.dtype)
-    grown[: len(array)] = array
-    return grown
+def _mask(p: Any, enable: Any, taxels: Any, rows: Any, latch: Any) -> None:
+    """Take a new mask: what it disables is in its reset state."""
+    for y in range(len(rows)):
+        active = ZERO
+        for column in range(p.columns):
+            if enable[y * p.columns + column]:
+                active |= ONE << np.uint64(column)
+            else:
+                taxel.reset(p, taxels[y * p.columns + column])
+        rows[y].active = active
+        rows[y].pending &= active
+        rows[y].polarity &= active
+        if rows[y].pending == ZERO:
+            arbiter.withdraw(latch, y)
+
+
+@njit(cache=True)
+def _take_samples(p: Any, samples: Any, taxels: Any, rows: Any) -> None:
+    """Take new samples; a disabled taxel with a digital front end holds its register for them in reset."""
+    for y in range(len(rows)):
+        for column in range(p.columns):
+            if not p.digital or rows[y].active >> np.uint64(column) & ONE != ZERO:
+                taxels[y * p.columns + column].x = samples[y * p.columns + column]
+
+
+@njit(cache=True)
+def _with_room(log: NDArray[Any], events: int) -> NDArray[Any]:
+    """Return a log with room for one event more."""
+    if events < len(log):
+        return log
+    longer = np.empty((2 * len(log), 2), log.dtype)
+    longer[: len(log)] = log
+    return longer

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from model import taxel_kernels as kernels
 from model.config import ReadoutConfig
-from model.decay import decay_phases
+from model.decay import decay_phases, leak_of
 from model.errors import InputError
 from model.events.address import EVENT_DTYPE, Events, taxel_of
 
@@ -283,7 +283,7 @@ def slope_limit(config: ReadoutConfig) -> float:
 def _largest_leak(config: ReadoutConfig) -> float:
     """Return the leak of a full-scale reference, in codes."""
     top = config.full_scale << config.fraction_bits
-    return float(kernels.leak_of(top, config.leak_shift)) / 2**config.fraction_bits
+    return float(leak_of(top, config.leak_shift)) / 2**config.fraction_bits
 
 
 # -- state and checks --------------------------------------------------------------------------------
@@ -331,12 +331,13 @@ class _Bank:
         if c.encoding == "lcs":
             kernels.lcs(x, self.u, step, cap, counts)
         elif c.encoding == "cw-lcs":
-            grid, levels = _log2(c.closing_step), c.closing_levels_log2
-            window = (self.u, self.closed, self.quiet)
-            kernels.cw_lcs(x, *window, grid, levels, c.window_period, cap, counts, flags, timed)
+            closing = kernels.ClosingRule(_log2(c.closing_step), c.closing_levels_log2, c.window_period, cap)
+            state = kernels.TaxelState(self.u, self.closed, self.quiet)
+            kernels.cw_lcs(x, state, closing, counts, flags, timed)
         else:
-            leak = (_phases(c), self.tick, c.leak_period, c.leak_shift, c.fraction_bits)
-            kernels.nlcs(x, self.u, *leak, step + c.fraction_bits, cap, counts, flags, timed)
+            leak = (_phases(c), c.leak_period, c.leak_shift, c.fraction_bits)
+            leaky = kernels.LeakyRule(*leak, step + c.fraction_bits, cap)
+            kernels.nlcs(x, self.u, self.tick, leaky, counts, flags, timed)
         self.tick += len(x)
 
 

@@ -7,16 +7,98 @@ run on vectors. Thresholds are multiples of the encoder's grid g: x >= a g and f
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+from model import window
+from model.decay import leak_of
 
 
-@njit(cache=True, nogil=True)
-def leak_of(u: Any, leak_shift: int) -> Any:
-    """Return the leak of a reference, u 2**-k rounded half up (docs/specification.md, section 2, N-LCS)."""
-    return (u + (1 << (leak_shift - 1))) >> leak_shift
+class ClosingRule(NamedTuple):
+    """CW-LCS: closing steps of 2**closing_step_log2 codes, 2**levels_log2 of them in D, at most cap events a tick."""
+
+    closing_step_log2: int
+    levels_log2: int
+    window_period: int
+    cap: int
+
+
+class LeakyRule(NamedTuple):
+    """N-LCS: D is 2**step_log2 units of 2**-fraction_bits code, at most cap events a tick; phase is (taxels,)."""
+
+    phase: NDArray[np.int32]
+    leak_period: int
+    leak_shift: int
+    fraction_bits: int
+    step_log2: int
+    cap: int
+
+
+class TaxelState(NamedTuple):
+    """Reference, closing steps taken, and quiet ticks since the last of them; each (taxels,), changed in place."""
+
+    u: NDArray[Any]
+    closed: NDArray[np.int32]
+    quiet: NDArray[np.int32]
+
+
+# -- one taxel in one clock --------------------------------------------------------------------------
+
+
+TAXEL_DTYPE = np.dtype([(name, np.int64) for name in ("x", "u", "closed", "quiet")])
+"""Sample, reference (N-LCS: in 2**-F codes), closing steps taken, and quiet ticks since the last of them."""
+
+
+@njit(inline="always")
+def decide(p: Any, taxel: Any, tick: bool, leaks: bool) -> tuple[bool, bool, bool]:
+    """Let a taxel decide in one clock; return whether it raises ON, OFF, and whether its thresholds moved without.
+
+    Parameters
+    ----------
+    p : Parameters
+        Of ``model.readout``.
+    taxel : record of TAXEL_DTYPE
+        Changed in place.
+    tick, leaks : bool
+        The clock is that of a sample tick, and of a leak of this taxel.
+    """
+    on, off = compare(p, taxel) if tick or not p.per_sample else (False, False)
+    moved = leaks
+    if p.leaky:
+        leak = leak_of(taxel.u, p.leak_shift) if leaks else 0
+        taxel.u += (p.step if on else 0) - leak
+    elif on or off:
+        h = window.half_width(p, taxel)
+        taxel.u += h if on else -h
+        window.open_fully(taxel)
+    elif tick and p.levels > 1:
+        moved = window.pass_tick(p, taxel)
+    return on, off, moved
+
+
+@njit(inline="always")
+def compare(p: Any, taxel: Any) -> tuple[bool, bool]:
+    """Return whether the sample of a taxel is above and whether it is below its window."""
+    d = (taxel.x << p.fraction_bits) - taxel.u
+    if p.leaky:
+        return d > p.step, False
+    h = window.half_width(p, taxel)
+    return d >= h, d < -h
+
+
+@njit(inline="always")
+def reset(p: Any, taxel: Any) -> None:
+    """Put a taxel into its reset state; what an analog front end looks at stays."""
+    taxel.u = p.reset
+    window.open_fully(taxel)
+    if p.digital:
+        taxel.x = 0
+
+
+# -- all taxels, tick by tick ------------------------------------------------------------------------
 
 
 @njit(cache=True, nogil=True)
@@ -48,27 +130,16 @@ def lcs(x: Any, u: Any, step_log2: int, cap: int, counts: Any) -> None:
 
 
 @njit(cache=True, nogil=True)
-def cw_lcs(
-    x: Any,
-    u: Any,
-    closed: Any,
-    quiet: Any,
-    closing_step_log2: int,
-    levels_log2: int,
-    window_period: int,
-    cap: int,
-    counts: Any,
-    late: Any,
-    timed: bool,
-) -> None:
-    """CW-LCS, at most cap events a tick; u and half-widths in closing steps, D = 2**levels_log2.
+def cw_lcs(x: Any, taxels: TaxelState, rule: ClosingRule, counts: Any, late: Any, timed: bool) -> None:
+    """CW-LCS; u and half-widths in closing steps.
 
     An event in the first decision moves u by the half-width and opens the window; others follow as in LCS.
     If the first is quiet the window may close, which the second decision sees; a third finds nothing new.
     """
+    u, closed, quiet = taxels
     state = u.dtype.type
-    shift, step_log2, levels = state(closing_step_log2), state(levels_log2), state(1 << levels_log2)
-    high, low, none = state(cap - 1), state(1 - cap), state(0)
+    shift, step_log2, levels = state(rule.closing_step_log2), state(rule.levels_log2), state(1 << rule.levels_log2)
+    high, low, none = state(rule.cap - 1), state(1 - rule.cap), state(0)
     for i in range(x.shape[0]):
         for j in range(x.shape[1]):
             d = state(np.right_shift(state(x[i, j]), shift) - u[j])
@@ -81,10 +152,10 @@ def cw_lcs(
             move = state(move + np.left_shift(more, step_log2))
 
             ticks = none if first != 0 else state(quiet[j] + 1)
-            closes = ticks == window_period
+            closes = ticks == rule.window_period
             shut = none if first != 0 else state(closed[j] + state(closes and half > 1))
             half = state(levels - shut)
-            second = state(state(d >= half) - state(d < state(-half))) if closes and cap > 1 else none
+            second = state(state(d >= half) - state(d < state(-half))) if closes and rule.cap > 1 else none
             move = state(move + (half if second > 0 else (state(-half) if second < 0 else none)))
 
             quiet[j] = none if closes else ticks
@@ -96,34 +167,21 @@ def cw_lcs(
 
 
 @njit(cache=True, nogil=True)
-def nlcs(
-    x: Any,
-    u: Any,
-    phase: Any,
-    tick: int,
-    leak_period: int,
-    leak_shift: int,
-    fraction_bits: int,
-    step_log2: int,
-    cap: int,
-    counts: Any,
-    late: Any,
-    timed: bool,
-) -> None:
-    """N-LCS, at most cap events a tick; u and D = 2**step_log2 in units of 2**-F code, ``tick`` since reset.
+def nlcs(x: Any, u: Any, tick: int, rule: LeakyRule, counts: Any, late: Any, timed: bool) -> None:
+    """N-LCS; u and D in units of 2**-F code, ``tick`` since reset.
 
     The first decision and, where it is due, the leak of the old u; then events while x - u > D, which are
     ceil((x - u) / D) - 1.
     """
     state = u.dtype.type
-    fraction, step, step_shift = state(fraction_bits), state(1 << step_log2), state(step_log2)
-    high, none = state(cap - 1), state(0)
+    fraction, step, step_shift = state(rule.fraction_bits), state(1 << rule.step_log2), state(rule.step_log2)
+    high, none = state(rule.cap - 1), state(0)
     for i in range(x.shape[0]):
-        now = state((tick + i) % leak_period)
+        now = state((tick + i) % rule.leak_period)
         for j in range(x.shape[1]):
             d = state(np.left_shift(state(x[i, j]), fraction) - u[j])
             first = state(d > step)
-            leak = state(leak_of(u[j], leak_shift)) if phase[j] == now else none
+            leak = state(leak_of(u[j], rule.leak_shift)) if rule.phase[j] == now else none
             move = state(np.left_shift(first, step_shift) - leak)
             d = state(d - move)
             more = min(max(np.right_shift(state(d - 1), step_shift), none), high)

@@ -17,7 +17,7 @@ LAYERS = {
         "errors",
         "files",
         "config",
-        "events.address decay arbiter link taxel_kernels frame_config frame_words",
+        "events.address window decay arbiter link taxel_kernels frame_config frame_words",
         "taxel readout frame",
         "events textures",
         "figures",
