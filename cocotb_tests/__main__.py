@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-from cocotb_tests.commands.replay import replay
-from cocotb_tests.commands.sim import sim
-from model.cli.app import make_app, run
+from model.cli.app import leave_without, make_app, run
+
+try:
+    from cocotb_tests.commands.replay import replay
+    from cocotb_tests.commands.sim import sim
+except ModuleNotFoundError as error:
+    if __name__ != "__main__":
+        raise
+    leave_without(error)
 
 app = make_app("Co-simulation of the spiking e-skin readout: RTL against golden model.")
 app.command()(sim)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 import re
 import signal
 import subprocess
@@ -21,7 +20,6 @@ from cocotb_tests.bench.stimuli import settled
 from cocotb_tests.commands.sim import reproduce
 from cocotb_tests.session.player import Job
 from cocotb_tests.session.session import MismatchFound, run_job
-from cocotb_tests.session.store import ROOT
 from model.config import ReadoutConfig
 from model.events.recording import Recording
 from model.readout import simulate
@@ -99,24 +97,6 @@ def test_a_missing_dataset_is_one_sentence(tmp_path: Path) -> None:
     assert done.returncode == 2
     assert done.stderr.startswith("error: ")
     assert done.stderr.count("\n") == 1
-
-
-def test_make_passes_variables_on_and_ignores_the_width_of_the_window() -> None:
-    command = ["make", "--no-print-directory", "-n", "-o", ".venv/.installed", "sim"]
-    variables = ["ROWS=12", "SAMPLE_RATE=1e4", "SIM=icarus", "WAVES=1"]
-    outer = {name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))}
-    done = subprocess.run(
-        [*command, *variables],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-        env=outer | {"COLUMNS": "132"},
-    )
-    assert done.stdout.split()[1:] == [
-        "-m", "cocotb_tests", "sim", "--rows", "'12'", "--sample-rate", "'1e4'", "--sim", "'icarus'", "--waves",
-    ]  # fmt: skip
-    assert "132" not in done.stdout
 
 
 REPLAY = ["replay", "--dataset", "embedded", "--rows", "2", "--columns", "2", "--encoding", "nlcs"]

