@@ -18,7 +18,9 @@ from cocotb_tests.bench.block import JOB, Sink, report
 from cocotb_tests.bench.frame import FrameBench, SarAdc
 from cocotb_tests.bench.textures import random_scan, scan
 from model.config import ReadoutConfig
-from model.frame import FrameConfig, FrameStimulus, adc_code, simulate, unpack
+from model.frame import FrameStimulus, simulate
+from model.frame_config import FrameConfig
+from model.frame_words import adc_code, unpack
 
 if TYPE_CHECKING:
     from cocotb_tests.session.runners import Simulator

@@ -13,21 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import InputError
-from model.frame_config import FrameConfig, adc_code, pack, unpack
-
-__all__ = [
-    "WORD_DTYPE",
-    "FrameConfig",
-    "FrameModel",
-    "FrameRun",
-    "FrameStimulus",
-    "Inputs",
-    "Outputs",
-    "adc_code",
-    "pack",
-    "simulate",
-    "unpack",
-]
+from model.frame_config import FrameConfig
+from model.frame_words import adc_code
 
 WORD_DTYPE = np.dtype([("t", np.int64), ("sync", np.bool_), ("data", np.uint64)])
 """An output word: clock of the transfer since the end of reset, frame sync, and the word."""

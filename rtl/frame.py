@@ -7,7 +7,8 @@ from typing import Any
 from amaranth.hdl import Cat, Const, Module, Mux, Signal
 from amaranth.lib.wiring import In, Out
 
-from model.frame_config import FrameConfig, bit_positions
+from model.frame_config import FrameConfig
+from model.frame_words import bit_positions
 from rtl.block import Block
 from rtl.logic import or_tree
 

@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cocotb_tests.bench.block import Block, BlockMismatch, Checker, Sink
-from model.frame import FrameConfig, FrameModel, Inputs, Outputs, adc_code, unpack
+from model.frame import FrameModel, Inputs, Outputs
+from model.frame_config import FrameConfig
+from model.frame_words import adc_code, unpack
 
 
 class SarAdc:

@@ -16,16 +16,9 @@ from hypothesis import strategies as st
 
 from model.config import ReadoutConfig
 from model.errors import InputError
-from model.frame import (
-    FrameConfig,
-    FrameModel,
-    FrameStimulus,
-    Inputs,
-    adc_code,
-    pack,
-    simulate,
-    unpack,
-)
+from model.frame import FrameModel, FrameStimulus, Inputs, simulate
+from model.frame_config import FrameConfig
+from model.frame_words import adc_code, pack, unpack
 from model.textures.dataset import embedded_dataset
 from model.textures.presets import preset
 from model.textures.rates import measure_rates

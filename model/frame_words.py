@@ -1,0 +1,112 @@
+"""The ADC codes of a frame, and how they become words (docs/reference/frame.md)."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import InputError
+from model.frame_config import FrameConfig
+
+
+def adc_code(config: FrameConfig, samples: NDArray[np.integer]) -> NDArray[np.int64]:
+    """Return the N-bit two's complement codes of W-bit samples: the N upper bits, rounded down.
+
+    Parameters
+    ----------
+    config : FrameConfig
+    samples : integer ndarray, any shape
+        -2**(W-1) .. 2**(W-1) - 1.
+
+    Returns
+    -------
+    ndarray of int64, same shape
+        -2**(N-1) .. 2**(N-1) - 1.
+    """
+    values = np.asarray(samples, np.int64)
+    high = config.readout.full_scale
+    if values.size and not -high <= values.min() <= values.max() < high:
+        raise InputError(
+            f"samples must be in {-high}..{high - 1} ({config.sample_bits} bits), not {values.min()}..{values.max()}"
+        )
+    return values >> (config.sample_bits - config.resolution)
+
+
+def pack(config: FrameConfig, codes: NDArray[np.integer]) -> NDArray[np.uint64]:
+    """Return the output words of frames: taxel 0 in the lowest bits, no gaps, each frame on words of its own.
+
+    Parameters
+    ----------
+    config : FrameConfig
+    codes : integer ndarray, shape (frames, taxels)
+        ADC codes, signed or their N bits.
+
+    Returns
+    -------
+    ndarray of uint64, shape (frames, words_per_frame)
+    """
+    values = np.asarray(codes, np.int64)
+    if values.ndim != 2 or values.shape[1] != config.taxels:
+        raise InputError(f"codes must have shape (frames, {config.taxels}), not {values.shape}")
+    low, high = -(1 << (config.resolution - 1)), 1 << config.resolution
+    if values.size and not low <= values.min() <= values.max() < high:
+        raise InputError(
+            f"codes must be in {low}..{high - 1} ({config.resolution} bits), not {values.min()}..{values.max()}"
+        )
+    bits = (values[:, :, None] >> np.arange(config.resolution)) & 1
+    used, length = config.taxels * config.resolution, config.words_per_frame * config.word_bits
+    bits = np.pad(bits.reshape(len(values), used), ((0, 0), (0, length - used)))
+    return _from_bits(bits.reshape(len(values), config.words_per_frame, config.word_bits))
+
+
+def unpack(config: FrameConfig, words: NDArray[np.integer], sync: NDArray[Any] | None = None) -> NDArray[np.int64]:
+    """Return the signed ADC codes of output words.
+
+    Parameters
+    ----------
+    config : FrameConfig
+    words : integer ndarray, shape (frames, words_per_frame), or (words,) with ``sync``
+        A stream may stop within a frame: that frame is left out.
+    sync : ndarray of bool, shape (words,), optional
+        ``word_sync`` of every word of a stream.
+
+    Returns
+    -------
+    ndarray of int64, shape (frames, taxels)
+
+    Raises
+    ------
+    InputError
+        If the words have another shape, or frames do not begin where ``sync`` says, or do not end in zeros.
+    """
+    values, length = np.asarray(words, np.uint64), config.words_per_frame
+    if sync is not None:
+        if values.ndim != 1 or np.shape(sync) != values.shape:
+            raise InputError(f"words and sync must have one shape (words,), not {values.shape} and {np.shape(sync)}")
+        wrong = np.flatnonzero(np.asarray(sync, bool) != (np.arange(len(values)) % length == 0))
+        if len(wrong):
+            raise InputError(f"word {wrong[0]}: a frame of {length} words does not begin here, or sync is missing")
+        values = values[: len(values) // length * length].reshape(-1, length)
+    if values.ndim != 2 or values.shape[1] != length:
+        raise InputError(f"words must have shape (frames, {length}), not {values.shape}")
+    bits = (values[:, :, None] >> np.arange(config.word_bits, dtype=np.uint64)) & np.uint64(1)
+    bits = bits.reshape(len(values), length * config.word_bits)
+    used = config.taxels * config.resolution
+    if bits[:, used:].any():
+        raise InputError("a frame does not end in zeros; is it of another configuration?")
+    codes = _from_bits(bits[:, :used].reshape(len(values), config.taxels, config.resolution)).astype(np.int64)
+    return codes - (codes >> (config.resolution - 1) << config.resolution)
+
+
+def _from_bits(bits: NDArray[Any]) -> NDArray[np.uint64]:
+    """Return the numbers of bits, lowest first along the last axis."""
+    weights = np.uint64(1) << np.arange(bits.shape[-1], dtype=np.uint64)
+    return np.asarray((bits.astype(np.uint64) * weights).sum(axis=-1), np.uint64)
+
+
+def bit_positions(config: FrameConfig) -> int:
+    """Return the greatest common divisor of N and the word: codes begin at multiples of it only."""
+    return math.gcd(config.resolution, config.word_bits)
