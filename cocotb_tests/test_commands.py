@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import re
+import resource
 import signal
 import subprocess
 import sys
@@ -17,9 +19,10 @@ from PIL import Image
 
 import cocotb_tests.session.simulator as simulator
 from cocotb_tests.bench.stimuli import settled
-from cocotb_tests.commands.sim import reproduce
+from cocotb_tests.session.again import reproduce
 from cocotb_tests.session.player import Job
 from cocotb_tests.session.session import MismatchFound, run_job
+from cocotb_tests.session.store import ROOT
 from model.config import ReadoutConfig
 from model.events.recording import Recording
 from model.readout import simulate
@@ -27,11 +30,14 @@ from model.textures.dataset import embedded_dataset
 from model.textures.physical import PhysicalScan
 
 BIT_EXACT = re.compile(r"bit-exact: (\d+) runs, (\d+) clocks, (\d+) events, 0 mismatches")
+OURS = {"PYTHONPATH": str(ROOT)}  # from another folder, the code that is installed would run, not this checkout's
 COMMAND = [sys.executable, "-m", "cocotb_tests"]
 
 
 def call(*arguments: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*COMMAND, *map(str, arguments)], capture_output=True, text=True, check=False)
+    return subprocess.run(
+        [*COMMAND, *map(str, arguments)], capture_output=True, text=True, check=False, env=os.environ | OURS
+    )
 
 
 def test_sim_ends_with_its_one_line_and_leaves_picture_and_event_files(tmp_path: Path) -> None:
@@ -99,6 +105,7 @@ def test_a_missing_dataset_is_one_sentence(tmp_path: Path) -> None:
     assert done.stderr.count("\n") == 1
 
 
+SMALL = ["sim", "--rows", "1", "--columns", "1", "--encoding", "lcs", "--sim", "icarus", "--ticks", "40"]
 REPLAY = ["replay", "--dataset", "embedded", "--rows", "2", "--columns", "2", "--encoding", "nlcs"]
 
 
@@ -139,7 +146,7 @@ def test_replay_finds_a_dataset_by_a_relative_place(tmp_path: Path, monkeypatch:
 
 def test_replay_goes_on_after_a_kill(tmp_path: Path) -> None:
     command = [*COMMAND, *REPLAY, "--limit", "12", "--workers", "1", "-o", str(tmp_path)]
-    killed = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    killed = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=os.environ | OURS)
     deadline = time.monotonic() + 120
     while not list(tmp_path.glob("*/events/*/*.npz")):
         assert killed.poll() is None
@@ -147,7 +154,7 @@ def test_replay_goes_on_after_a_kill(tmp_path: Path) -> None:
         time.sleep(0.02)
     killed.send_signal(signal.SIGKILL)
     killed.wait()
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | OURS)
     assert done.returncode == 0, done.stderr
     line = BIT_EXACT.fullmatch(done.stdout.strip().splitlines()[-1])
     assert line is not None
@@ -179,3 +186,41 @@ def test_a_broken_readout_is_found_and_described(fault: str, tmp_path: Path, mon
     assert re.search(r"clock \d+: sample -?\d+, reference -?\d+, half-width \d+, pending [01]", message)
     assert message.endswith("reproduce: " + reproduce(config, "icarus", 0))
     assert reproduce(config, "icarus", 0) == "make sim ROWS=3 COLUMNS=4 SIM=icarus SEED=0 TEXTURES=0 WAVES=1"
+
+
+@pytest.mark.parametrize("planted", ["", "run", "events", "events/brick"])
+def test_sim_follows_no_link_in_its_folder(planted: str, tmp_path: Path) -> None:
+    victim, out = tmp_path / "victim", tmp_path / "out"
+    victim.mkdir()
+    link = out / "1x1-lcs-6b" / planted
+    link.parent.mkdir(parents=True)
+    link.symlink_to(victim)
+    done = call(*SMALL, "--textures", 1, "-o", out)
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1] == f"error: cannot write to {link}: it is a link to another place; remove it"
+    assert not list(victim.iterdir())
+
+
+def test_sim_replaces_links_to_files_in_its_folder(tmp_path: Path) -> None:
+    victim, folder = tmp_path / "victim", tmp_path / "out" / "1x1-lcs-6b"
+    victim.write_text("mine")
+    links = [folder / name for name in ("rtl.npz", "model.npz", "raster.png", "run/job.json", "run/simulation.log")]
+    for link in links:
+        link.parent.mkdir(parents=True, exist_ok=True)
+        link.symlink_to(victim)
+    done = call(*SMALL, "--textures", 1, "-o", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert not any(link.is_symlink() for link in links)
+    assert victim.read_text() == "mine"
+
+
+def test_a_full_disk_is_one_sentence(tmp_path: Path) -> None:
+    def no_file_above_32_kb() -> None:  # a program meets the same error, too late, as on a full disk
+        resource.setrlimit(resource.RLIMIT_FSIZE, (32_000, 32_000))
+
+    command = [*COMMAND, *SMALL, "--textures", "0", "-o", str(tmp_path / "out")]
+    done = subprocess.run(
+        command, capture_output=True, text=True, env=os.environ | OURS, preexec_fn=no_file_above_32_kb, check=False
+    )
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1] == f"error: cannot write to {tmp_path}/out/1x1-lcs-6b/run: File too large"

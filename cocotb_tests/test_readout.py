@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from cocotb_tests.commands.sim import reproduce
+from cocotb_tests.session.again import reproduce
 from cocotb_tests.session.player import Job
 from cocotb_tests.session.runners import Simulator
 from cocotb_tests.session.session import run_job

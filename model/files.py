@@ -6,12 +6,16 @@ import contextlib
 import json
 import math
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Any
 
 from model.errors import InputError
+
+PROBE_BYTES = 2**17
+"""What can be written to a disk that is not full."""
 
 
 @contextlib.contextmanager
@@ -42,6 +46,50 @@ def atomic_write(path: Path) -> Iterator[IO[bytes]]:
         raise InputError(f"cannot write {path}: {error.strerror}") from None
     except BaseException:
         os.unlink(name)
+        raise
+
+
+def make_folder(root: Path, inside: str | Path, empty: bool = False) -> Path:
+    """Make a folder of the program's own inside one that the user named, and return it.
+
+    Parameters
+    ----------
+    root : Path
+        The user's folder, made if need be; it may be a link.
+    inside : str or Path
+        The way from there. A link on it is not followed, since whoever planted it would choose what is overwritten.
+    empty : bool
+        Remove what the folder holds.
+
+    Raises
+    ------
+    InputError
+        If there is a link on the way.
+    """
+    root.mkdir(parents=True, exist_ok=True)
+    folder = root
+    for part in Path(inside).parts:
+        folder /= part
+        if folder.is_symlink():
+            raise InputError(f"cannot write to {folder}: it is a link to another place; remove it")
+        folder.mkdir(exist_ok=True)
+    if empty:
+        shutil.rmtree(folder)
+        folder.mkdir()
+    return folder
+
+
+@contextlib.contextmanager
+def refusing_a_full_disk(folder: Path) -> Iterator[None]:
+    """Say so in one sentence if the work within fails and nothing more can be written to a folder."""
+    try:
+        yield
+    except Exception:
+        try:
+            with tempfile.TemporaryFile(dir=folder) as probe:
+                probe.write(bytes(PROBE_BYTES))
+        except OSError as error:
+            raise InputError(f"cannot write to {folder}: {error.strerror}") from None
         raise
 
 

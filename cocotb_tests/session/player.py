@@ -15,6 +15,7 @@ import cocotb
 from cocotb_tests.bench.readout import Bench, Mismatch, Prepared
 from model.config import ReadoutConfig
 from model.errors import InputError
+from model.files import make_folder
 
 if TYPE_CHECKING:  # what computes scenarios, scans and expected events takes longer to import than most runs last
     from model.readout import Stimulus
@@ -147,7 +148,7 @@ async def _play_scans(bench: Bench, job: Job, config: ReadoutConfig) -> AsyncIte
     for scan in _scans(job, config):
         bench.scoreboard.reproduce = f"{job.reproduce} ONLY={scan.name}"
         events = await bench.check(f"scan of {scan.name}", scan.stimulus)
-        scan.keep.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(Path(job.keep), Path(scan.name).parent)
         Recording(events, config, scan.stimulus.clocks, metadata=scan.metadata).save(scan.keep)
         told = {"name": f"scan of {scan.name}", "clocks": scan.stimulus.clocks, "events": len(events)}
         yield told | {"outstanding": scan.outstanding}

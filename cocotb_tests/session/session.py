@@ -18,6 +18,7 @@ from cocotb_tests.session.player import JOB, Job
 from cocotb_tests.session.simulator import Build
 from model.config import ReadoutConfig
 from model.errors import InputError
+from model.files import refusing_a_full_disk
 
 POLL_S = 0.2
 
@@ -72,6 +73,12 @@ def run_job(program: Build, job: Job, folder: Path, on_run: Callable[[dict[str, 
         If the simulation failed for another reason; the text is the end of its log.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    with refusing_a_full_disk(folder):
+        return _follow(program, job, folder, on_run or (lambda run: None))
+
+
+def _follow(program: Build, job: Job, folder: Path, on_run: Callable[[dict[str, Any]], None]) -> Tally:
+    """Start a job, tell of each run as it is done, and return what was compared."""
     progress, mismatch, refused = folder / "progress.jsonl", folder / "mismatch.txt", folder / "refused.txt"
     for old in (progress, mismatch, refused):
         old.unlink(missing_ok=True)
@@ -101,8 +108,7 @@ def run_job(program: Build, job: Job, folder: Path, on_run: Callable[[dict[str, 
                     run = json.loads(line)
                     drained = not run["outstanding"]
                     tally += Tally(1, run["clocks"], run["events"], int(drained), int(not drained))
-                    if on_run:
-                        on_run(run)
+                    on_run(run)
         if not alive:
             break
         thread.join(POLL_S)

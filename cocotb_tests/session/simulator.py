@@ -18,6 +18,7 @@ from cocotb_tests.session.runners import (
 from cocotb_tests.session.store import BUILD, digest, scratch_folder, trim, verilog_text, versions
 from model.config import ReadoutConfig
 from model.errors import InputError
+from model.files import refusing_a_full_disk
 from model.frame_config import FrameConfig
 
 HARNESS = Path(__file__).parents[1] / "bench" / "harness.v"
@@ -119,7 +120,7 @@ def build(
         return program
     # Built beside its place and moved there whole, so that an interrupted build leaves nothing half done and two
     # processes may build the same.
-    with scratch_folder(folder.parent, folder.name) as draft:
+    with scratch_folder(folder.parent, folder.name) as draft, refusing_a_full_disk(draft):
         (draft / "eskin_readout.v").write_text(text)
         sources = [draft / "eskin_readout.v"]
         if harness:
