@@ -1,5 +1,5 @@
 """Hook of the site: the pages that have no file in docs/. A reference page for every room of the packages,
-from the docstrings of its modules; and the files at the top that a reader of the site needs.
+from the docstrings of its modules; the files at the top that a reader of the site needs; the tutorial as a notebook.
 
 The pages are made from the folders, so a file that moves or comes anew is on the site without an entry here.
 Command lines have no page: docs/reference/commands.md is theirs.
@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import jupytext
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("model", "rtl", "snn", "cocotb_tests")
@@ -50,4 +52,14 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         for other in AT_THE_TOP:
             text = text.replace(f"]({other}", f"]({other.lower()}")
         files.append(File.generated(config, name.lower(), content=text))
+    notebook = jupytext.writes(jupytext.read(ROOT / "docs" / "tutorial.py"), fmt="ipynb")
+    files.append(File.generated(config, "tutorial.ipynb", content=notebook))
     return files
+
+
+def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
+    """Offer the notebook above the tutorial."""
+    if page.file.src_uri != "tutorial.md":
+        return markdown
+    title, _, rest = markdown.partition("\n")
+    return f"{title}\n\n[This page as a notebook](tutorial.ipynb)\n{rest}"

@@ -94,11 +94,12 @@ TARGETS = {
     "report": Target("one HTML page with all figures, for a browser [OUT= SYNTHESIS=]", "model report"),
     "docs": Target(
         "the site of documents and reference pages, out/site/index.html",
-        needs=("sim", "docs"),
+        needs=(*DEV, "docs"),
         steps=(
             "docs/tables.py",
             "docs/commands.py",
             "docs/figures/architecture.py",
+            "docs/tutorial_page.py",
             "-m mkdocs build --quiet",
             "-c 'print(\"out/site/index.html\")'",
         ),

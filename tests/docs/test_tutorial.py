@@ -1,0 +1,57 @@
+"""The tutorial runs, its page shows what it prints, and its notebook is the same source."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+def without_numbers(text: str) -> str:
+    """Return a text with every number replaced: the last digits depend on the libraries."""
+    return re.sub(r"\d+(\.\d+)?", "#", re.sub(" +", " ", text))
+
+
+@pytest.fixture(autouse=True)
+def tools() -> None:
+    missing = [] if importlib.util.find_spec("jupytext") else ["jupytext: pip install -c constraints.txt -e '.[docs]'"]
+    missing += [] if shutil.which("iverilog") else ["iverilog: apt-get install iverilog"]
+    if missing:
+        assert not os.environ.get("CI"), missing
+        pytest.skip(f"not installed: {', '.join(missing)}")
+
+
+def test_the_page_shows_what_the_tutorial_prints(tmp_path: Path) -> None:
+    program = (
+        "import sys; from pathlib import Path; sys.path.insert(0, 'docs'); import tutorial_page as page; "
+        "(Path(sys.argv[1]) / 'page.md').write_text(page.run(Path(sys.argv[1])))"
+    )
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(tmp_path)], cwd=ROOT, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    made, kept = (tmp_path / "page.md").read_text(), (ROOT / "docs" / "tutorial.md").read_text()
+    assert without_numbers(made) == without_numbers(kept), "run python docs/tutorial_page.py"
+    assert "0 mismatches" in made
+    pictures = {path.name for path in tmp_path.glob("*.png")}
+    assert pictures == {path.name for path in (ROOT / "docs" / "figures" / "tutorial").glob("*.png")}
+    assert len(pictures) == made.count("![") > 3
+
+
+def test_the_notebook_has_the_same_cells() -> None:
+    import jupytext
+
+    source = jupytext.read(ROOT / "docs" / "tutorial.py")
+    notebook = json.loads(jupytext.writes(source, fmt="ipynb"))
+    assert len(notebook["cells"]) == len(source.cells) > 15
+    assert {cell["cell_type"] for cell in notebook["cells"]} == {"code", "markdown"}
