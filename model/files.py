@@ -8,6 +8,7 @@ import math
 import os
 import shutil
 import tempfile
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Any
@@ -135,6 +136,17 @@ def read_json(path: Path, what: str, kind: type | None = None) -> Any:
         noun = "object" if kind is dict else "list"
         raise InputError(f"{what} {path} must be a JSON {noun}, not {type(content).__name__}")
     return content
+
+
+MOST_UNPACKED = 2**30
+"""Bytes that the content of a compressed file may have; a few kilobytes can claim any number."""
+
+
+def check_unpacked(archive: zipfile.ZipFile) -> None:
+    """Refuse an archive that claims more than ``MOST_UNPACKED`` bytes; what is read is never more than is claimed."""
+    size = sum(member.file_size for member in archive.infolist())
+    if size > MOST_UNPACKED:
+        raise InputError(f"claims {size / 2**20:.0f} MiB of data, more than {MOST_UNPACKED // 2**20}; it is not read")
 
 
 def plain(content: Any) -> Any:

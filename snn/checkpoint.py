@@ -6,6 +6,7 @@ import dataclasses
 import hashlib
 import io
 import json
+import math
 import pickle
 import zipfile
 from dataclasses import dataclass
@@ -82,7 +83,10 @@ def load_checkpoint(path: Path, training: Training, key: str) -> None:
         if content["format"] != CHECKPOINT_FORMAT:
             raise InputError(f"checkpoint {path} has another format; remove it to start anew")
         if content["key"] != key:
-            found = "; ".join(_differences(json.loads(content["key"]), json.loads(key)))
+            there = json.loads(content["key"])
+            if not isinstance(there, dict):
+                raise ValueError
+            found = "; ".join(_differences(there, json.loads(key)))
             raise InputError(
                 f"checkpoint {path} is of another configuration ({found}); "
                 f"remove it or choose another folder with --out"
@@ -91,11 +95,28 @@ def load_checkpoint(path: Path, training: Training, key: str) -> None:
         training.optimizer.load_state_dict(content["optimizer"])
         training.history = [Epoch(**epoch) for epoch in content["history"]]
         training.best = content["best"]
+        _check_sound(training)
     except InputError:
         raise
-    except (OSError, RuntimeError, EOFError, KeyError, TypeError, ValueError, pickle.UnpicklingError,
-            zipfile.BadZipFile):  # fmt: skip
+    except (OSError, RuntimeError, EOFError, LookupError, TypeError, ValueError, AttributeError, RecursionError,
+            pickle.UnpicklingError, zipfile.BadZipFile):  # fmt: skip
         raise InputError(f"checkpoint {path} is damaged; remove it to start anew") from None
+
+
+def _check_sound(training: Training) -> None:
+    """Raise ValueError unless all that was loaded is finite numbers of the right types."""
+    tensors = [*training.network.state_dict().values()]
+    for state in training.optimizer.state_dict()["state"].values():
+        tensors += [value for value in state.values() if isinstance(value, torch.Tensor)]
+    if not all(torch.isfinite(tensor).all() for tensor in tensors):
+        raise ValueError("a weight or what the optimizer keeps is no finite number")
+    if [epoch.number for epoch in training.history] != list(range(1, len(training.history) + 1)):
+        raise ValueError("its epochs are not numbered")
+    for epoch in training.history:
+        if not all(math.isfinite(value) for value in (epoch.loss, epoch.accuracy, epoch.rate, epoch.silent_outputs)):
+            raise ValueError("an epoch has no finite loss")
+    if not isinstance(training.best, dict) or not isinstance(training.best.get("held_out", 0.0), float):
+        raise ValueError("the best epoch is damaged")
 
 
 def _differences(there: dict[str, Any], now: dict[str, Any]) -> list[str]:

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import Any, TypeVar, get_args, get_type_hints
 
 from model.errors import InputError
 
 Config = TypeVar("Config")
+
+LARGEST = (2 - 2**-23) * 2.0**127
+"""Largest finite float32, in which networks compute."""
 
 _NOUNS = {bool: "true or false", int: "a whole number", float: "a number", str: "a word"}
 
@@ -60,10 +64,12 @@ def refuse_unknown(fields: Any, known: Any, what: str) -> None:
 def _checked(name: str, value: Any, hint: Any) -> Any:
     if hint is float and (type(value) is int or value in ("inf", "-inf", "nan")):
         try:
-            return float(value)
+            value = float(value)
         except OverflowError:
             raise InputError(f"{name} must be a number, not one of {len(str(value))} digits") from None
     wanted = str if get_args(hint) else hint
     if type(value) is not wanted:
         raise InputError(f"{name} must be {_NOUNS.get(wanted, wanted.__name__)}, not {value!r}")
+    if isinstance(value, float) and LARGEST < abs(value) < math.inf:
+        raise InputError(f"{name} must be a number of at most {LARGEST:.3g}, which float32 holds, not {value!r}")
     return value

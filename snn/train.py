@@ -142,6 +142,10 @@ def _epoch(
         correct += float((output.logits.argmax(1) == labels).sum())
         rate += output.rate * len(chosen)
         largest = max(largest, norm)
+    if not all(torch.isfinite(parameter).all() for parameter in network.parameters()):
+        raise DivergedError(
+            f"the training diverged in epoch {number + 1}: a weight is no number; lower the learning rate"
+        )
     count = len(order)
     silent = int((seen == 0).sum())
     return Epoch(number + 1, loss_sum / count, correct / count, None, rate / count, largest, silent)

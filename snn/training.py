@@ -17,6 +17,9 @@ LARGE_GRADIENT = 1e4
 """Norm of the gradient, before clipping, that is reported as a sign of divergence."""
 
 
+LARGEST_RATE = 10.0
+"""Largest learning rate; the default is 1e-3, and 1e30 would train nothing in finite numbers."""
+
 SILENT, SATURATED = 1e-4, 0.5
 """Mean spikes per step and hidden neuron outside of which the surrogate gradient teaches little."""
 
@@ -51,11 +54,15 @@ class TrainConfig:
         for name in ("epochs", "batch"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name} must be at least 1, not {getattr(self, name)}")
-        for name in ("learning_rate", "clip"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0):
-                raise InputError(f"{name} must be a positive number, not {getattr(self, name)!r}")
-        if not (math.isfinite(self.weight_decay) and self.weight_decay >= 0):
-            raise InputError(f"weight_decay must be a number from 0, not {self.weight_decay!r}")
+        if not 0 < self.learning_rate <= LARGEST_RATE:
+            raise InputError(
+                f"learning_rate must be above 0 and at most {LARGEST_RATE:g}, not {self.learning_rate!r}: "
+                f"Adam moves every weight by about that much"
+            )
+        if not (math.isfinite(self.clip) and self.clip > 0):
+            raise InputError(f"clip must be a positive number, not {self.clip!r}")
+        if not 0 <= self.weight_decay * self.learning_rate <= 1:
+            raise InputError(f"weight_decay must be from 0 to 1 / learning_rate, not {self.weight_decay!r}")
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as one flat dictionary, as files have them."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import unicodedata
 from collections.abc import Sequence
 from typing import NoReturn
 
@@ -100,8 +101,22 @@ def leave_without(error: ModuleNotFoundError) -> NoReturn:
     sys.exit(_report(missing_group(error)))
 
 
+def printable(text: object) -> str:
+    """Return a text that a terminal shows and does not obey: control characters of names and files as \\x1b.
+
+    Controls that turn the direction of writing are among them, by which one name can look like another.
+    """
+    return "".join(
+        character.encode("unicode_escape").decode() if unicodedata.category(character) in _OBEYED else character
+        for character in str(text)
+    )
+
+
+_OBEYED = ("Cc", "Cf", "Cs", "Zl", "Zp")
+
+
 def _report(message: str) -> int:
     """Print an error as one line on standard error and return its exit code."""
-    sentence = " ".join(message.split()).removesuffix(".")
+    sentence = printable(" ".join(message.split())).removesuffix(".")
     print(f"error: {sentence}", file=sys.stderr)
     return EXIT_INPUT_ERROR

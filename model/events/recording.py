@@ -16,7 +16,7 @@ from model import __version__
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.events.address import Events, check_events
-from model.files import atomic_write
+from model.files import atomic_write, check_unpacked
 
 FORMAT_NAME = "spiking-eskin-readout events"
 FORMAT_VERSION = 1
@@ -192,11 +192,14 @@ def _read_members(path: Path) -> tuple[NDArray[Any], str]:
         raise InputError(f"cannot read {path}: {error.strerror}") from None
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            check_unpacked(archive)
             names = set(archive.namelist())
             if names >= {_EVENTS_MEMBER, _METADATA_MEMBER}:
                 events, metadata = (_read_array(archive, n) for n in (_EVENTS_MEMBER, _METADATA_MEMBER))
                 if metadata.dtype.kind == "U" and metadata.ndim == 0:
                     return events, str(metadata)
+    except InputError as error:
+        raise InputError(f"{path} {error}") from None
     except Exception:  # a damaged archive makes zipfile, zlib and NumPy raise almost any type
         raise InputError(
             f"{path} is damaged or not an event file; record it again with python -m model encode"

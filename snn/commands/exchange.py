@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from model.cli.app import printable
 from model.errors import InputError
 from model.files import check_writable
 
@@ -54,7 +55,8 @@ def import_(
     loaded = load_nir(graph, step, None if classes is None else classes.split(","))
     save_weights(out, loaded)
     network = config_of(loaded.network)
-    print(f"{out}: {network.inputs} inputs, {network.hidden} hidden neurons, classes {', '.join(loaded.class_names)}")
+    names = printable(", ".join(loaded.class_names))
+    print(f"{out}: {network.inputs} inputs, {network.hidden} hidden neurons, classes {names}")
 
 
 def convert(

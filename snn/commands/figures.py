@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from model.cli.app import printable
 from model.commands.options import DataOption, OutOption
 from model.errors import InputError
 from model.figures.results import DEFAULT_OUT, write_results
@@ -38,7 +39,7 @@ def fig9(
     if matrices["points"]:
         print(write_results(out, "confusion", matrices, plot_confusion, data_out))
     for point in data["left_out"]:
-        print(f"left out, as no seed is finished: {point}")
+        print(printable(f"left out, as no seed is finished: {point}"))
 
 
 def fig8(
@@ -63,4 +64,4 @@ def fig8(
 
     played = play(weights, result or weights.parent / "result.json", dataset, image)
     print(write_results(out, "fig8", played.to_dict(), lambda _, path: plot_fig8(played, path), data_out))
-    print(f"{played.texture.name}: true {played.texture.class_name}, predicted {played.predicted}")
+    print(printable(f"{played.texture.name}: true {played.texture.class_name}, predicted {played.predicted}"))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from model.cli.app import printable
 from model.cli.progress import bar
 from model.files import check_writable, write_json
 
@@ -82,7 +83,7 @@ def predict(
     if not check.passed:
         again = ["python", "-m", "snn", "predict", str(weights), "--events", str(files[check.where]), "--check-model"]
         again += ["--dataset", dataset] if dataset is not None else []
-        print(f"{check.first}\nreproduce: {shlex.join(again)}")
+        print("\n".join(map(printable, [*check.first.splitlines(), f"reproduce: {shlex.join(again)}"])))
         differ = ", ".join(f"{len(numbers)} in {level}" for level, numbers in check.different.items())
         print(f"FAILED: of {count} {noun} compared differ {differ}")
         raise typer.Exit(1)
@@ -99,7 +100,7 @@ def _print_recordings(recordings: Sequence[Recording], logits: NDArray[np.float3
     for recording, row in zip(recordings, logits, strict=True):
         if len(recordings) <= MOST_LINES or class_of(recording) is None:
             predicted = trained.weights.class_names[row.argmax()]
-            print(f"{recording.metadata['name']}: {predicted} (class: {class_of(recording) or 'not known'})")
+            print(printable(f"{recording.metadata['name']}: {predicted} (class: {class_of(recording) or 'not known'})"))
 
 
 def _print_scores(scores: dict[str, Score], trained: Trained) -> None:
@@ -114,9 +115,9 @@ def _print_scores(scores: dict[str, Score], trained: Trained) -> None:
     for part, score in scores.items():
         print(f"{words[part]}: accuracy {score.accuracy:.1%} ({score.correct} of {score.total})")
     if scores and not trained.parts:
-        print(f"whether the network has learned some of them is not known: {trained.unknown}")
+        print(f"whether the network has learned some of them is not known: {printable(trained.unknown)}")
     shown = scores.get(TEST) or scores.get(OTHER)
-    names = trained.weights.class_names
+    names = [printable(name) for name in trained.weights.class_names]
     if shown is None or len(names) > MOST_CLASSES:
         return
     width = max(map(len, names)) + 2

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from model.cli.app import printable
 from model.cli.progress import bar
 from model.errors import InputError
 from model.files import write_json
@@ -50,6 +51,7 @@ def train(
     labels = data.image_labels
     test = stratified_folds(labels, folds)[fold]
     images = np.setdiff1d(np.arange(len(labels)), test)
+    print(f"data: {printable(data.source)}")
     print(
         f"{len(images)} images to learn ({len(data.scans_of(images))} scans), {len(test)} to test, "
         f"{len(data.class_names)} classes; {data.steps} steps of {data.channels} channels"

@@ -19,6 +19,9 @@ from model.events.address import Events, taxel_of
 from model.events.recording import Recording
 from model.textures.presets import preset
 
+MOST_COUNTS = 2**28
+"""Counts of one recording, zeros and all, in memory."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class BinConfig:
@@ -41,7 +44,7 @@ class BinConfig:
     polarity: bool = True
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.bin_s) and self.bin_s > 0):
+        if isinstance(self.bin_s, bool) or not (math.isfinite(self.bin_s) and self.bin_s > 0):
             raise InputError(f"bin_s must be a positive number of seconds, not {self.bin_s!r}")
         for name in ("start_s", "stop_s"):
             value = getattr(self, name)
@@ -99,11 +102,21 @@ def bin_recording(recording: Recording, bins: BinConfig) -> SparseCounts:
     if bins.stop_s is not None:
         stop = min(stop, round(bins.stop_s * config.clock_hz))
     width = bins.bin_s * config.clock_hz
+    if not 1 <= width < math.inf:
+        raise InputError(
+            f"a time bin of {bins.bin_s:g} s is not a length for a clock of {config.clock_hz:g} Hz; "
+            f"take one from {1 / config.clock_hz:g} s on"
+        )
     steps = math.floor((stop - start) / width + 1e-9)
     if steps < 1:
         raise InputError(
             f"{name} lasts {recording.duration_s:.6g} s and leaves no whole bin of {bins.bin_s:g} s in the time "
             f"window; choose a shorter bin or another window"
+        )
+    if steps * bins.channels(config) > MOST_COUNTS:
+        raise InputError(
+            f"{name} has {steps} bins of {bins.bin_s:g} s and {bins.channels(config)} channels, more than "
+            f"{MOST_COUNTS} counts; choose a longer bin"
         )
     step = np.floor((events["t"] - start) / width).astype(np.int64)
     seen = (events["t"] >= start) & (step < steps)

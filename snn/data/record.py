@@ -96,7 +96,7 @@ class FrameSteps:
         if not (math.isfinite(self.rate_hz) and self.rate_hz > 0):
             raise InputError(f"rate_hz must be a positive number of hertz, not {self.rate_hz!r}")
         for name, least in (("bits", 3), ("frames_per_step", 1)):
-            if getattr(self, name) < least:
+            if type(getattr(self, name)) is not int or getattr(self, name) < least:
                 raise InputError(f"{name} must be at least {least}, not {getattr(self, name)}")
 
 

@@ -37,6 +37,8 @@ class ScanData:
         Seconds per step.
     rate_hz : float
         Mean population event rate of the scans over their whole length; of frames, values per second.
+    source : str
+        Where they come from, for the user; it changes no result.
     """
 
     values: NDArray[Any]
@@ -47,6 +49,7 @@ class ScanData:
     taxels: int
     step_s: float
     rate_hz: float
+    source: str = ""
 
     def __len__(self) -> int:
         return len(self.values)

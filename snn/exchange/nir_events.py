@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,6 +18,7 @@ from model.events.address import EVENT_DTYPE, Events
 from model.events.recording import Recording
 from model.files import atomic_write
 from snn.data.bins import BinConfig, bin_recording
+from snn.exchange.hdf5 import read_hdf5
 from snn.exchange.nir_network import INPUT
 
 MOST_CLOCKS = 2**51
@@ -47,6 +49,8 @@ def to_nir_data(recording: Recording) -> nir.NIRGraphData:
     if recording.duration_clocks > MOST_CLOCKS:
         raise InputError(f"the recording lasts {recording.duration_clocks} clocks, more than 2**51; split it")
     config, events = recording.config, recording.events
+    if not math.isfinite(recording.duration_s):
+        raise InputError(f"at a clock of {config.clock_hz:g} Hz the recording has no length in seconds")
     bins = BinConfig()
     data = nir.EventData(
         idx=bins.channel_of(events, config)[None],
@@ -97,6 +101,12 @@ def from_nir_data(data: nir.NIRGraphData, config: ReadoutConfig, metadata: dict[
         raise InputError(
             f"event {at} has channel {channel[at]} at {time_s[at]} s, outside 0..{channels - 1} or no time"
         )
+    if not 0 <= events.t_max < math.inf:
+        raise InputError(f"the data last {events.t_max} s; a recording lasts a finite number of seconds from 0")
+    if not 0 <= events.t_max * config.clock_hz < math.inf:
+        raise InputError(
+            f"the data last {events.t_max} s at {config.clock_hz:g} Hz, more than 2**51 clocks; split them"
+        )
     duration = round(events.t_max * config.clock_hz)
     if duration > MOST_CLOCKS:
         raise InputError(f"the data last {duration} clocks, more than 2**51; split them")
@@ -125,6 +135,8 @@ def to_events_array(recording: Recording, time_unit: TimeUnit = "us") -> Events:
         raise InputError(f"time_unit must be us or clocks, not {time_unit!r}")
     events = recording.events.copy()
     if time_unit == "us":
+        if recording.duration_s * 1e6 >= 2.0**63:
+            raise InputError(f"the recording lasts {recording.duration_s:g} s, too long for microseconds; take clocks")
         events["t"] = np.rint(events["t"] / recording.clock_hz * 1e6)
     return events
 
@@ -164,10 +176,7 @@ def load_nir_data(path: Path) -> Recording:
     InputError
         If the file cannot be read, is damaged, or holds something else.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from None
+    content = read_hdf5(path, "NIRData; convert its event file again")
     try:
         data = nir.read_data(io.BytesIO(content))
         with h5py.File(io.BytesIO(content)) as file:

@@ -27,8 +27,9 @@ from numpy.typing import NDArray
 
 from model.errors import InputError
 from model.files import atomic_write
+from snn.exchange.hdf5 import read_hdf5
 from snn.exchange.nir_layers import Layer, affine, broadcast, follow
-from snn.exchange.weights import Weights, config_of
+from snn.exchange.weights import Weights, check_class_names, check_step, config_of
 from snn.network import SpikingNetwork, build
 from snn.network_config import NetworkConfig
 
@@ -62,6 +63,8 @@ def to_nir(weights: Weights) -> nir.NIRGraph:
     network, config = weights.network, config_of(weights.network)
     if not isinstance(network, SpikingNetwork):
         raise InputError(f"a network of kind {config.kind} has no neurons that NIR knows; export it as .npz")
+    if not math.isfinite(weights.step_s / SMALLEST_LOSS):
+        raise InputError(f"a time step of {weights.step_s:g} s has no time constants that NIR can hold; export .npz")
     arrays = {name: tensor.detach().cpu().numpy() for name, tensor in network.state_dict().items()}
     decay, output_decay = (tensor.detach().cpu().numpy() for tensor in network.decays())
     neuron = {"floor": config.neurons.rule.floor, "reset": config.neurons.rule.reset}
@@ -150,10 +153,7 @@ def load_nir(path: Path, step_s: float | None = None, class_names: Sequence[str]
         If the file cannot be read, is damaged, or holds a graph that the network cannot express; its text names
         the node.
     """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from None
+    data = read_hdf5(path, "a NIR graph; export it again")
     try:
         graph = nir.read(io.BytesIO(data), type_check=False)  # from_nir checks, and names the node
     except Exception:  # a damaged file makes h5py and nir raise almost any type
@@ -175,20 +175,25 @@ def from_nir(graph: nir.NIRGraph, step_s: float | None = None, class_names: Sequ
     parts = _Parts.of(graph, dt)
     config, names = _config_of(parts, header)
     names = names if class_names is None else class_names
-    if len(names) != parts.readout.size:
+    if isinstance(names, (list, tuple)) and len(names) != parts.readout.size:
         raise InputError(
             f"node {parts.readout.name!r} has {parts.readout.size} outputs, not {len(names)}; name as many classes"
         )
+    class_names = check_class_names(names, parts.readout.size)
     network = build(config, seed=0)
     assert isinstance(network, SpikingNetwork)
     state = parts.state(config.neurons.learn_decay)
-    network.load_state_dict({name: torch.from_numpy(array.astype(np.float32)) for name, array in state.items()})
+    with np.errstate(over="ignore"):
+        arrays = {name: array.astype(np.float32) for name, array in state.items()}
+    if wrong := [name for name, array in arrays.items() if not np.isfinite(array).all()]:
+        raise InputError(f"the graph gives {wrong[0]} values beyond float32; export it again")
+    network.load_state_dict({name: torch.from_numpy(array) for name, array in arrays.items()})
     for layer, kept in zip((parts.hidden, parts.readout), network.decays(), strict=True):
         if np.abs(kept.detach().numpy() - layer.decay).max() > MAX_DECAY_ERROR:
             raise InputError(
                 f"node {layer.name!r} has a tau that its decay in the metadata does not give; remove the metadata"
             )
-    return Weights(network, tuple(str(name) for name in names), dt)
+    return Weights(network, class_names, dt)
 
 
 def _time_step(graph: nir.NIRGraph, step_s: float | None) -> float:
@@ -196,12 +201,12 @@ def _time_step(graph: nir.NIRGraph, step_s: float | None) -> float:
     stated = graph.metadata.get("dt")
     if step_s is None and stated is None:
         raise InputError("the graph does not say its time step; give it in seconds (--step)")
-    if step_s is not None and stated is not None and not math.isclose(step_s, float(stated)):
-        raise InputError(f"the graph has a time step of {float(stated):g} s, not {step_s:g} s; leave --step out")
-    dt = float(stated) if step_s is None else step_s
-    if not (math.isfinite(dt) and dt > 0):
-        raise InputError(f"the time step must be a positive number of seconds, not {dt!r}")
-    return dt
+    own = None if stated is None else check_step(stated.item() if isinstance(stated, np.generic) else stated)
+    if step_s is not None:
+        check_step(step_s)
+    if own is not None and step_s is not None and not math.isclose(step_s, own):
+        raise InputError(f"the graph has a time step of {own:g} s, not {step_s:g} s; leave --step out")
+    return float(step_s) if own is None else own  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)

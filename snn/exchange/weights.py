@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from torch import nn
 
 from model.errors import InputError
-from model.files import atomic_write
+from model.files import atomic_write, check_unpacked
 from snn.network import SpikingNetwork, build
 from snn.network_config import NetworkConfig
 
@@ -101,8 +101,12 @@ def load_weights(path: Path) -> Weights:
     if not path.exists():
         raise InputError(f"weight file {path} does not exist; make one with python -m snn train")
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
+        with zipfile.ZipFile(path) as archive:
+            check_unpacked(archive)
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+    except InputError as error:
+        raise InputError(f"{path} {error}") from None
     except OSError as error:
         if error.strerror:
             raise InputError(f"cannot read {path}: {error.strerror}") from None
@@ -110,21 +114,52 @@ def load_weights(path: Path) -> Weights:
     except Exception:  # a damaged archive makes zipfile, zlib and NumPy raise almost any type
         raise InputError(f"{path} is damaged or not a weight file; train again") from None
     try:
-        header = json.loads(str(arrays.pop("metadata")))
-        if header["format"] != FORMAT_NAME or header["format_version"] != FORMAT_VERSION:
-            raise InputError(f"{path} has format version {header['format_version']!r}, this program reads 1")
-        network = build(NetworkConfig.from_dict(header["network"]), seed=0)
-        state = {
-            name: torch.from_numpy(_plain(arrays, name).astype(np.float32))
-            for name in arrays
-            if name in network.state_dict()
-        }
-        network.load_state_dict(state)
-        return Weights(network, tuple(header["class_names"]), float(header["step_s"]))
-    except InputError:
-        raise
-    except (KeyError, TypeError, ValueError, RuntimeError):
+        return _from_arrays(arrays)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    except (KeyError, TypeError, ValueError, RuntimeError, RecursionError):
         raise InputError(f"{path} is an archive, but not a weight file; train again") from None
+
+
+def _from_arrays(arrays: dict[str, NDArray[Any]]) -> Weights:
+    """Return the network of the arrays of a file; what it claims is held to them before it is built."""
+    header = json.loads(str(arrays.pop("metadata")))
+    if header["format"] != FORMAT_NAME or header["format_version"] != FORMAT_VERSION:
+        raise InputError(f"it has format version {header['format_version']!r}, this program reads 1")
+    config = NetworkConfig.from_dict(header["network"])
+    class_names = check_class_names(header["class_names"], config.classes)
+    step_s = check_step(header["step_s"])
+    with torch.device("meta"):  # shapes alone, no memory
+        shapes = {name: tuple(tensor.shape) for name, tensor in build(config, seed=0).state_dict().items()}
+    state = {}
+    for name, shape in shapes.items():
+        values = _plain(arrays, name).astype(np.float32)
+        if values.shape != shape:
+            raise InputError(f"{name} has the shape {values.shape}, where the network has {shape}; train again")
+        if not np.isfinite(values).all():
+            raise InputError(f"{name} has values that are no finite numbers; train again")
+        state[name] = torch.from_numpy(values)
+    network = build(config, seed=0)
+    network.load_state_dict(state)
+    return Weights(network, class_names, step_s)
+
+
+def check_class_names(names: Any, classes: int) -> tuple[str, ...]:
+    """Return the names of the classes, or raise InputError unless they are different texts, one for each class."""
+    if not isinstance(names, (list, tuple)) or not all(isinstance(name, str) and name for name in names):
+        raise InputError(f"class names must be a list of texts, not {names!r}")
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise InputError(f"class {twice[0]!r} is named twice; every class needs a name of its own")
+    if len(names) != classes:
+        raise InputError(f"there are {len(names)} class names for {classes} classes; name every class once")
+    return tuple(names)
+
+
+def check_step(step_s: Any) -> float:
+    """Return a time step, or raise InputError unless it is a positive number of seconds."""
+    if type(step_s) not in (int, float) or not (0 < step_s < float("inf")):
+        raise InputError(f"the time step must be a positive number of seconds, not {step_s!r}")
+    return float(step_s)
 
 
 def quantise(matrix: NDArray[Any]) -> tuple[NDArray[np.int8], NDArray[np.float32]]:

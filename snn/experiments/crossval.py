@@ -96,9 +96,19 @@ def read_cell(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
         experiment, result = content["experiment"], content["result"]
     except (InputError, KeyError):
         raise InputError(f"{path} is not the result of a cell; remove it") from None
-    if not (isinstance(experiment, dict) and isinstance(result, dict)):
+    if not (isinstance(experiment, dict) and isinstance(result, dict) and _is_result(result)):
         raise InputError(f"{path} is not the result of a cell; remove it")
     return experiment, result
+
+
+def _is_result(result: dict[str, Any]) -> bool:
+    """Return whether a cell has what ``summarise`` takes: numbers of images, their classes and predictions."""
+    lists = [result.get(name) for name in ("test_images", "labels", "last", "selected")]
+    if not all(isinstance(found, list) and all(type(n) is int and n >= 0 for n in found) for found in lists):
+        return False
+    return len({len(found) for found in lists if found}) == 1 and all(
+        type(result.get(name)) is int for name in ("fold", "seed")
+    )
 
 
 def check_same(path: Path, found: dict[str, Any], key: dict[str, Any]) -> None:

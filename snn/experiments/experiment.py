@@ -90,7 +90,8 @@ class Experiment:
     def data(self, progress: Tick | None = None) -> ScanData:
         """Return the scans; the model's take a few hundredths of a second each, and are kept for the next time."""
         if self.events is not None:
-            return load_recordings(Path(self.events), self.bins)
+            recordings = load_recordings(Path(self.events), self.bins)
+            return dataclasses.replace(recordings, source=f"recordings in {self.events}")
         scan, config = self.scan_and_config()
         textures = open_dataset(self.dataset)
         rows = [0.0]
@@ -104,7 +105,9 @@ class Experiment:
                 return frame_dataset(textures, scan, config, self.frames, rows, progress)
             return record_dataset(textures, scan, config, self.bins, rows, progress)
 
-        return kept(key_of(textures, scan, config, self.frames or self.bins, rows), make)
+        data = kept(key_of(textures, scan, config, self.frames or self.bins, rows), make)
+        kind = "frames" if self.frames is not None else f"events of {config.encoding} with {config.resolution} bits"
+        return dataclasses.replace(data, source=f"{kind} from {textures.name} textures, {scan.name} scan")
 
     def scan_and_config(self) -> tuple[Scan, ReadoutConfig]:
         """Return the scan of the preset, and the readout with the fields that the preset and ``tau_s`` set."""

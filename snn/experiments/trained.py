@@ -16,7 +16,7 @@ from model.events.recording import Recording
 from model.textures.dataset import open_dataset
 from snn.data.bins import BinConfig
 from snn.data.scans import load_recordings
-from snn.exchange.weights import Weights, load_weights
+from snn.exchange.weights import Weights, check_class_names, load_weights
 from snn.experiments.experiment import Experiment
 from snn.experiments.folds import stratified_folds
 
@@ -63,12 +63,13 @@ def read_result(path: Path, weights_file: Path, weights: Weights) -> TrainingRes
         content = json.loads(path.read_text())
         result = TrainingResult(
             experiment=Experiment.from_dict(content["experiment"]),
-            class_names=tuple(content["class_names"]),
-            fold=int(content["fold"]),
-            folds=int(content["folds"]),
-            labels=list(content["labels"]),
+            class_names=check_class_names(content["class_names"], len(weights.class_names)),
+            fold=content["fold"],
+            folds=content["folds"],
+            labels=content["labels"],
         )
-        if not 0 <= result.fold < result.folds:
+        numbers = [result.fold, result.folds, *result.labels]
+        if not all(type(number) is int for number in numbers) or not 0 <= result.fold < result.folds:
             raise ValueError
     except (OSError, KeyError, TypeError, ValueError, AttributeError, RecursionError):
         raise InputError(f"{path} is damaged or not the result of a training; remove it or train again") from None

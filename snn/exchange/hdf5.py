@@ -1,0 +1,62 @@
+"""NIR files come from anywhere: what an HDF5 file may hold before any of it is read.
+
+An HDF5 file can name other files of this machine, by links, external storage and virtual datasets, whose content would
+then be taken for its own, and a few kilobytes of it can claim gigabytes.
+"""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import h5py  # type: ignore[import-untyped]
+
+from model.errors import InputError
+from model.files import MOST_UNPACKED
+
+MOST_OBJECTS = 100_000
+
+
+def read_hdf5(path: Path, what: str) -> bytes:
+    """Return the content of a file, or refuse it; ``what`` says what it should be, and the remedy.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, is no HDF5, refers to other files, or claims more than ``MOST_UNPACKED`` bytes.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from None
+    try:
+        with h5py.File(io.BytesIO(content)) as file:
+            _check(file)
+    except InputError as error:
+        raise InputError(f"{path} {error}") from None
+    except Exception:  # a damaged file makes h5py raise almost any type
+        raise InputError(f"{path} is damaged or not {what}") from None
+    return content
+
+
+def _check(file: h5py.File) -> None:
+    size, seen, waiting = 0, set(), [file["/"]]
+    while waiting:
+        group = waiting.pop()
+        place = h5py.h5o.get_info(group.id).addr
+        if place in seen:
+            raise InputError(f"has a group that holds itself, {group.name!r}; export it again")
+        seen.add(place)
+        for name in group:
+            link = group.get(name, getlink=True)
+            if not isinstance(link, h5py.HardLink):
+                raise InputError(f"links {name!r} to another place, perhaps another file; export it whole")
+            found = group[name]
+            if isinstance(found, h5py.Dataset):
+                if found.external or found.is_virtual:
+                    raise InputError(f"takes the data of {found.name!r} from another file; export it whole")
+                size += found.nbytes
+            elif isinstance(found, h5py.Group):
+                waiting.append(found)
+            if size > MOST_UNPACKED or len(seen) + len(waiting) > MOST_OBJECTS:
+                raise InputError(f"claims more than {MOST_UNPACKED // 2**20} MiB of data; it is not read")

@@ -1,0 +1,401 @@
+"""Files that lie, claim too much or hold no numbers, and settings beyond reason, get one sentence and nothing else."""
+
+from __future__ import annotations
+
+import json
+import math
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py  # type: ignore[import-untyped]
+import numpy as np
+import pytest
+import torch
+
+from model.cli.app import printable, run
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.events.address import make_events
+from model.events.recording import Recording
+from snn.__main__ import app
+from snn.checkpoint import Checkpoint
+from snn.data.bins import BinConfig, bin_recording
+from snn.data.record import FrameSteps
+from snn.data.scans import Split
+from snn.exchange.nir_events import load_nir_data, save_nir_data, to_events_array
+from snn.exchange.nir_network import load_nir, save_nir
+from snn.exchange.weights import Weights, load_weights, save_weights
+from snn.experiments.crossval import read_cell
+from snn.experiments.experiment import Experiment
+from snn.experiments.trained import read_result
+from snn.network import build
+from snn.network_config import NetworkConfig
+from snn.train import train
+from snn.training import DivergedError, TrainConfig
+from tests.snn.helpers import easy_data, small_network
+
+CLASSES = ("a", "b", "c")
+Call = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def snn(folder: Path, capsys: pytest.CaptureFixture[str]) -> Call:
+    """Return a function that runs ``python -m snn`` in an empty folder: exit code, standard output and error."""
+
+    def snn(*words: str) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as left:
+            run(app, "python -m snn", list(words))
+        assert isinstance(left.value.code, int)
+        return left.value.code, *capsys.readouterr()
+
+    return snn
+
+
+def some_weights(**fields: Any) -> Weights:
+    return Weights(build(NetworkConfig.from_dict({"inputs": 6, "classes": 3, "hidden": 5} | fields), 0), CLASSES, 0.002)
+
+
+def changed(path: Path, header: dict[str, Any] | None = None, **arrays: Any) -> Path:
+    """Write a weight file of which parts are other than ``save_weights`` writes them."""
+    save_weights(path, some_weights())
+    with np.load(path) as file:
+        found = {name: file[name] for name in file.files}
+    stated = json.loads(str(found.pop("metadata"))) | (header or {})
+    np.savez(path, metadata=np.array(json.dumps(stated)), **(found | arrays))
+    return path
+
+
+def recording(**fields: Any) -> Recording:
+    config = ReadoutConfig(rows=1, columns=2, **fields)
+    return Recording(make_events([5, 90], [0, 0], [0, 1]), config, 100, metadata={"name": "a", "class": "sand"})
+
+
+# -- weights -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_weights_that_are_no_numbers_are_refused(tmp_path: Path, bad: float) -> None:
+    matrix = np.zeros((5, 5), np.float32)
+    matrix[2, 2] = bad
+    with pytest.raises(InputError, match="w_rec has values that are no finite numbers; train again"):
+        load_weights(changed(tmp_path / "w.npz", w_rec=matrix))
+
+
+@pytest.mark.parametrize("step", [0, -1, 0.0, math.nan, math.inf, True, "0.1", None])
+def test_a_time_step_that_is_none_is_refused(tmp_path: Path, step: object) -> None:
+    with pytest.raises(InputError, match="the time step must be a positive number of seconds, not"):
+        load_weights(changed(tmp_path / "w.npz", {"step_s": step}))
+
+
+@pytest.mark.parametrize(
+    ("names", "sentence"),
+    [
+        ("abc", "class names must be a list of texts, not 'abc'"),
+        (None, "class names must be a list of texts, not None"),
+        ([1, 2, 3], "class names must be a list of texts"),
+        (["a", None, "c"], "class names must be a list of texts"),
+        (["a", "a", "b"], "class 'a' is named twice; every class needs a name of its own"),
+        (["a", "b"], "there are 2 class names for 3 classes; name every class once"),
+        (["a", "b", "c", "d"], "there are 4 class names for 3 classes"),
+    ],
+)
+def test_class_names_are_different_texts_one_for_each_class(tmp_path: Path, names: object, sentence: str) -> None:
+    with pytest.raises(InputError) as error:
+        load_weights(changed(tmp_path / "w.npz", {"class_names": names}))
+    assert sentence in str(error.value)
+
+
+def test_a_file_that_claims_a_large_network_is_refused_before_it_is_built(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    network = some_weights().network.config.to_dict()  # type: ignore[union-attr, operator]
+    path = changed(tmp_path / "w.npz", {"network": network | {"hidden": 12_000}})
+    made: list[object] = []
+    original = torch.empty
+
+    def noted(*size: Any, **options: Any) -> torch.Tensor:
+        tensor = original(*size, **options)
+        made.append(tensor.device.type)
+        return tensor
+
+    monkeypatch.setattr(torch, "empty", noted)
+    with pytest.raises(InputError, match=r"w_in has the shape \(5, 6\), where the network has \(12000, 6\)"):
+        load_weights(path)
+    assert set(made) == {"meta"}, "shapes alone"
+
+
+@pytest.mark.parametrize("field", [{"hidden": "5"}, {"decay": True}, {"floor": [1]}, {"kind": 3}, {"hidden": None}])
+def test_fields_of_the_wrong_type_are_refused(tmp_path: Path, field: dict[str, Any]) -> None:
+    network = some_weights().network.config.to_dict()  # type: ignore[union-attr, operator]
+    with pytest.raises(InputError, match=f"{next(iter(field))} must be "):
+        load_weights(changed(tmp_path / "w.npz", {"network": network | field}))
+
+
+def bomb(path: Path, name: str) -> Path:
+    """Write an archive of 1.1 MB whose only member is 1.1 GB of zeros."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive, archive.open(name, "w", force_zip64=True) as file:
+        for _ in range(1100):
+            file.write(bytes(2**20))
+    return path
+
+
+def test_an_archive_that_unpacks_to_more_than_memory_is_for_is_not_read(tmp_path: Path) -> None:
+    path = bomb(tmp_path / "a.npz", "events.npy")
+    assert path.stat().st_size < 2e6
+    for read in (load_weights, Recording.load):
+        with pytest.raises(InputError, match=r"a\.npz claims 1100 MiB of data, more than 1024; it is not read"):
+            read(path)
+
+
+# -- NIR ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["external link", "soft link", "external storage", "virtual", "bomb", "circle"])
+@pytest.mark.parametrize("reader", [load_nir, load_nir_data])
+def test_a_nir_file_reads_no_other_file_and_no_more_than_it_may(tmp_path: Path, kind: str, reader: Any) -> None:
+    path, secret = tmp_path / "a.nir", tmp_path / "secret"
+    if reader is load_nir:
+        save_nir(path, some_weights())
+    else:
+        save_nir_data(path, recording())
+    secret.write_bytes(np.arange(100.0).tobytes())
+    with h5py.File(path, "a") as file:
+        if kind == "external link":
+            file["more"] = h5py.ExternalLink(str(secret), "/")
+        elif kind == "soft link":
+            file["more"] = h5py.SoftLink("/")
+        elif kind == "external storage":
+            file.create_dataset("more", (100,), "f8", external=[(str(secret), 0, 800)])
+        elif kind == "virtual":
+            layout = h5py.VirtualLayout((100,), "f8")
+            layout[:] = h5py.VirtualSource(str(secret), "a", (100,))
+            file.create_virtual_dataset("more", layout)
+        elif kind == "bomb":
+            file.create_dataset("more", (2**28,), "f8", chunks=(2**20,), compression="gzip")
+        else:
+            file.create_group("more")["again"] = file["/"]
+    sentence = {
+        "external link": "links 'more' to another place, perhaps another file; export it whole",
+        "soft link": "links 'more' to another place",
+        "external storage": "takes the data of '/more' from another file; export it whole",
+        "virtual": "takes the data of '/more' from another file",
+        "bomb": "claims more than 1024 MiB of data; it is not read",
+        "circle": "has a group that holds itself",
+    }[kind]
+    with pytest.raises(InputError) as error:
+        reader(path)
+    assert sentence in str(error.value)
+
+
+# -- training ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("rate", ["1e30", "1e38", "1e300", "11", "0", "nan", "inf"])
+def test_a_learning_rate_that_trains_nothing_is_refused(snn: Call, rate: str) -> None:
+    code, _, error = snn("train", "--dataset", "embedded", "--set", f"learning_rate={rate}")
+    assert code == 2
+    assert error.startswith("error: learning_rate must be ")
+    assert not Path("out").exists()
+
+
+def test_weights_that_are_no_numbers_after_an_epoch_stop_the_training(monkeypatch: pytest.MonkeyPatch) -> None:
+    original = torch.optim.AdamW.step
+
+    def broken(self: torch.optim.AdamW, *arguments: Any) -> Any:
+        result = original(self, *arguments)
+        with torch.no_grad():
+            self.param_groups[0]["params"][0].view(-1)[0] = math.nan
+        return result
+
+    monkeypatch.setattr(torch.optim.AdamW, "step", broken)
+    with pytest.raises(DivergedError, match="a weight is no number; lower the learning rate"):
+        train(Split(easy_data(), range(21)), small_network(), TrainConfig(epochs=1, batch=64), 0)
+
+
+@pytest.mark.parametrize("name", ["output_scale", "rate_weight", "surrogate_scale", "input_rms"])
+def test_a_number_that_float32_does_not_hold_is_refused(name: str) -> None:
+    with pytest.raises(InputError, match=f"{name} must be a number of at most 3.4e\\+38, which float32 holds"):
+        NetworkConfig.from_dict({"inputs": 1, "classes": 1, name: 1e300})
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda c: c["network"]["w_in"].fill_(math.nan),
+        lambda c: c["optimizer"]["state"][0]["exp_avg"].fill_(math.inf),
+        lambda c: c["history"][0].update(loss=math.nan),
+        lambda c: c["history"][0].update(number="one"),
+        lambda c: c.update(best=3),
+        lambda c: c.update(key="null"),
+        lambda c: c.update(key=None),
+        lambda c: c.update(key="[" * 100_000),
+        lambda c: c.update(history=None),
+    ],
+)
+def test_a_checkpoint_that_is_no_training_does_not_go_on(tmp_path: Path, change: Callable[[Any], object]) -> None:
+    path, data = tmp_path / "c.pt", easy_data()
+    train(Split(data, range(21)), small_network(), TrainConfig(epochs=1), 0, checkpoint=Checkpoint(path))
+    content = torch.load(path, weights_only=True)
+    change(content)
+    torch.save(content, path)
+    with pytest.raises(InputError, match="is damaged; remove it to start anew"):
+        train(Split(data, range(21)), small_network(), TrainConfig(epochs=1), 0, checkpoint=Checkpoint(path))
+
+
+# -- results -----------------------------------------------------------------------------------------
+
+CELL = {"fold": 0, "seed": 0, "test_images": [0], "labels": [1], "last": [1], "selected": [0]}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[" * 100_000,
+        json.dumps({"experiment": {}, "result": 3}),
+        *(
+            json.dumps({"experiment": {}, "result": CELL | change})
+            for change in ({"labels": 3}, {"last": ["x"]}, {"last": [1, 1]}, {"fold": None}, {"test_images": [-1]})
+        ),
+    ],
+    ids=range(7),
+)
+def test_a_file_in_the_place_of_a_cell_is_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "cell.json").write_text(json.dumps({"experiment": {}, "result": CELL}))
+    assert read_cell(tmp_path / "cell.json") == ({}, CELL)
+    (tmp_path / "cell.json").write_text(text)
+    with pytest.raises(InputError, match="is not the result of a cell; remove it"):
+        read_cell(tmp_path / "cell.json")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"class_names": "abc"},
+        {"class_names": None},
+        {"class_names": ["a", "b", 3]},
+        {"fold": "0"},
+        {"fold": True},
+        {"folds": 2.5},
+        {"labels": "01"},
+        {"labels": [None]},
+        {"experiment": 3},
+        {"experiment": {}},
+        {"bins": {"bin_s": True}},
+        {"bins": {"bin_s": "0.002"}},
+        {"frames": {"bits": "3"}},
+        {"train": {"epochs": "3"}},
+        {"train": {"epochs": True}},
+        {"network": {"decay": [1]}},
+        {"network": 7},
+    ],
+    ids=str,
+)
+def test_a_result_with_wrong_types_is_refused(tmp_path: Path, change: dict[str, Any]) -> None:
+    experiment = Experiment(bins=BinConfig(bin_s=0.002)).to_dict()
+    good = {"experiment": experiment, "class_names": list(CLASSES), "fold": 0, "folds": 2, "labels": [0, 1, 2]}
+    path = tmp_path / "result.json"
+    path.write_text(json.dumps(good))
+    assert read_result(path, path, some_weights()).class_names == CLASSES
+    name = next(iter(change))
+    path.write_text(json.dumps(good | ({"experiment": experiment | change} if name in experiment else change)))
+    with pytest.raises(InputError, match="is damaged or not the result of a training; remove it or train again"):
+        read_result(path, path, some_weights())
+
+
+@pytest.mark.parametrize("bad", [True, 2.0, "3", 0])
+def test_frames_per_step_is_a_whole_number(bad: Any) -> None:
+    with pytest.raises(InputError, match="frames_per_step must be at least 1, not"):
+        FrameSteps(frames_per_step=bad)
+
+
+# -- numbers beyond reason ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("bin_s", ["1e-300", "1e300", "nan", "inf", "-1", "0"])
+def test_convert_takes_a_bin_that_a_clock_can_have(snn: Call, bin_s: str) -> None:
+    recording().save(Path("a.npz"))
+    code, _, error = snn("convert", "a.npz", "-o", "a.nir", "--bin", bin_s)
+    assert (code, error.count("\n")) == (2, 1), error
+    assert not Path("a.nir").exists()
+
+
+@pytest.mark.parametrize("rate", [1e-300, 1e300])
+def test_events_at_an_absurd_clock_are_refused(snn: Call, rate: float) -> None:
+    recording(sample_rate_hz=rate).save(Path("a.npz"))
+    for out in ("a.nir", "a.npy"):
+        code, _, error = snn("convert", "a.npz", "-o", out)
+        assert code == 0 or (code, error.count("\n")) == (2, 1), error
+        assert Path(out).exists() == (code == 0)
+    if rate < 1:
+        with pytest.raises(InputError, match="too long for microseconds; take clocks"):
+            to_events_array(recording(sample_rate_hz=rate))
+
+
+def test_more_counts_than_memory_is_for_are_refused() -> None:
+    config = ReadoutConfig(rows=1, columns=2)
+    long = Recording(make_events([5], [0], [0]), config, 2**50, metadata={"name": "a"})
+    with pytest.raises(InputError, match="more than 268435456 counts; choose a longer bin"):
+        bin_recording(long, BinConfig(bin_s=1e-6))
+
+
+def test_export_of_an_absurd_time_step_is_one_sentence(snn: Call) -> None:
+    save_weights(Path("w.npz"), Weights(some_weights(decay=0.5).network, CLASSES, 1e308))
+    code, _, error = snn("export", "w.npz", "-o", "w.nir")
+    assert (code, error.count("\n")) == (2, 1)
+    assert "has no time constants that NIR can hold" in error
+    assert not Path("w.nir").exists()
+
+
+@pytest.mark.parametrize("step", ["0", "-1", "nan", "inf"])
+def test_import_takes_a_time_step_that_is_one(snn: Call, step: str) -> None:
+    save_nir(Path("w.nir"), some_weights())
+    code, _, error = snn("import", "w.nir", "-o", "b.npz", "--step", step)
+    assert (code, error) == (
+        2,
+        f"error: w.nir: the time step must be a positive number of seconds, not {float(step)!r}\n",
+    )
+
+
+@pytest.mark.parametrize("names", ["a,a,b", "a,,b", "a,b"])
+def test_import_takes_a_name_for_each_class(snn: Call, names: str) -> None:
+    save_nir(Path("w.nir"), some_weights())
+    code, _, error = snn("import", "w.nir", "-o", "b.npz", "--classes", names)
+    assert (code, error.count("\n")) == (2, 1)
+    assert not Path("b.npz").exists()
+
+
+# -- names on a terminal -----------------------------------------------------------------------------
+
+
+def test_a_name_is_shown_and_not_obeyed() -> None:
+    assert printable("\x1b[2Jclear\x07 \u202egnp.exe \x9b1m") == "\\x1b[2Jclear\\x07 \\u202egnp.exe \\x9b1m"
+    assert printable("Kylberg Gefühl, 砂 — ok") == "Kylberg Gefühl, 砂 — ok"
+
+
+def test_commands_and_errors_print_names_safely(snn: Call) -> None:
+    evil = "sand\x1b]0;title\x07"
+    save_weights(Path("w.npz"), Weights(some_weights(inputs=4, readout="membrane").network, (evil, "b", "c"), 1e-5))
+    made = recording()
+    Recording(made.events, made.config, 100, metadata={"name": evil, "class": evil}).save(Path("a.npz"))
+    code, out, error = snn("predict", "w.npz", "--events", "a.npz", "-o", "p.json")
+    assert code == 0, error
+    assert "sand\\x1b]0;title\\x07" in out
+    assert "\x1b" not in out + error
+    Recording(made.events, made.config, 100, metadata={"name": evil, "class": f"not {evil}"}).save(Path("a.npz"))
+    code, out, error = snn("predict", "w.npz", "--events", "a.npz", "-o", "p.json")
+    assert code == 2
+    assert "is of unknown class" in error
+    assert "\x1b" not in out + error
+    save_nir(Path("w.nir"), load_weights(Path("w.npz")))
+    code, out, _ = snn("import", "w.nir", "-o", "b.npz")
+    assert (code, "\x1b" in out) == (0, False)
+
+
+def test_train_names_the_data_it_used(snn: Call) -> None:
+    Path("small.json").write_text(json.dumps({"rows": 1, "columns": 2}))
+    words = ["--dataset", "embedded", "--config", "small.json", "--bin", "0.01", "--set", "hidden=8", "--epochs", "1"]
+    code, out, error = snn("train", *words)
+    assert code == 0, error
+    assert out.startswith("data: events of lcs with 4 bits from embedded textures, physical scan\n")
