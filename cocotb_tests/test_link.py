@@ -95,7 +95,7 @@ class ProtocolMonitor:
     async def watch_address(self) -> None:
         """AddressStable: the address moves only while REQ and ACK are low."""
         dut = self.block.dut
-        while self.block.has("aer_addr"):
+        while self.block.pin("aer_addr") is not None:
             await ValueChange(dut.aer_addr)
             await ReadOnly()
             self.address_since_ps = now_ps()

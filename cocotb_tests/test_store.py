@@ -82,6 +82,18 @@ def test_yosys_runs_only_when_something_changed(tmp_path: Path) -> None:
     assert again[1] != first[1]
 
 
+def test_packages_without_a_checkout_build_in_the_current_folder(tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "rtl", tmp_path / "site" / "rtl")
+    shutil.copytree(ROOT / "model", tmp_path / "site" / "model")
+    shutil.copytree(ROOT / "cocotb_tests", tmp_path / "site" / "cocotb_tests")
+    code = "from cocotb_tests.session.store import BUILD; print(BUILD)"
+    environment = os.environ | {"PYTHONPATH": str(tmp_path / "site")}
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == str(tmp_path / "build")
+
+
 def test_verilators_library_is_compiled_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(simulator, "BUILD", tmp_path)
     for rows in (1, 2):
