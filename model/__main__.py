@@ -7,7 +7,8 @@ A command is a function in a module that imports numba, scipy and matplotlib onl
 from __future__ import annotations
 
 from model.cli.app import make_app, run
-from model.commands.encode import compare, decode, encode
+from model.commands.compare import compare
+from model.commands.encode import decode, encode
 from model.commands.event_rates import event_rates
 from model.commands.explore import explore
 from model.commands.frames import frames

@@ -20,6 +20,7 @@ LAYERS = {
         "events.address window decay arbiter link taxel_kernels frame_config frame_words",
         "taxel readout frame",
         "events textures",
+        "recordings",
         "figures",
         "power",
         "report",

@@ -42,9 +42,9 @@ def field_options(
     for name in fields if names is None else names:
         field = fields[name]
         default, unit = said.get(name, field.default), field.metadata["unit"]
-        text = field.metadata["meaning"] + ("" if default is None else f" [{default}]")
+        text = field.metadata["meaning"] + ("" if default in (None, "") else f" [{default}]")
         number = _METAVARS.get(unit, unit.upper() or "NUMBER") if hints[name] is float else "N"
-        metavar = number if numeric(hints[name]) else "|".join(get_args(hints[name]))
+        metavar = number if numeric(hints[name]) else "|".join(get_args(hints[name])) or "TEXT"
         options.append(option(name, str | None, text, metavar, option_of(field)))
     return options
 

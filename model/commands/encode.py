@@ -1,7 +1,8 @@
-"""The commands encode, decode and compare (docs/guide/files.md)."""
+"""The commands encode and decode (docs/guide/files.md)."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,14 +13,17 @@ import typer
 from numpy.typing import NDArray
 
 from model.cli.config_options import with_config
-from model.cli.tables import new_table, show
+from model.cli.field_options import with_fields
+from model.cli.progress import bar
+from model.commands.recordings import PREPARATION, print_notes, print_set, quality_text, warn
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.events.address import Events
-from model.events.compare import count_per_taxel, first_difference
+from model.events.compare import count_per_taxel
 from model.events.recording import Recording, check_event_path
 from model.events.samples import ARRAY_SUFFIXES, check_samples_path, fit_array, read_samples, write_samples
 from model.files import check_writable
+from model.recordings.options import Preparation
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -27,11 +31,6 @@ if TYPE_CHECKING:
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".gif", ".webp", ".pgm", ".ppm")
 
 Model = Literal["cycle", "functional"]
-
-MOST_VALUES = 2**28
-"""Largest number of values that decode writes (2 GiB): a longer recording is hardly meant."""
-
-_MOST_LINES = 32  # differing taxels listed by compare
 
 
 @dataclass(frozen=True)
@@ -42,23 +41,25 @@ class _Input:
     config: ReadoutConfig
     clipped: int
     metadata: dict[str, Any]
+    warnings: tuple[str, ...] = ()
 
 
 # -- encode ------------------------------------------------------------------------------------------
 
 
 @with_config
+@with_fields(Preparation, PREPARATION, "prepared", {"baseline": "first of a folder, none of a file"})
 def encode(
     config: ReadoutConfig,
     given: frozenset[str],
+    prepared: dict[str, Any],
     source: Annotated[
         Path,
-        typer.Argument(metavar="INPUT", help="image, or samples as .npy, .npz, .csv"),
+        typer.Argument(metavar="INPUT", help="image, samples as .npy, .npz, .csv, or folder of class folders"),
     ],
-    out: Annotated[Path, typer.Option("-o", "--out", help="event file to write, .npz", metavar="FILE")],
-    scale: Annotated[
-        str | None, typer.Option(help="factor from samples to full scale, or max", metavar="FACTOR|max")
-    ] = None,
+    out: Annotated[
+        Path, typer.Option("-o", "--out", help="event file to write, .npz; of a folder, a folder", metavar="OUT")
+    ],
     preset: Annotated[str | None, typer.Option(help="scan of an image [physical]", metavar="physical|paper")] = None,
     start_row: Annotated[
         float | None, typer.Option(help="image row of the array's top edge [0]", metavar="PIXELS")
@@ -67,33 +68,66 @@ def encode(
         str, typer.Option(help="with contention and link, or without", metavar="|".join(get_args(Model)))
     ] = "cycle",
     name: Annotated[str | None, typer.Option(help="name kept in the file [that of the input]", metavar="TEXT")] = None,
-    label: Annotated[str | None, typer.Option(help="class or remark kept in the file", metavar="TEXT")] = None,
+    label: Annotated[
+        str | None, typer.Option("--class", "--label", help="class kept in the file", metavar="TEXT")
+    ] = None,
 ) -> None:
-    """Encode an image or your own samples into address events."""
-    check_event_path(out)
-    check_writable(out)
+    """Encode an image, your own samples or a folder of them into address events."""
+    from model.recordings.folder import quality_warnings
+    from model.recordings.quality import measure_quality
+
     if model not in get_args(Model):
         raise InputError(f"--model must be one of {', '.join(get_args(Model))}, not {model!r}")
+    if source.is_dir():
+        own = {"--preset": preset, "--start-row": start_row, "--name": name, "--class": label}
+        own["--model functional"] = None if model == "cycle" else model
+        if unused := [option for option, value in own.items() if value is not None]:
+            raise InputError(f"{unused[0]} belongs to one input; a folder gives each recording its name and class")
+        _encode_folder(source, out, Preparation(**({"baseline": "first"} | prepared)), config, given)
+        return
+    check_event_path(out)
+    check_writable(out)
     kind = source.suffix.lower()
     if kind in IMAGE_SUFFIXES:
-        if scale is not None:
-            raise InputError("--scale belongs to samples; the scale of an image is part of its preset")
+        if prepared:
+            option = "--" + next(iter(prepared)).removesuffix("_hz").replace("_", "-")
+            raise InputError(f"{option} belongs to samples; the scale of an image is part of its preset")
         data = _scan_image(source, config, preset or "physical", start_row or 0.0)
     elif kind in ARRAY_SUFFIXES:
         if preset is not None or start_row is not None:
             raise InputError("--preset and --start-row belong to images; samples are taken as they are")
-        data = _take_samples(source, config, given, scale)
+        data = _take_samples(source, config, given, prepared)
     else:
         raise InputError(
             f"{source} is of unknown kind; give an image ({', '.join(IMAGE_SUFFIXES)}) "
             f"or samples ({', '.join(ARRAY_SUFFIXES)})"
         )
     metadata = {"name": name or source.stem, "source": source.name, "model": model} | data.metadata
-    metadata |= {"label": label} if label else {}
+    metadata |= {"class": label} if label else {}
     events, duration = _simulate(data.config, data.codes, model), _duration(data.config, data.codes)
     recording = Recording(events, data.config, duration, metadata=metadata)
     recording.save(out)
     _print_summary(recording, data, out)
+    if kind in ARRAY_SUFFIXES and model == "cycle":
+        quality = measure_quality(data.config, data.codes, events)
+        print(quality_text(quality))
+        warn((*data.warnings, *quality_warnings(data.config, [data.codes], quality)))
+
+
+def _encode_folder(source: Path, out: Path, options: Preparation, config: ReadoutConfig, given: frozenset[str]) -> None:
+    """Write an event file for every recording of a folder of class folders, and say how well they render it."""
+    from model.recordings.folder import read_set, write_folder
+
+    if out.exists() and not out.is_dir():
+        raise InputError(f"cannot write {out}: it is a file; give a folder for the event files")
+    with bar("reading recordings") as progress:
+        recordings = read_set(source, options, config, given, progress)
+    with bar("encoding recordings", len(recordings.sources)) as progress:
+        quality, warnings = write_folder(recordings, out, progress)
+    print_set(recordings)
+    print(f"{out}: {len(recordings.sources)} event files, {quality.events} events in {quality.seconds:.6g} s")
+    print(quality_text(quality))
+    warn((*recordings.warnings, *warnings))
 
 
 def _scan_image(source: Path, config: ReadoutConfig, preset_name: str, start_row: float) -> _Input:
@@ -130,10 +164,15 @@ def _gray(image: Image) -> NDArray[Any]:
     return np.asarray(image.convert("L"))
 
 
-def _take_samples(source: Path, config: ReadoutConfig, given: frozenset[str], scale: str | None) -> _Input:
-    """Return the user's own samples as codes."""
+def _take_samples(source: Path, config: ReadoutConfig, given: frozenset[str], prepared: dict[str, Any]) -> _Input:
+    """Return the user's own samples as codes: as they stand, or prepared where options or time stamps ask for it."""
+    from model.recordings.suit import SLOW_HZ, with_clock, with_seconds
     from model.textures.presets import quantise
 
+    scale = prepared.get("scale")
+    percentile = scale is not None and scale.startswith("p")
+    if set(prepared) - {"scale"} or percentile or (source.suffix.lower() == ".csv" and _has_time(source)):
+        return _prepare(source, config, given, prepared)
     samples = read_samples(source)
     if "sample_rate_hz" not in given:
         if samples.rate_hz is None:
@@ -141,13 +180,48 @@ def _take_samples(source: Path, config: ReadoutConfig, given: frozenset[str], sc
         config = config.replace(sample_rate_hz=samples.rate_hz)
     size_given = bool({"rows", "columns"} & given)
     values, rows, columns = fit_array(samples.values, config.rows, config.columns, size_given)
-    config = config.replace(rows=rows, columns=columns)
+    config = with_seconds(config.replace(rows=rows, columns=columns), given)
     if values.dtype.kind in "iu" and scale is None:
-        return _Input(_checked_codes(source, values, config), config, 0, {"input": "codes"})
-    factor = _scale_factor(scale, values, config)
-    with np.errstate(over="ignore"):  # what overflows to infinity saturates, as all that is out of range
-        codes, clipped = quantise(values.astype(np.float64) * factor, config.sample_bits)
-    return _Input(codes, config, clipped, {"input": "full scale", "scale": factor})
+        metadata: dict[str, Any] = {"input": "codes"}
+        codes, clipped = _checked_codes(source, values, config), 0
+    else:
+        factor = _scale_factor(scale, values, config)
+        with np.errstate(over="ignore"):  # what overflows to infinity saturates, as all that is out of range
+            codes, clipped = quantise(values.astype(np.float64) * factor, config.sample_bits)
+        metadata = {"input": "full scale", "scale": factor}
+    if "clocks_per_sample" not in given and config.sample_rate_hz < SLOW_HZ:
+        config = with_clock(config, [codes])
+    return _Input(codes, config, clipped, metadata, ())
+
+
+def _has_time(source: Path) -> bool:
+    """Return whether a .csv has a column that is no taxel; what cannot be read is left to the one who reads it."""
+    from model.recordings.table import read_table
+
+    try:
+        return bool(read_table(source, Preparation()).notes)
+    except InputError:
+        return False
+
+
+def _prepare(source: Path, config: ReadoutConfig, given: frozenset[str], prepared: dict[str, Any]) -> _Input:
+    """Return the samples of a recording without time stamps and baseline, in full scale."""
+    from model.recordings.folder import read_set
+    from model.recordings.table import read_table
+
+    options = Preparation(**prepared)
+    if "scale" not in prepared and options.baseline == "none":  # the values mean what they mean without time stamps
+        codes = read_table(source, options).codes
+        options = dataclasses.replace(options, scale=repr(1 / config.full_scale if codes else 1.0))
+    found = read_set(source, options, config, given)
+    if found.clipped and "scale" not in prepared and options.baseline == "none":
+        raise InputError(
+            f"{source} has {found.clipped} values beyond full scale; take the baseline off with --baseline first, or "
+            f"add --scale max"
+        )
+    print_notes(found.notes)
+    metadata = {"input": "recording", "scale": found.scale, "baseline": options.baseline}
+    return _Input(found.codes[0], found.config, found.clipped, metadata, found.warnings)
 
 
 def _checked_codes(source: Path, values: NDArray[Any], config: ReadoutConfig) -> NDArray[np.int32]:
@@ -224,6 +298,8 @@ def decode(
     plot: Annotated[Path | None, typer.Option(help="picture of signals and events", metavar="FILE")] = None,
 ) -> None:
     """Rebuild the signals of all taxels from an event file alone."""
+    from model.recordings.quality import decode_recording
+
     check_samples_path(out)
     if plot is not None:
         from model.figures.raster import plot_signals
@@ -240,97 +316,3 @@ def decode(
     low, high = (float(signals.min()), float(signals.max())) if signals.size else (0.0, 0.0)
     print(f"{out}: {signals.shape[0]} ticks of {signals.shape[1]} taxels at {config.sample_rate_hz:g} Hz")
     print(f"from {len(recording.events)} events, {low:+.4f}..{high:+.4f} of full scale")
-
-
-def decode_recording(recording: Recording) -> NDArray[np.float64]:
-    """Return the reconstruction of a recording, shape (ticks, taxels), in full scale.
-
-    An event counts for the sample tick in which it left, (t - 3) // clocks_per_sample. One that had to wait
-    for the link may count for a later tick than that of its cause, or, after the last tick, for none.
-    """
-    from model.taxel import counts_of_events, decode
-
-    config = recording.config
-    ticks = -(-recording.duration_clocks // config.clocks_per_sample)
-    stated = recording.metadata.get("ticks")  # a recording may last longer than its samples, to see the last events
-    if type(stated) is int and 0 <= stated < ticks:
-        ticks = stated
-    if ticks * config.taxels > MOST_VALUES:
-        raise InputError(
-            f"the recording lasts {ticks} ticks of {config.taxels} taxels, more than decode writes "
-            f"({MOST_VALUES} values); cut it into shorter ones"
-        )
-    counts, late = counts_of_events(config, recording.events, ticks)
-    return decode(config, counts, late) / config.full_scale
-
-
-# -- compare -----------------------------------------------------------------------------------------
-
-
-def compare(
-    a: Annotated[Path, typer.Argument(metavar="A", help="event file")],
-    b: Annotated[Path, typer.Argument(metavar="B", help="event file")],
-    plot: Annotated[Path | None, typer.Option(help="raster picture of both", metavar="FILE")] = None,
-) -> None:
-    """Compare two event files, event by event: exit code 0 if equal, 1 if not."""
-    if plot is not None:
-        from model.figures.raster import plot_comparison
-        from model.figures.style import check_picture_path
-
-        check_picture_path(plot)
-    first, second = Recording.load(a), Recording.load(b)
-    labels = (a.name, b.name) if a.name != b.name else (str(a), str(b))
-    for line in _settings_that_differ(first, second, labels):
-        print(line)
-    difference = first_difference(first.events, second.events)
-    if plot is not None:
-        duration = max(first.duration_clocks, second.duration_clocks)
-        config = _covering(first.config, second.config)
-        plot_comparison((first.events, second.events), config, plot, labels, duration_clocks=duration)
-    if difference is None:
-        print(f"equal: {len(first.events)} events")
-        return
-    print(difference.describe(labels))
-    _print_counts(first, second, labels)
-    raise typer.Exit(1)
-
-
-def _settings_that_differ(first: Recording, second: Recording, labels: tuple[str, str]) -> list[str]:
-    fields = [
-        recording.config.to_dict() | {"duration_clocks": recording.duration_clocks} for recording in (first, second)
-    ]
-    return [
-        f"{name} differs: {labels[0]} {value}; {labels[1]} {fields[1][name]}"
-        for name, value in fields[0].items()
-        if value != fields[1][name]
-    ]
-
-
-def _covering(a: ReadoutConfig, b: ReadoutConfig) -> ReadoutConfig:
-    """Return a configuration whose array holds the addresses of both; a's in everything else."""
-    polar = next((c for c in (a, b) if c.has_polarity), a)
-    return polar.replace(
-        rows=max(a.rows, b.rows),
-        columns=max(a.columns, b.columns),
-        sample_rate_hz=a.sample_rate_hz,
-        clocks_per_sample=a.clocks_per_sample,
-    )
-
-
-def _print_counts(first: Recording, second: Recording, labels: tuple[str, str]) -> None:
-    """Print the numbers of events of the taxels in which they differ."""
-    config = _covering(first.config, second.config)
-    counts = [count_per_taxel(recording.events, config) for recording in (first, second)]
-    print(f"\n{labels[0]} has {len(first.events)} events, {labels[1]} {len(second.events)}")
-    differing = np.argwhere(counts[0] != counts[1])
-    if not len(differing):
-        print("every taxel has the same number of events in both")
-        return
-    print(f"the number of events differs in {len(differing)} of {config.taxels} taxels")
-    table = new_table(("row", "column", *labels, "difference"), left=(), overflow="fold")
-    for row, column in differing[:_MOST_LINES]:
-        n, m = (int(c[row, column]) for c in counts)
-        table.add_row(str(row), str(column), str(n), str(m), f"{m - n:+d}")
-    if len(differing) > _MOST_LINES:
-        table.caption = f"and {len(differing) - _MOST_LINES} more"
-    show(table)
