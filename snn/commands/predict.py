@@ -48,14 +48,15 @@ def predict(
     """Classify recordings with a trained network; with --check-model RTL and model must agree bit for bit."""
     import torch
 
+    from snn.data.recordings import event_files, read_recordings
     from snn.experiments import evaluate as work
     from snn.experiments.trained import load_trained
 
     torch.set_num_threads(1)
     trained = load_trained(weights)
-    files = work.files_of(events)
+    files = event_files(events)
     with bar("reading events", len(files)) as step:
-        recordings = work.read_recordings(files, step)
+        recordings = read_recordings(files, trained.weights.class_names, step)
     out.parent.mkdir(parents=True, exist_ok=True)
     check_writable(out)
     data = work.bin_recordings(recordings, trained)
@@ -81,7 +82,16 @@ def predict(
         print(f'FAILED: nothing was compared, none of {len(files)} recordings has the source "rtl"')
         raise typer.Exit(1)
     if not check.passed:
-        again = ["python", "-m", "snn", "predict", str(weights), "--events", str(files[check.where]), "--check-model"]
+        again = [
+            "python",
+            "-m",
+            "snn",
+            "predict",
+            str(weights),
+            "--events",
+            str(files[check.where].path),
+            "--check-model",
+        ]
         again += ["--dataset", dataset] if dataset is not None else []
         print("\n".join(map(printable, [*check.first.splitlines(), f"reproduce: {shlex.join(again)}"])))
         differ = ", ".join(f"{len(numbers)} in {level}" for level, numbers in check.different.items())
@@ -95,7 +105,7 @@ def predict(
 
 def _print_recordings(recordings: Sequence[Recording], logits: NDArray[np.float32], trained: Trained) -> None:
     """Print name, class and prediction of a few recordings, or of those that have no class."""
-    from snn.experiments.evaluate import class_of
+    from snn.data.recordings import class_of
 
     for recording, row in zip(recordings, logits, strict=True):
         if len(recordings) <= MOST_LINES or class_of(recording) is None:
@@ -134,7 +144,7 @@ def _report(
     check: Check | None,
 ) -> dict[str, Any]:
     """Return the content of the output file."""
-    from snn.experiments.evaluate import class_of
+    from snn.data.recordings import class_of
     from snn.experiments.trained import TRAINING
 
     names = trained.weights.class_names

@@ -35,6 +35,10 @@ def sweep(
         str,
         typer.Option(metavar="ENCODER:N,...", help="N bits; rnn:K, gru:K, cnn:K for frames, K side by side in a step"),
     ] = DEFAULT_POINTS,
+    events: Annotated[
+        list[Path] | None,
+        typer.Option("--events", metavar="DIR", help="event files as a point, instead of --points; repeatable"),
+    ] = None,
     options: dict[str, Any],
     folds: Folds = 6,
     seeds: Seeds = 3,
@@ -47,16 +51,19 @@ def sweep(
     ),
 ) -> None:
     """Cross-validate many operating points at once; stopped, it goes on with the cells that are missing."""
-    chosen = parse_points(points)
+    if events and points != DEFAULT_POINTS:
+        raise InputError("--points says what is recorded from textures, --events what is recorded already; give one")
+    chosen = [] if events else parse_points(points)
     if scheduler is not None and workers is not None:
         raise InputError("--workers counts processes of this machine, --scheduler takes those of a cluster; give one")
-    if options["tau"] is not None and "nlcs" not in {readout for readout, _ in chosen}:
+    if not events and options["tau"] is not None and "nlcs" not in {readout for readout, _ in chosen}:
         raise InputError("--tau is the leak of nlcs, but --points has no nlcs point; leave it out")
     if (recipe := options["recipe"]) in BASELINES:
         raise InputError(f"--recipe {recipe} is for frames; leave it out and add the point {recipe}:20 to --points")
-    if options["bin_s"] is not None and not {readout for readout, _ in chosen} - set(BASELINES):
+    if not events and options["bin_s"] is not None and not {readout for readout, _ in chosen} - set(BASELINES):
         raise InputError("--bin is for events, but --points has only frames; leave it out")
     made = [_point(readout, number, options) for readout, number in chosen]
+    made += [_recorded_point(folder, options) for folder in events or ()]
     from snn.experiments.sweep import sweep as run
 
     try:
@@ -111,6 +118,15 @@ def _point(readout: str, number: int, options: dict[str, Any]) -> SweepPoint:
         return SweepPoint(f"{readout}-{number}", build_experiment(options))
     except InputError as error:
         raise InputError(f"point {readout}:{number}: {error}") from None
+
+
+def _recorded_point(folder: Path, options: dict[str, Any]) -> SweepPoint:
+    """Return the point of a folder of event files, called as the folder."""
+    from snn.experiments.sweep import SweepPoint
+
+    made = build_experiment(options | {"encoding": None, "resolution": None, "events": folder, "frames": 0})
+    whole = folder.resolve()
+    return SweepPoint(whole.parent.name if whole.name == "events" else whole.name, made.with_readout_of_events())
 
 
 def _crew(workers: int | None, scheduler: str | None) -> Crew:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from model.errors import InputError
 from model.events.recording import Recording
 from snn.data.bins import BinConfig, _counted_from, bin_recording
+from snn.data.recordings import class_of, event_files, image_of, read_recordings
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -122,7 +123,8 @@ def load_recordings(
         Event files, or a folder that holds them at any depth, taken in the order of their names.
     bins : BinConfig
     class_names : sequence of str, optional
-        Classes in the order of the labels; by default those that occur, in alphabetical order.
+        Classes in the order of the labels; by default those that occur, in alphabetical order. The class of a file
+        is that of its metadata, else the folder that it lies in.
 
     Raises
     ------
@@ -131,33 +133,27 @@ def load_recordings(
         from different readouts.
     """
     if isinstance(paths, Path):
-        folder = paths
-        if not folder.is_dir():
-            raise InputError(f"event folder {folder} does not exist; make one with python -m cocotb_tests replay")
-        paths = event_files(folder)
-    pairs = [(path, Recording.load(path)) for path in paths]
-    if not pairs:
+        if not paths.is_dir():
+            raise InputError(f"event folder {paths} does not exist; make one with python -m cocotb_tests replay")
+        paths = [paths]
+    files = event_files(paths)
+    if not files:
         raise InputError("the list of event files is empty; give at least one")
-    for path, recording in pairs:
-        if not isinstance(recording.metadata.get("class"), str):
-            raise InputError(f"{path} does not say its class; its metadata need the key 'class'")
-    return collect([recording for _, recording in pairs], bins, class_names)
-
-
-def event_files(folder: Path) -> list[Path]:
-    """Return the event files of a folder, at any depth, in the order of their names; refuse one without any."""
-    found = sorted(folder.rglob("*.npz"))
-    if not found:
-        raise InputError(
-            f"event folder {folder} holds no event files (.npz); record some with python -m cocotb_tests replay"
-        )
-    return found
+    recordings = read_recordings(files)
+    for file, recording in zip(files, recordings, strict=True):
+        if class_of(recording) is None:
+            raise InputError(
+                f"{file.path} does not say its class; put it into a folder of its class, or give its metadata the key "
+                f"'class'"
+            )
+    return collect(recordings, bins, class_names)
 
 
 def collect(recordings: Sequence[Recording], bins: BinConfig, class_names: Sequence[str] | None = None) -> ScanData:
     """Return the event counts of recordings whose metadata give name, class and start row.
 
-    Recordings of equal name are scans of one image. Shorter ones are filled up with steps without events.
+    Recordings of equal dataset, class and name are scans of one image. Shorter ones are filled up with steps without
+    events.
     """
     first = recordings[0].config
     found = [str(recording.metadata["class"]) for recording in recordings]
@@ -180,18 +176,27 @@ def collect(recordings: Sequence[Recording], bins: BinConfig, class_names: Seque
         if counts.number.max() > np.iinfo(np.int16).max:
             raise InputError(f"a time bin of {bins.bin_s:g} s holds {counts.number.max()} events; choose a shorter one")
         scan[counts.step, counts.channel] = counts.number
-    unique = tuple(dict.fromkeys(names))
-    number = {name: index for index, name in enumerate(unique)}
+    images = [image_of(recording) for recording in recordings]
+    number = {image: index for index, image in enumerate(dict.fromkeys(images))}
     return ScanData(
         values=values,
         labels=np.array([classes.index(name) for name in found], np.int64),
-        images=np.array([number[name] for name in names], np.int64),
-        names=unique,
+        images=np.array([number[image] for image in images], np.int64),
+        names=_names_of(list(number)),
         class_names=classes,
         taxels=first.taxels,
         step_s=bins.bin_s,
         rate_hz=float(np.mean([counted_rate_hz(recording) for recording in recordings])),
     )
+
+
+def _names_of(images: list[tuple[str, str, str]]) -> tuple[str, ...]:
+    """Return the names of images, with class and dataset before them where a name alone would stand for two."""
+    for parts in (slice(2, 3), slice(1, 3), slice(0, 3)):
+        names = ["/".join(image[parts]) for image in images]
+        if len(set(names)) == len(names):
+            break
+    return tuple(names)
 
 
 def counted_rate_hz(recording: Recording) -> float:

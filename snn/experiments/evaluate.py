@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,8 @@ from model.textures.dataset import EMBEDDED, Texture, open_dataset
 from model.textures.presets import preset
 from snn.data.bins import BinConfig, bin_recording
 from snn.data.record import Tick
-from snn.data.scans import ScanData, collect, event_files
+from snn.data.recordings import class_of
+from snn.data.scans import ScanData, collect
 from snn.exchange.weights import config_of
 from snn.experiments.trained import OTHER, TEST, TRAINING, Trained
 from snn.train import check_fits, logits_of
@@ -29,35 +29,6 @@ LEVELS = ("events", "tensors", "logits", "predictions")
 
 
 # -- recordings in, logits out -----------------------------------------------------------------------
-
-
-def files_of(paths: Iterable[Path]) -> list[Path]:
-    """Return event files and those of folders; each once."""
-    found: list[Path] = []
-    for path in paths:
-        if not path.exists():
-            raise InputError(f"event folder or file {path} does not exist; make one with python -m cocotb_tests replay")
-        found += event_files(path) if path.is_dir() else [path]
-    return list({path.resolve(): path for path in found}.values())
-
-
-def read_recordings(files: Sequence[Path], progress: Tick | None = None) -> list[Recording]:
-    """Return the recordings of files; one without a name is called as its file."""
-    recordings = []
-    for path in files:
-        recording = Recording.load(path)
-        if not isinstance(recording.metadata.get("name"), str):
-            recording = dataclasses.replace(recording, metadata=recording.metadata | {"name": path.stem})
-        recordings.append(recording)
-        if progress is not None:
-            progress()
-    return recordings
-
-
-def class_of(recording: Recording) -> str | None:
-    """Return the class that the metadata of a recording name, if any."""
-    found = recording.metadata.get("class")
-    return found if isinstance(found, str) else None
 
 
 def bin_recordings(recordings: Sequence[Recording], trained: Trained) -> ScanData:

@@ -12,11 +12,12 @@ from model.errors import InputError
 from model.files import plain
 from model.textures.dataset import open_dataset
 from model.textures.physical import PhysicalScan
-from model.textures.presets import Scan, preset
+from model.textures.presets import PRESETS, Scan, preset
 from model.textures.rates import PAPER_TAU_S
 from snn.data.bins import BinConfig
 from snn.data.cache import kept, key_of
 from snn.data.record import FrameSteps, Tick, frame_dataset, record_dataset
+from snn.data.recordings import event_files, read_recordings
 from snn.data.scans import ScanData, load_recordings
 from snn.flat import refuse_unknown
 from snn.network_config import FIELDS, HINTS, NetworkConfig
@@ -33,7 +34,8 @@ class Experiment:
         As ``model.textures.dataset.open_dataset`` takes it.
     events : str or None
         Folder of event files (an RTL replay) instead of the model.
-    preset : "physical" or "paper"
+    preset : "physical", "paper" or None
+        None of event files that are no scans of textures.
     readout : ReadoutConfig
         Before the preset sets its fields.
     tau_s : float or None
@@ -52,7 +54,7 @@ class Experiment:
 
     dataset: str | None = None
     events: str | None = None
-    preset: str = "physical"
+    preset: str | None = "physical"
     readout: ReadoutConfig = field(default_factory=lambda: ReadoutConfig(resolution=4))
     tau_s: float | None = None
     given_leak: bool = False
@@ -109,9 +111,24 @@ class Experiment:
         kind = "frames" if self.frames is not None else f"events of {config.encoding} with {config.resolution} bits"
         return dataclasses.replace(data, source=f"{kind} from {textures.name} textures, {scan.name} scan")
 
+    def with_readout_of_events(self) -> Experiment:
+        """Return the experiment with readout and preset as its event files say them, which then name a sweep's point.
+
+        Raises
+        ------
+        InputError
+            If there are no event files.
+        """
+        assert self.events is not None
+        first = read_recordings(event_files([Path(self.events)])[:1])[0]
+        found = first.metadata.get("preset")
+        return dataclasses.replace(
+            self, readout=first.config, given_leak=True, preset=found if found in PRESETS else None
+        )
+
     def scan_and_config(self) -> tuple[Scan, ReadoutConfig]:
         """Return the scan of the preset, and the readout with the fields that the preset and ``tau_s`` set."""
-        scan, tau_s = preset(self.preset), None
+        scan, tau_s = preset(str(self.preset)), None
         if self.readout.encoding == "nlcs":
             tau_s = PAPER_TAU_S if self.tau_s is None and not self.given_leak else self.tau_s
         return scan, scan.configure(self.readout, tau_s)

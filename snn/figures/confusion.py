@@ -26,7 +26,7 @@ def confusion_data(sweeps: Sequence[Sweep], reading: str, name: str | None = Non
             raise InputError(f"no point is called {name!r}; there are {', '.join(known) or 'none with results'}")
     else:
         chosen = []
-        for preset in PRESETS:
+        for preset in (*PRESETS, None):
             finished = [(sweep, point) for sweep, point in candidates if not point.partial]
             spiking = [c for c in finished if c[1].preset == preset and c[1].readout != "frame"]
             if spiking:

@@ -169,12 +169,12 @@ def draw_fig9(data: Data) -> Figure:
     """
     from matplotlib.ticker import LogLocator, NullFormatter
 
-    presets = [preset for preset in PRESETS if any(point["preset"] == preset for point in data["points"])]
+    presets = [preset for preset in (*PRESETS, None) if any(point["preset"] == preset for point in data["points"])]
     sweeps = list(data["commands"])
     figure = new_figure(1.6 + 4.6 * len(presets), 5.2, "Accuracy against data rate")
     panels = figure.subplots(1, len(presets), sharex=True, sharey=True, squeeze=False)[0]
     for panel, preset in zip(panels, presets, strict=True):
-        dress(panel, f"{preset} scan")
+        dress(panel, f"{preset} scan" if preset else "own recordings")
         points = [point for point in data["points"] if point["preset"] == preset]
         for sweep, readout, series in _series(points, [PUBLISHED_NAME, *sweeps]):
             _draw_series(panel, series, readout, _style(sweep, sweeps))

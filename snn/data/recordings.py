@@ -1,0 +1,127 @@
+"""Event files of a user or a replay: which recordings they are, and of which class."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from model.errors import InputError
+from model.events.recording import Recording
+
+
+class EventFile(NamedTuple):
+    """An event file, and the folder under which it was found.
+
+    Attributes
+    ----------
+    path, root : Path
+    """
+
+    path: Path
+    root: Path
+
+    @property
+    def name(self) -> str:
+        """The path under the root, without its ending: sand/03."""
+        return self.path.relative_to(self.root).with_suffix("").as_posix()
+
+    @property
+    def class_folder(self) -> str | None:
+        """The folder under the root that holds it, if any."""
+        parts = self.path.relative_to(self.root).parts
+        return parts[0] if len(parts) > 1 else None
+
+
+def event_files(paths: Iterable[Path]) -> list[EventFile]:
+    """Return event files and those of folders, at any depth, in the order of their names; each once.
+
+    Raises
+    ------
+    InputError
+        If one does not exist, or a folder holds none.
+    """
+    found: list[EventFile] = []
+    for path in paths:
+        if not path.exists():
+            raise InputError(f"event folder or file {path} does not exist; make one with python -m cocotb_tests replay")
+        if path.is_file():
+            whole = path.absolute()  # the folder of a class, and what holds it
+            found.append(EventFile(whole, whole.parent.parent))
+            continue
+        inside = sorted(path.rglob("*.npz"))
+        if not inside:
+            raise InputError(
+                f"event folder {path} holds no event files (.npz); record some with python -m cocotb_tests replay, or "
+                f"python -m model encode on a folder of class folders"
+            )
+        found += [EventFile(file, path) for file in inside]
+    return list({file.path.resolve(): file for file in found}.values())
+
+
+def class_of(recording: Recording) -> str | None:
+    """Return the class that the metadata of a recording name; older event files call it their label."""
+    for key in ("class", "label"):
+        if isinstance(found := recording.metadata.get(key), str) and found:
+            return found
+    return None
+
+
+def read_recordings(
+    files: Sequence[EventFile],
+    classes: Sequence[str] | None = None,
+    progress: Callable[[], object] | None = None,
+) -> list[Recording]:
+    """Return the recordings of files, each with its name and, where it is known, its class among the metadata.
+
+    A recording is known by the name in its metadata where that has a folder in it, as class/file of ``python -m model
+    encode``, or where it is a scan of an image; else by its path under the root. The class is that of the metadata,
+    else the folder.
+
+    Parameters
+    ----------
+    files : sequence of EventFile
+    classes : sequence of str, optional
+        A folder that is none of these is no class.
+    progress : callable, optional
+        Called after each file.
+    """
+    recordings = []
+    for file in files:
+        recording = Recording.load(file.path)
+        known = {"name": _name(recording, file)}
+        kind = class_of(recording) or file.class_folder
+        if kind is not None and (class_of(recording) is not None or classes is None or kind in classes):
+            known["class"] = kind
+        recordings.append(dataclasses.replace(recording, metadata=recording.metadata | known))
+        if progress is not None:
+            progress()
+    times = Counter(_scan_of(recording) for recording in recordings)
+    for number, (file, recording) in enumerate(zip(files, recordings, strict=True)):
+        if times[_scan_of(recording)] > 1 and not (_is_scan(recording) and "/" in recording.metadata["name"]):
+            # Two files of one name, and not one image played twice.
+            recordings[number] = dataclasses.replace(recording, metadata=recording.metadata | {"name": file.name})
+    return recordings
+
+
+def image_of(recording: Recording) -> tuple[str, str, str]:
+    """Return dataset, class and name: what recordings share that are scans of one image."""
+    metadata = recording.metadata
+    return str(metadata.get("dataset")), str(metadata.get("class")), str(metadata.get("name"))
+
+
+def _scan_of(recording: Recording) -> tuple[object, ...]:
+    """Return what only one scan of an image has."""
+    return *image_of(recording), recording.metadata["start_row"] if _is_scan(recording) else None
+
+
+def _name(recording: Recording, file: EventFile) -> str:
+    name = recording.metadata.get("name")
+    return name if isinstance(name, str) and name and ("/" in name or _is_scan(recording)) else file.name
+
+
+def _is_scan(recording: Recording) -> bool:
+    """Return whether it says at which row of an image it starts, so that others of its name may start at another."""
+    return isinstance(recording.metadata.get("start_row"), (int, float))

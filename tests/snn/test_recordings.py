@@ -1,0 +1,163 @@
+"""A user's own recordings are known by their path, have the class of their folder, and go through every command."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from model.cli.app import run
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.events.address import make_events
+from model.events.recording import Recording
+from snn.__main__ import app
+from snn.data.bins import BinConfig
+from snn.data.recordings import class_of, event_files, read_recordings
+from snn.data.scans import load_recordings
+from snn.experiments.points import load_sweep
+
+CLASSES = ("felt", "glass", "wood")
+CONFIG = ReadoutConfig(rows=1, columns=3, resolution=4, sample_rate_hz=100.0, clocks_per_sample=10)
+BINS = BinConfig(bin_s=0.1)
+Call = Callable[..., tuple[int, str, str]]
+
+
+def touch(kind: str, seed: int, **metadata: Any) -> Recording:
+    """Return two seconds in which the taxel of a class is busy."""
+    generator = np.random.default_rng([CLASSES.index(kind), seed])
+    taxel = np.where(generator.random(120) < 0.8, CLASSES.index(kind), generator.integers(0, 3, 120))
+    clocks = np.sort(generator.choice(2000, 120, replace=False))
+    return Recording(make_events(clocks, 0, taxel, generator.random(120) < 0.5), CONFIG, 2000, metadata=metadata)
+
+
+@pytest.fixture
+def skin(folder: Path) -> Path:
+    """Write ten recordings of each class, of equal names in the folders of the classes; return what holds them."""
+    for kind in CLASSES:
+        (folder / "skin" / kind).mkdir(parents=True)
+        for number in range(10):
+            touch(kind, number, name=f"{number:02}").save(folder / "skin" / kind / f"{number:02}.npz")
+    return folder / "skin"
+
+
+@pytest.fixture
+def snn(folder: Path, capsys: pytest.CaptureFixture[str]) -> Call:
+    """Return a function that runs ``python -m snn`` in the folder: exit code, standard output and error."""
+
+    def snn(*words: object) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as left:
+            run(app, "python -m snn", list(map(str, words)))
+        assert isinstance(left.value.code, int)
+        return left.value.code, *capsys.readouterr()
+
+    return snn
+
+
+SMALL = (
+    "--bin",
+    "0.1",
+    "--set",
+    "hidden=16",
+    "--set",
+    "shift_steps=0",
+    "--set",
+    "batch=4",
+    "--set",
+    "learning_rate=0.01",
+    "--epochs",
+    "20",
+)
+
+
+def test_files_of_equal_name_in_two_class_folders_are_two_recordings(skin: Path) -> None:
+    data = load_recordings(skin, BINS)
+    assert len(data.names) == len(data) == 30
+    assert data.class_names == CLASSES
+    assert data.names[:2] == ("felt/00", "felt/01")
+    assert [data.class_names[label] for label in data.image_labels] == [kind for kind in CLASSES for _ in range(10)]
+
+
+def test_the_class_is_that_of_the_metadata_else_of_the_folder(skin: Path) -> None:
+    touch("felt", 99, **{"class": "felt"}).save(skin / "wood" / "99.npz")
+    touch("felt", 98, label="felt").save(skin / "wood" / "98.npz")  # as older event files say it
+    data = load_recordings(skin, BINS)
+    of = dict(zip(data.names, data.image_labels, strict=True))
+    assert of["wood/99"] == of["wood/98"] == CLASSES.index("felt")
+    touch("felt", 0).save(skin / "lost.npz")
+    with pytest.raises(InputError, match=r"lost\.npz does not say its class; put it into a folder of its class"):
+        load_recordings(skin, BINS)
+
+
+def test_scans_of_one_image_stay_together_and_other_files_of_its_name_apart(folder: Path) -> None:
+    for row in (0.0, 7.0):
+        made = {"class": "felt", "name": "felt/a", "start_row": row, "dataset": "mine"}
+        (folder / "all" / f"row-{row:g}").mkdir(parents=True)
+        touch("felt", int(row), **made).save(folder / "all" / f"row-{row:g}" / "a.npz")
+    touch("felt", 3, **{"class": "felt", "name": "felt/a", "dataset": "other"}).save(folder / "all" / "b.npz")
+    for session in ("one", "two"):  # of one name and data set, and not scans of an image
+        (folder / "all" / session).mkdir()
+        made = {"class": "felt", "name": "felt/c", "dataset": "skin"}
+        touch("felt", len(session), **made).save(folder / "all" / session / "c.npz")
+    data = load_recordings(folder / "all", BINS)
+    assert np.bincount(data.images).tolist() == [1, 1, 2, 1] or sorted(np.bincount(data.images)) == [1, 1, 1, 2]
+    assert len(set(data.names)) == 4
+    assert {"one/c", "two/c"} <= {name.removeprefix("felt/").removeprefix("skin/felt/") for name in data.names}
+
+
+def test_a_folder_that_is_no_class_of_the_network_is_no_class(skin: Path) -> None:
+    (skin / "new").mkdir()
+    touch("felt", 0).save(skin / "new" / "00.npz")
+    found = {r.metadata["name"]: class_of(r) for r in read_recordings(event_files([skin]), CLASSES)}
+    assert found["new/00"] is None
+    assert found["felt/00"] == "felt"
+    (alone,) = read_recordings(event_files([skin / "felt" / "00.npz"]), CLASSES)
+    assert (alone.metadata["name"], class_of(alone)) == ("felt/00", "felt")
+
+
+def test_from_class_folders_to_classes(skin: Path, snn: Call) -> None:
+    """With names merged over the folders of the classes, none of these was right."""
+    code, out, error = snn("train", "--events", skin, *SMALL, "--folds", 2)
+    assert code == 0, error
+    assert out.startswith(f"data: recordings in {skin}\n15 images to learn (15 scans), 15 to test, 3 classes;")
+    result = json.loads(Path("out/train/result.json").read_text())
+    assert result["accuracy"] >= 0.9
+    code, out, error = snn("predict", "out/train/weights.npz", "--events", skin)
+    assert code == 0, error
+    assert f"test images of the fold: accuracy {result['accuracy']:.1%}" in out
+    images = json.loads(Path("out/predictions.json").read_text())["images"]
+    assert [image["part"] for image in images].count("test") == 15
+    assert {image["name"].split("/")[0] == image["class"] for image in images} == {True}
+    shutil.move(skin / "felt" / "00.npz", "00.npz")
+    code, out, _ = snn("predict", "out/train/weights.npz", "--events", "00.npz")
+    assert code == 0
+    assert "class: not known" in out
+
+
+def test_crossval_and_sweep_take_them(skin: Path, snn: Call) -> None:
+    code, _, error = snn("crossval", "--events", skin, *SMALL, "--folds", 2, "--seeds", 1, "--workers", 1)
+    assert code == 0, error
+    assert json.loads(Path("out/crossval/result.json").read_text())["last"]["images"] == 30
+    shutil.copytree(skin, "again/events")
+    both = ("--events", skin, "--events", "again/events")
+    code, _, error = snn("sweep", *both, *SMALL, "--folds", 2, "--seeds", 1, "--workers", 1)
+    assert code == 0, error
+    points = load_sweep(Path("out/sweep")).points
+    assert [(p.name, p.readout, p.resolution, p.preset) for p in points] == [
+        ("skin", "lcs", 4, None),
+        ("again", "lcs", 4, None),
+    ]
+    assert points[0].result("last").accuracy == points[1].result("last").accuracy >= 0.9
+    assert points[0].data_rate_bps == pytest.approx(120 / 2 * 3)
+    assert f"--events {skin}" in load_sweep(Path("out/sweep")).command
+    assert snn("fig9", "--sweep", "out/sweep")[0] == 0
+    code, _, error = snn("sweep", *both, "--points", "lcs:2")
+    assert (code, error.count("\n")) == (2, 1)
+    assert "--events what is recorded already; give one" in error
+    code, _, error = snn("sweep", *both, "--preset", "paper")
+    assert (code, "--preset has no effect with --events" in error) == (2, True)
