@@ -24,7 +24,7 @@ PHASES, CLOCKS = 14, 160
 class SampleSource:
     """Codes that look for trouble: levels and the codes beside them, walks, jumps, and rest."""
 
-    KINDS = ("threshold", "near", "walk", "jump", "rest", "full")
+    KINDS = ("threshold", "near", "walk", "jump", "rest", "full", "over")
 
     def __init__(self, config: ReadoutConfig, taxel: TaxelReference, rng: random.Random) -> None:
         self.config, self.taxel, self.rng = config, taxel, rng
@@ -43,6 +43,9 @@ class SampleSource:
             self.code = rng.randrange(-high, high)
         elif kind == "full":
             self.code = rng.choice([-high, high - 1])
+        elif kind == "over" and self.config.frontend == "analog":  # an analog signal may leave the scale
+            self.code = rng.choice([-4 * high, -high - 1, high, 4 * high])
+            return self.code
         self.code = min(max(self.code, -high), high - 1)
         return self.code
 
@@ -57,6 +60,7 @@ class TaxelBench:
         self.reference = TaxelReference(config)
         self.source = SampleSource(config, self.reference, rng)
         self.signal = 0  # what the analog comparators look at
+        self.noisy = False  # they look at nothing but noise
         self.ticks = 0
         self.tick = False
 
@@ -70,9 +74,10 @@ class TaxelBench:
         if request and self.config.has_polarity:
             self.check.equal("polarity", reference.polarity, block.read("polarity"), state)
         if self.config.frontend == "analog":
-            self.check.equal("upper", reference.upper, block.read_signed("upper"), state)
-            if self.config.has_polarity:
-                self.check.equal("lower", reference.lower, block.read_signed("lower"), state)
+            code = reference.reference // reference.unit
+            self.check.equal("reference", code, block.read_signed("reference"), state)
+            if self.config.closes:
+                self.check.equal("half_width", reference.half_width, block.read("half_width"), state)
 
     def compare_reset(self) -> None:
         """Hold all outputs to the reference while rst is high, which only resets at once if it is asynchronous."""
@@ -91,16 +96,14 @@ class TaxelBench:
             block.drive(sample=sample)
         await block.settle()
         decision = None
-        if config.frontend == "analog":  # the comparators look at the thresholds that the RTL gives them
-            above = self.signal >= block.read_signed("upper")
-            below = config.has_polarity and self.signal < block.read_signed("lower")
-            block.drive(above=above, below=below)
+        if config.frontend == "analog":  # the comparators look at the reference that the RTL gives them
+            decision = self.decide(block.read_signed("reference"))
+            block.drive(above=decision[0], below=decision[1])
             await block.settle()
-            decision = (above, below)
         if rst and config.reset == "async":
             reference.reset()
         self.compare(enable)
-        self._count(enable, granted)
+        self._count(enable, granted, decision)
         await block.edge()
         if rst:
             reference.reset()
@@ -119,9 +122,21 @@ class TaxelBench:
         self.tick = sample is not None and not rst
         self.ticks += self.tick
 
-    def _count(self, enable: bool, granted: bool) -> None:
+    def decide(self, code: int) -> tuple[bool, bool]:
+        """Return what the comparators find; by chance where they are only noise."""
+        if self.noisy:
+            return self.rng.random() < 0.5, self.config.has_polarity and self.rng.random() < 0.5
+        width = self.block.read("half_width") if self.config.closes else self.config.step
+        above = self.signal >= code + width + (not self.config.has_polarity)
+        return above, self.config.has_polarity and self.signal < code - width
+
+    def _count(self, enable: bool, granted: bool, decision: tuple[bool, bool] | None) -> None:
         """Count what happened, so that a test can tell that it did."""
-        counts = self.check.counts
+        counts, reference = self.check.counts, self.reference
+        if decision is not None:
+            rise = reference.step * reference.unit if self.config.encoding == "nlcs" else reference.half_width
+            counts["at the top"] += decision[0] and not reference.on_scale(reference.reference + rise)
+            counts["at the bottom"] += decision[1] and not reference.on_scale(reference.reference - rise)
         counts["clocks"] += 1
         if self.reference.request(enable):
             if granted:
@@ -162,6 +177,7 @@ async def taxel_follows_its_reference(dut: Any) -> None:
         kind = SampleSource.KINDS[phase % len(SampleSource.KINDS)]
         samples, grants = rng.choice([1.0, 0.3, 0.1]), rng.choice([1.0, 1.0, 0.5, 0.1])
         masked = rng.choice([0.0, 0.0, 0.05])
+        bench.noisy = config.frontend == "analog" and kind == "jump"
         for _ in range(CLOCKS):
             await bench.clock(
                 enable=rng.random() >= masked,
@@ -215,7 +231,11 @@ def breadth() -> list[ReadoutConfig]:
             leak_period=[5, 1, 3][number // 2 % 3],
             fraction_bits=[4, 0, 12][number % 3],
         )
-        configs.append(config.replace(reference_reset=config.grid * [0, 1, 3][number % 3] % config.full_scale))
+        level = config.grid * [0, 1, 3][number % 3] % config.full_scale
+        if frontend == "analog":  # near an end of the scale, which only an analog signal can ask to leave
+            low = config.has_polarity and number % 2
+            level = level - config.full_scale if low else config.full_scale - config.grid - level
+        configs.append(config.replace(reference_reset=level))
     # Windows that close in many steps, decided every clock and once a sample, and the smallest words.
     closing = ReadoutConfig(rows=1, columns=1, encoding="cw-lcs", resolution=3, closing_shift=3, window_period=2)
     configs += [closing, closing.replace(decide_every="sample", frontend="analog", reset="async", closing_shift=16)]
@@ -249,6 +269,8 @@ def test_taxel_equals_its_reference_in_every_clock(simulator: Simulator, config:
     happened = {"on", "waiting", "disabled", "pulses", "resets"}
     happened |= {"off"} if config.has_polarity else {"charged"}
     happened |= {"closed"} if config.closes else set()
+    if config.frontend == "analog" and config.has_polarity and config.reference_reset:
+        happened |= {"at the bottom" if config.reference_reset < 0 else "at the top"}
     assert all(counts[what] > 0 for what in happened), counts
 
 

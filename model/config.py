@@ -213,9 +213,9 @@ class ReadoutConfig:
         return self.closes or self.encoding == "nlcs" or self.decide_every == "sample"
 
     @property
-    def threshold_bits(self) -> int:
-        """Bits of one signed comparator threshold (a code of the sample, one bit wider)."""
-        return self.sample_bits + 1
+    def half_width_bits(self) -> int:
+        """Bits of the half-width of a window in codes, D at most."""
+        return self.step.bit_length()
 
     @property
     def clock_hz(self) -> float:

@@ -20,6 +20,9 @@ from model.config import ReadoutConfig
 from model.errors import InputError
 from model.events.address import EVENT_DTYPE, Events
 
+ANALOG_RANGE = 4
+"""Full scales that an analog signal may reach, either way."""
+
 
 @dataclass(frozen=True)
 class Stimulus:
@@ -28,7 +31,7 @@ class Stimulus:
     Attributes
     ----------
     samples : ndarray of int32, shape (ticks, taxels)
-        Codes of all taxels at every sample tick.
+        Codes of all taxels at every sample tick; an analog signal may be up to four times full scale.
     sample_clock : ndarray of int64, shape (ticks,)
         Clock of every sample tick, rising.
     clocks : int
@@ -40,6 +43,9 @@ class Stimulus:
         ``event_ready`` per clock, repeated (stream link).
     ack_delay : ndarray of int64, shape (delays,)
         From each edge of REQ to that of ACK in 1/8 clock, repeated, never a multiple of 8 (four-phase link).
+    decisions : ndarray of uint8, shape (clocks, taxels), optional
+        What the comparators found in every clock, 1 for above and 2 for below (analog front end): for comparators
+        whose offset, noise or hysteresis the samples do not tell. Without, they are those of the samples.
     """
 
     samples: NDArray[np.int32]
@@ -49,6 +55,7 @@ class Stimulus:
     enable: NDArray[np.bool_]
     ready: NDArray[np.uint8] = field(default_factory=lambda: np.ones(1, np.uint8))
     ack_delay: NDArray[np.int64] = field(default_factory=lambda: np.ones(1, np.int64))
+    decisions: NDArray[np.uint8] | None = None
 
     @classmethod
     def from_samples(
@@ -102,6 +109,11 @@ class Stimulus:
             raise InputError(f"enable must have shape ({len(self.enable_clock)}, {config.taxels}), one mask at least")
         if self.enable_clock[0] != 0 or (np.diff(self.enable_clock) < 1).any():
             raise InputError("enable_clock must rise from 0")
+        if self.decisions is not None:
+            if config.frontend != "analog":
+                raise InputError("decisions are those of analog comparators; set frontend to analog")
+            if self.decisions.shape != (self.clocks, config.taxels):
+                raise InputError(f"decisions must have shape ({self.clocks}, {config.taxels}), a row for every clock")
         if not self.ready.size or not self.ack_delay.size:
             raise InputError("ready and ack_delay must not be empty")
         if (self.ack_delay < 1).any() or (self.ack_delay % link.ACK_QUANTA == 0).any():
@@ -110,7 +122,7 @@ class Stimulus:
 
 def _check_samples(config: ReadoutConfig, samples: NDArray[Any]) -> None:
     """Refuse samples that are not codes of a configuration's taxels, in one sentence."""
-    full_scale = config.full_scale
+    full_scale = config.full_scale * (ANALOG_RANGE if config.frontend == "analog" else 1)
     if samples.ndim != 2 or samples.shape[1] != config.taxels:
         raise InputError(
             f"samples must have shape (ticks, {config.taxels}) for {config.rows} x {config.columns} "
@@ -208,8 +220,9 @@ class Parameters(NamedTuple):
     leaky, per_sample, digital, four_phase : bool
         N-LCS; one decision per sample tick; digital front end; four-phase link.
     columns : int
-    reset, step : int
-        The reference after reset, and D; in the units of the reference (codes, N-LCS 2**-F codes).
+    reset, step, top, bottom : int
+        The reference after reset, D, and the ends of the scale; in the units of the reference (codes, N-LCS
+        2**-F codes).
     closing_step, levels, window_period : int
         The closing window; one level where it does not close.
     leak_shift, leak_period, fraction_bits : int
@@ -223,6 +236,8 @@ class Parameters(NamedTuple):
     columns: int
     reset: int
     step: int
+    top: int
+    bottom: int
     closing_step: int
     levels: int
     window_period: int
@@ -243,6 +258,8 @@ class Parameters(NamedTuple):
             columns=config.columns,
             reset=config.reference_reset << fraction_bits,
             step=config.step << fraction_bits,
+            top=(config.full_scale << fraction_bits) - 1,
+            bottom=-config.full_scale,
             closing_step=config.closing_step,
             levels=1 << config.closing_levels_log2 if config.encoding == "cw-lcs" else 1,
             window_period=config.window_period,
@@ -253,7 +270,10 @@ class Parameters(NamedTuple):
 
 
 class Inputs(NamedTuple):
-    """A stimulus as the loop takes it: the attributes of ``Stimulus``, and the phase of every row's leak."""
+    """A stimulus as the loop takes it: the attributes of ``Stimulus``, and the phase of every row's leak.
+
+    ``decisions`` has no row where there are none.
+    """
 
     samples: NDArray[np.int32]
     sample_clock: NDArray[np.int64]
@@ -263,6 +283,7 @@ class Inputs(NamedTuple):
     ready: NDArray[np.uint8]
     ack_delay: NDArray[np.int64]
     phases: NDArray[np.int64]
+    decisions: NDArray[np.uint8]
 
 
 class Registers(NamedTuple):
@@ -288,6 +309,7 @@ class Registers(NamedTuple):
         """Return the registers as a reset leaves them."""
         taxels = np.zeros(config.taxels, taxel.TAXEL_DTYPE)
         taxels["u"] = Parameters.of(config).reset
+        taxels["given"] = -1
         return cls(taxels, np.zeros(config.rows, arbiter.ROW_DTYPE), arbiter.new_state(), link.new_state())
 
 
@@ -303,6 +325,7 @@ def _run(config: ReadoutConfig, stimulus: Stimulus, clocks: int) -> tuple[Events
         stimulus.ready,
         stimulus.ack_delay,
         decay.decay_phases(config),
+        np.zeros((0, 0), np.uint8) if stimulus.decisions is None else stimulus.decisions,
     )
     time, event = _loop(Parameters.of(config), inputs, registers).T
     events = np.empty(len(time), EVENT_DTYPE)
@@ -315,7 +338,7 @@ def _run(config: ReadoutConfig, stimulus: Stimulus, clocks: int) -> tuple[Events
 def _loop(p: Parameters, s: Inputs, r: Registers) -> NDArray[np.int64]:
     """Return the events, shape (events, 2): their clocks, and 2 * taxel + polarity."""
     taxels, rows, latch, aer = r
-    samples, sample_clock, clocks, enable_clock, enable, wants, ack_delay, phases = s
+    samples, sample_clock, clocks, enable_clock, enable, wants, ack_delay, phases, decisions = s
     log = np.empty((1024, 2), np.int64)
     events = ticks = changes = 0  # events, sample ticks and masks so far
     tick = again = False
@@ -339,7 +362,10 @@ def _loop(p: Parameters, s: Inputs, r: Registers) -> NDArray[np.int64]:
         row = arbiter.grant(latch, rows)
 
         # The taxels that have to decide: all, or those whose request was taken or whose threshold moved.
-        everyone = tick or masked or t == 0
+        given = len(decisions) > 0
+        if given:
+            taxels["given"][:] = decisions[t]
+        everyone = tick or masked or t == 0 or given
         if everyone or again or row >= 0:
             first, last = (0, len(rows)) if everyone or again else (row, row + 1)
             again = False
@@ -359,7 +385,7 @@ def _loop(p: Parameters, s: Inputs, r: Registers) -> NDArray[np.int64]:
             events += 1
 
         t += 1
-        if arbiter.idle(latch) and not tick and not again and (not p.four_phase or link.ready(aer)):
+        if arbiter.idle(latch) and not tick and not again and not given and (not p.four_phase or link.ready(aer)):
             until = sample_clock[ticks] if ticks < len(sample_clock) else clocks
             if changes < len(enable_clock):
                 until = min(until, enable_clock[changes])

@@ -10,8 +10,9 @@ decisions of a tick at once, in closed form.
 All events of one tick have the same sign, and follow each other clock by clock. An event moves the reference
 to a level between itself and the sample, never beyond: ON needs x - u >= h and leaves x - u >= 0, which no
 later OFF (x - u < -h) follows; OFF needs x - u < -h and leaves x - u < 0, which no later ON (x - u >= h > 0)
-follows. N-LCS has no OFF. Only the first event may come late, in the second decision of the tick: where a
-window closed, or a reference leaked, in the first. ``encode_timed`` tells these ticks apart.
+follows. N-LCS has no OFF. So a sample, which lies on the scale, never takes the reference off it either. Only the
+first event may come late, in the second decision of the tick: where a window closed, or a reference leaked, in the
+first. ``encode_timed`` tells these ticks apart.
 """
 
 from __future__ import annotations
@@ -216,7 +217,8 @@ def counts_of_events(config: ReadoutConfig, events: Events, ticks: int) -> tuple
 def decode(config: ReadoutConfig, counts: Counts, late: Flags | None = None) -> NDArray[np.float64]:
     """Return the reconstruction: the reference of the encoder at the end of every tick, exactly.
 
-    LCS sums the events. CW-LCS rebuilds every window from the ticks without events, to know by how much an
+    LCS sums the events. No event moves the reference off the scale: one that seems to, since it came late, does
+    nothing here either. CW-LCS rebuilds every window from the ticks without events, to know by how much an
     event moved the reference. N-LCS lets its copy of the reference leak as the encoder does.
 
     Parameters
@@ -233,16 +235,14 @@ def decode(config: ReadoutConfig, counts: Counts, late: Flags | None = None) -> 
     """
     counts, delay = _check_counts(config, counts, late, needed=config.encoding == "cw-lcs")
     u = np.full(counts.shape[1], config.reference_reset, np.int64)
-    if config.encoding == "lcs":
-        return (u + config.step * np.cumsum(counts, axis=0, dtype=np.int64)).astype(np.float64)
     reference = np.empty(counts.shape, np.float64)
-    if config.encoding == "cw-lcs":
-        kernels.decode_cw_lcs(counts, delay, u, config.step, config.closing_step, config.window_period, reference)
+    if config.encoding == "lcs":
+        kernels.decode_lcs(counts, u, config.step, config.full_scale, reference)
+    elif config.encoding == "cw-lcs":
+        kernels.decode_cw_lcs(counts, delay, u, _closing(config), config.full_scale, reference)
     else:
-        unit = 2.0**-config.fraction_bits
         u <<= config.fraction_bits
-        step = config.step << config.fraction_bits
-        kernels.decode_nlcs(counts, u, _phases(config), config.leak_period, config.leak_shift, step, unit, reference)
+        kernels.decode_nlcs(counts, u, _leaky(config), config.full_scale, 2.0**-config.fraction_bits, reference)
     return reference
 
 
@@ -325,25 +325,31 @@ class _Bank:
     def run(self, x: NDArray[Any], counts: Counts, late: Flags | None) -> None:
         """Write the events of the samples x, shape (ticks, taxels), into counts and, if wanted, late."""
         c = self.config
-        cap, step = _largest_count(c), _log2(c.step)
         timed = late is not None
         flags = late if late is not None else _NO_FLAGS
         if c.encoding == "lcs":
-            kernels.lcs(x, self.u, step, cap, counts)
+            kernels.lcs(x, self.u, _log2(c.step), _largest_count(c), counts)
         elif c.encoding == "cw-lcs":
-            closing = kernels.ClosingRule(_log2(c.closing_step), c.closing_levels_log2, c.window_period, cap)
             state = kernels.TaxelState(self.u, self.closed, self.quiet)
-            kernels.cw_lcs(x, state, closing, counts, flags, timed)
+            kernels.cw_lcs(x, state, _closing(c), counts, flags, timed)
         else:
-            leak = (_phases(c), c.leak_period, c.leak_shift, c.fraction_bits)
-            leaky = kernels.LeakyRule(*leak, step + c.fraction_bits, cap)
-            kernels.nlcs(x, self.u, self.tick, leaky, counts, flags, timed)
+            kernels.nlcs(x, self.u, self.tick, _leaky(c), counts, flags, timed)
         self.tick += len(x)
 
 
 def _phases(config: ReadoutConfig) -> NDArray[np.int32]:
     """Return for every taxel the tick, modulo leak_period, at which it leaks, shape (taxels,)."""
     return np.repeat(decay_phases(config), config.columns).astype(np.int32)
+
+
+def _closing(config: ReadoutConfig) -> kernels.ClosingRule:
+    levels = config.closing_levels_log2
+    return kernels.ClosingRule(_log2(config.closing_step), levels, config.window_period, _largest_count(config))
+
+
+def _leaky(config: ReadoutConfig) -> kernels.LeakyRule:
+    leak = (_phases(config), config.leak_period, config.leak_shift, config.fraction_bits)
+    return kernels.LeakyRule(*leak, _log2(config.step) + config.fraction_bits, _largest_count(config))
 
 
 def _log2(power_of_two: int) -> int:

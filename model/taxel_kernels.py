@@ -48,8 +48,9 @@ class TaxelState(NamedTuple):
 # -- one taxel in one clock --------------------------------------------------------------------------
 
 
-TAXEL_DTYPE = np.dtype([(name, np.int64) for name in ("x", "u", "closed", "quiet")])
-"""Sample, reference (N-LCS: in 2**-F codes), closing steps taken, and quiet ticks since the last of them."""
+TAXEL_DTYPE = np.dtype([(name, np.int64) for name in ("x", "u", "closed", "quiet", "given")])
+"""Sample, reference (N-LCS: in 2**-F codes), closing steps taken, quiet ticks since the last of them, and what the
+comparators find in this clock: -1 where x says it, else 1 for above and 2 for below."""
 
 
 @njit(inline="always")
@@ -65,7 +66,7 @@ def decide(p: Any, taxel: Any, tick: bool, leaks: bool) -> tuple[bool, bool, boo
     tick, leaks : bool
         The clock is that of a sample tick, and of a leak of this taxel.
     """
-    on, off = compare(p, taxel) if tick or not p.per_sample else (False, False)
+    on, off = steps(p, taxel) if tick or not p.per_sample else (False, False)
     moved = leaks
     if p.leaky:
         leak = leak_of(taxel.u, p.leak_shift) if leaks else 0
@@ -80,13 +81,17 @@ def decide(p: Any, taxel: Any, tick: bool, leaks: bool) -> tuple[bool, bool, boo
 
 
 @njit(inline="always")
-def compare(p: Any, taxel: Any) -> tuple[bool, bool]:
-    """Return whether the sample of a taxel is above and whether it is below its window."""
+def steps(p: Any, taxel: Any) -> tuple[bool, bool]:
+    """Return whether a taxel makes a step up, and whether one down: none that would leave the scale."""
     d = (taxel.x << p.fraction_bits) - taxel.u
     if p.leaky:
-        return d > p.step, False
+        above = d > p.step if taxel.given < 0 else taxel.given & 1 != 0
+        return above and taxel.u + p.step <= p.top, False
     h = window.half_width(p, taxel)
-    return d >= h, d < -h
+    above, below = d >= h, d < -h
+    if taxel.given >= 0:
+        above, below = taxel.given & 1 != 0, taxel.given == 2  # where both say so, above counts
+    return above and taxel.u + h <= p.top, below and taxel.u - h >= p.bottom
 
 
 @njit(inline="always")
@@ -201,11 +206,30 @@ def magnitudes(counts: Any) -> Any:
     return totals
 
 
+@njit(inline="always")
+def _up_to(n: Any, room: Any, step: Any) -> Any:
+    """Return how many of n steps fit between the reference and the end of the scale."""
+    return min(n, max(room, 0) // step)
+
+
 @njit(cache=True, nogil=True)
-def decode_cw_lcs(
-    counts: Any, late: Any, u: Any, step: int, closing_step: int, window_period: int, reference: Any
-) -> None:
+def decode_lcs(counts: Any, u: Any, step: int, full_scale: int, reference: Any) -> None:
+    """Write the reference in codes at the end of every tick, as ``lcs`` moved it; u is in codes."""
+    for i in range(counts.shape[0]):
+        for j in range(counts.shape[1]):
+            n = np.int64(counts[i, j])
+            if n > 0:
+                u[j] += _up_to(n, full_scale - 1 - u[j], step) * step
+            else:
+                u[j] -= _up_to(-n, u[j] + full_scale, step) * step
+            reference[i, j] = u[j]
+
+
+@njit(cache=True, nogil=True)
+def decode_cw_lcs(counts: Any, late: Any, u: Any, rule: ClosingRule, full_scale: int, reference: Any) -> None:
     """Write the reference in codes at the end of every tick, as ``cw_lcs`` moved it; u is in codes."""
+    closing_step = 1 << rule.closing_step_log2
+    step = closing_step << rule.levels_log2
     half = np.full(counts.shape[1], step)
     quiet = np.zeros(counts.shape[1], np.int64)
     for i in range(counts.shape[0]):
@@ -213,26 +237,27 @@ def decode_cw_lcs(
             n = np.int64(counts[i, j])
             if n == 0 or late[i, j]:
                 quiet[j] += 1
-                if quiet[j] == window_period:
+                if quiet[j] == rule.window_period:
                     quiet[j] = 0
                     half[j] = max(half[j] - closing_step, closing_step)
             if n != 0:
                 sign = 1 if n > 0 else -1
-                u[j] += sign * half[j] + (n - sign) * step
+                room = full_scale - 1 - u[j] if n > 0 else u[j] + full_scale
+                first = _up_to(1, room, half[j]) * half[j]
+                u[j] += sign * (first + _up_to(abs(n) - 1, room - first, step) * step)
                 half[j] = step
                 quiet[j] = 0
             reference[i, j] = u[j]
 
 
 @njit(cache=True, nogil=True)
-def decode_nlcs(
-    counts: Any, u: Any, phase: Any, leak_period: int, leak_shift: int, step: int, unit: float, reference: Any
-) -> None:
+def decode_nlcs(counts: Any, u: Any, rule: LeakyRule, full_scale: int, unit: float, reference: Any) -> None:
     """Write the reference in codes at the end of every tick, as ``nlcs`` moved it; u is in ``unit``."""
+    step, top = 1 << rule.step_log2, (full_scale << rule.fraction_bits) - 1
     for i in range(counts.shape[0]):
-        now = i % leak_period
+        now = i % rule.leak_period
         for j in range(counts.shape[1]):
-            if phase[j] == now:
-                u[j] -= leak_of(u[j], leak_shift)
-            u[j] += counts[i, j] * step
+            if rule.phase[j] == now:
+                u[j] -= leak_of(u[j], rule.leak_shift)
+            u[j] += _up_to(np.int64(counts[i, j]), top - u[j], step) * step
             reference[i, j] = u[j] * unit

@@ -22,10 +22,10 @@ PORTS = {
     "taxel_enable": "mask, bit r * columns + c for taxel (r, c); 0 silences a taxel",
     "sample": "codes of all taxels, signed, {sample_bits} bits each, taxel 0 in the least significant bits",
     "sample_valid": "sample tick",
-    "above": "comparator decisions, x >= upper, settled before the rising edge",
-    "below": "comparator decisions, x < lower, settled before the rising edge",
-    "upper": "upper thresholds, signed, {threshold_bits} bits each, in codes of {sample_bits}-bit samples",
-    "lower": "lower thresholds, signed, {threshold_bits} bits each, in codes of {sample_bits}-bit samples",
+    "above": "comparator decisions, {above}, settled before the rising edge",
+    "below": "comparator decisions, {below}, settled before the rising edge",
+    "reference": "references, for the DACs, from flops, signed, {sample_bits} bits each, in codes of a sample",
+    "half_width": "half-widths, for the DACs, from flops, unsigned, {half_width_bits} bits each, in codes",
     "event_valid": "an address event is offered",
     "event_ready": "the sink takes the event at this edge",
     "event_row": "row of the event",
@@ -60,7 +60,12 @@ def ports(config: Config) -> Iterator[dict[str, Any]]:
     members = top_block(config).signature.members
     fields, meanings = config.to_dict(), FRAME_PORTS
     if isinstance(config, ReadoutConfig):
-        fields, meanings = fields | {"threshold_bits": config.threshold_bits}, PORTS
+        half_width = "half_width" if config.closes else str(config.step)
+        decisions = {
+            "above": f"x >= reference + {half_width + (' + 1' if config.encoding == 'nlcs' else '')}",
+            "below": f"x < reference - {half_width}",
+        }
+        fields, meanings = fields | decisions | {"half_width_bits": config.half_width_bits}, PORTS
     for name, meaning in meanings.items():
         if name in ("clk", "rst"):
             direction, width = "input", 1

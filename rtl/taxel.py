@@ -31,9 +31,12 @@ class Taxel(Block[ReadoutConfig]):
     sample, sample_valid : In(W), In(1)
         The newest code (digital front end).
     above, below : In(1)
-        Decisions of the comparator macros (analog front end): x >= upper, x < lower.
-    upper, lower : Out(W + 1)
-        Signed thresholds in sample codes (analog front end); ``below`` and ``lower`` only with polarity.
+        Decisions of the comparator macros (analog front end): x >= reference + h, x < reference - h, for N-LCS
+        x > reference + D; ``below`` only with polarity.
+    reference : Out(W)
+        Signed, in sample codes, a register (analog front end).
+    half_width : Out(half_width_bits)
+        h in sample codes, a register (analog front end); absent where it is always D.
     granted : In(1)
         The request, if there is one, is taken in this clock.
     request, polarity : Out(1)
@@ -54,8 +57,8 @@ class Taxel(Block[ReadoutConfig]):
                 "sample_valid": In(1) if digital else None,
                 "above": None if digital else In(1),
                 "below": None if digital or not bipolar else In(1),
-                "upper": None if digital else Out(signed(config.threshold_bits)),
-                "lower": None if digital or not bipolar else Out(signed(config.threshold_bits)),
+                "reference": None if digital else Out(signed(config.sample_bits)),
+                "half_width": None if digital or not config.closes else Out(config.half_width_bits),
                 "granted": In(1),
                 "request": Out(1),
                 "polarity": Out(1) if bipolar else None,
@@ -97,8 +100,11 @@ class Taxel(Block[ReadoutConfig]):
             m.d.comb += self.polarity.eq(sign)
         return m
 
-    def _reference(self, m: Module, free: Signal, on: Signal, off: Signal, platform: Any) -> tuple[Signal, Any]:
-        """Add the reference register; return it (in grid units) and the half-width of the window."""
+    def _reference(self, m: Module, free: Signal, on: Signal, off: Signal, platform: Any) -> tuple[Signal, Any, Any]:
+        """Add the reference register; return it, the half-width of the window, and whether a step stays on the scale.
+
+        Both are in grid units. A digital sample never asks for a step that would leave the scale (``model.taxel``).
+        """
         config = self.config
         init = config.reference_reset // config.grid
         if config.encoding == "nlcs":
@@ -116,7 +122,7 @@ class Taxel(Block[ReadoutConfig]):
                 m.d.sync += charge.eq((charge + rise)[: len(charge)])
             reference = Signal(config.sample_bits - 1)
             m.d.comb += reference.eq(charge[fraction:])
-            return reference, config.step
+            return reference, config.step, ~reference[config.step.bit_length() - 1 :].all()
 
         half_width: Any = 1
         if config.closes:
@@ -132,21 +138,20 @@ class Taxel(Block[ReadoutConfig]):
         reference = Signal(signed(config.sample_bits - (config.grid - 1).bit_length()), init=init)
         with m.If(~self.enable):
             m.d.sync += reference.eq(init)
+        moved = reference + Mux(on if config.frontend == "digital" else self.above, half_width, -half_width)
         with m.Elif(on | off):
-            m.d.sync += reference.eq((reference + Mux(on, half_width, -half_width))[: len(reference)])
-        return reference, half_width
+            m.d.sync += reference.eq(moved[: len(reference)])
+        return reference, half_width, moved[len(reference)] == moved[len(reference) - 1]
 
-    def _compare(self, m: Module, reference: Signal, half_width: Any) -> tuple[Any, Any]:
-        """Add the comparators, or the thresholds of the analog ones; return above and below."""
+    def _compare(self, m: Module, reference: Signal, half_width: Any, fits: Any) -> tuple[Any, Any]:
+        """Add the comparators, or the reference of the analog ones; return whether to step up, and down."""
         config = self.config
         low_bits = (config.grid - 1).bit_length()
         if config.frontend == "analog":
-            upper, lower = reference + half_width, reference - half_width
-            if not config.has_polarity:
-                m.d.comb += self.upper.eq(upper + 1)
-                return self.above, None
-            m.d.comb += [self.upper.eq(upper << low_bits), self.lower.eq(lower << low_bits)]
-            return self.above, self.below
+            m.d.comb += self.reference.eq(reference << low_bits)
+            if config.closes:
+                m.d.comb += self.half_width.eq(half_width << low_bits)
+            return self.above & fits, self.below & ~self.above & fits if config.has_polarity else None
 
         sample = Signal(signed(config.sample_bits - low_bits))
         with m.If(~self.enable):
@@ -174,7 +179,7 @@ class Row(Block[ReadoutConfig]):
         taxel of the row requests.
     column_request, column_polarity : Out(columns)
         Requests and polarities of the row's taxels while it is selected, else 0.
-    tick, decay, sample, sample_valid, above, below, upper, lower
+    tick, decay, sample, sample_valid, above, below, reference, half_width
         As those of ``Taxel``, column 0 in the least significant bits.
     """
 

@@ -45,15 +45,23 @@ class ClosingWindow(Block[ReadoutConfig]):
     def elaborate(self, platform: Any) -> Module:
         m = Module()
         levels = 1 << self.config.closing_levels_log2
-        closed = Signal(range(levels))
+        # What drives a DAC leaves a flop: for analog comparators the half-width itself is the counter. Otherwise it is
+        # the closing steps taken, which are a flop less.
+        if self.config.frontend == "analog":
+            window = Signal(len(self.half_width), init=levels, name="window")
+            m.d.comb += self.half_width.eq(window)
+            narrowest, narrower = 1, window - 1
+        else:
+            window = Signal(range(levels), name="closed")
+            m.d.comb += self.half_width.eq(levels - window)
+            narrowest, narrower = levels - 1, window + 1
         quiet = Signal(range(self.config.window_period))
-        m.d.comb += self.half_width.eq(levels - closed)
         last = Signal()
         m.d.comb += last.eq(quiet == self.config.window_period - 1)
         with m.If(~self.enable | (self.free & self.fired)):
-            m.d.sync += [closed.eq(0), quiet.eq(0)]
+            m.d.sync += [window.eq(window.init), quiet.eq(0)]
         with m.Elif(self.free & self.tick):
             m.d.sync += quiet.eq(Mux(last, 0, (quiet + 1)[: len(quiet)]))
-            with m.If(last & (closed != levels - 1)):
-                m.d.sync += closed.eq((closed + 1)[: len(closed)])
+            with m.If(last & (window != narrowest)):
+                m.d.sync += window.eq(narrower[: len(window)])
         return m

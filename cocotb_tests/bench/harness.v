@@ -4,9 +4,15 @@
 // A run: the testbench writes stimulus.bin, ready.bin and ack.bin into the working folder and increments `go`; the
 // harness releases the reset, plays, records events.txt, resets the readout and copies `go` to `done`.
 //
-// stimulus.bin is a row of records {gap: 32, end: 1, valid: 1, 0: 6, enable: n, sample: n * W}, enable and sample each
+// stimulus.bin is a row of records {gap: 32, end: 1, valid: 1, 0: 6, enable: n, sample: n * S}, enable and sample each
 // filled up with zeros at the top to whole bytes, most significant byte first. A record holds from its clock on,
 // `valid` for one clock, and the next one follows `gap` clocks later. The first record is at clock 0, the end one says where the run stops.
+// S is W; with the analog front end W + 6: four fraction bits and four times the range, signed.
+//
+// comparators.bin (analog) are words of 32 bits: noise, hysteresis, seed, and whether decisions.txt is written, then the
+// offset of every taxel's comparator above and below; all in 1/16 code. Noise is even from -noise to +noise, drawn anew in
+// every clock; a comparator that is high stays high until the signal is back by the hysteresis. decisions.txt has a line
+// for every clock: what the comparators above and below found, in hexadecimal.
 
 `timescale 1ns / 1ns
 
@@ -16,9 +22,16 @@ module harness;
   parameter ROW_BITS = 3;
   parameter COLUMN_BITS = 3;
 
-  localparam THRESHOLD_BITS = SAMPLE_BITS + 1;
+  parameter STEP = 16;
+
+`ifdef ANALOG
+  localparam FRACTION_BITS = 4;
+  localparam SIGNAL_BITS = SAMPLE_BITS + 2 + FRACTION_BITS;
+`else
+  localparam SIGNAL_BITS = SAMPLE_BITS;
+`endif
   localparam ENABLE_BYTES = (TAXELS + 7) / 8;
-  localparam SAMPLE_BYTES = (TAXELS * SAMPLE_BITS + 7) / 8;
+  localparam SAMPLE_BYTES = (TAXELS * SIGNAL_BITS + 7) / 8;
   localparam RECORD_BITS = 8 * (5 + ENABLE_BYTES + SAMPLE_BYTES);
   localparam PATTERN = 65536;  // clocks after which the pattern of the sink repeats
 
@@ -42,31 +55,65 @@ module harness;
 
   // -- the readout ------------------------------------------------------------------------------------
 
+  reg running = 0;
   reg rst = 1;
   reg sample_valid = 0;
   reg [TAXELS-1:0] taxel_enable = 0;
-  reg [TAXELS*SAMPLE_BITS-1:0] sample = 0;
+  reg [TAXELS*SIGNAL_BITS-1:0] sample = 0;
 
 `ifdef ANALOG
-  wire [TAXELS*THRESHOLD_BITS-1:0] upper;
-  reg [TAXELS-1:0] above;
-`ifdef POLARITY
-  wire [TAXELS*THRESHOLD_BITS-1:0] lower;
-  reg [TAXELS-1:0] below;
+  wire [TAXELS*SAMPLE_BITS-1:0] reference;
+`ifdef CLOSES
+  localparam WIDTH_BITS = $clog2(STEP) + 1;
+  wire [TAXELS*WIDTH_BITS-1:0] half_width;
 `endif
-  // The comparator macros of the taxels: they look at the signal that the last sample tick brought.
-  reg [TAXELS*SAMPLE_BITS-1:0] held = 0;
+  // The comparator macros of the taxels: they look at the signal that the last sample tick brought, and settle in the
+  // middle of a clock.
+  reg [TAXELS*SIGNAL_BITS-1:0] held = 0;
+  reg [TAXELS-1:0] above = 0;
+  reg [TAXELS-1:0] below = 0;
+  reg [31:0] comparators [0:3+2*TAXELS];
+  reg [31:0] dice = 1;
+  integer i, code, width, signal;
+
   always @(posedge clk)
     if (rst) held <= 0;
     else if (sample_valid) held <= sample;
-  integer i;
-  always @*
-    for (i = 0; i < TAXELS; i = i + 1) begin
-      above[i] = $signed(held[i*SAMPLE_BITS+:SAMPLE_BITS]) >= $signed(upper[i*THRESHOLD_BITS+:THRESHOLD_BITS]);
-`ifdef POLARITY
-      below[i] = $signed(held[i*SAMPLE_BITS+:SAMPLE_BITS]) < $signed(lower[i*THRESHOLD_BITS+:THRESHOLD_BITS]);
+
+  always @(negedge clk)
+    for (i = 0; i < TAXELS; i = i + 1)
+      if (!running) begin
+        above[i] = 0;
+        below[i] = 0;
+      end else begin
+        code = $signed(reference[i*SAMPLE_BITS+:SAMPLE_BITS]);
+        signal = $signed(held[i*SIGNAL_BITS+:SIGNAL_BITS]);
+`ifdef CLOSES
+        width = {1'b0, half_width[i*WIDTH_BITS+:WIDTH_BITS]};
+`else
+        width = STEP;
 `endif
+`ifdef POLARITY
+        above[i] = seen(signal, 4 + i, above[i]) >= (code + width) * (1 << FRACTION_BITS);
+        below[i] = -seen(-signal, 4 + TAXELS + i, below[i]) < (code - width) * (1 << FRACTION_BITS);
+`else
+        above[i] = seen(signal, 4 + i, above[i]) >= (code + width + 1) * (1 << FRACTION_BITS);
+`endif
+      end
+
+  // What a comparator makes of a signal: offset, hysteresis and noise added.
+  function automatic signed [31:0] seen(input signed [31:0] level, input integer number, input high);
+    begin
+      seen = level + $signed(comparators[number]);
+      if (high) seen = seen + $signed(comparators[1]);
+      if (comparators[0] != 0) begin
+        dice = dice ^ (dice << 13);
+        dice = dice ^ (dice >> 17);
+        dice = dice ^ (dice << 5);
+        seen = seen + $signed(dice % (2 * comparators[0] + 1)) - $signed(comparators[0]);
+      end
     end
+  endfunction
 `endif
 
 `ifdef FOUR_PHASE
@@ -110,10 +157,12 @@ module harness;
 `endif
 `ifdef ANALOG
       .above(above),
-      .upper(upper),
+      .reference(reference),
 `ifdef POLARITY
       .below(below),
-      .lower(lower),
+`endif
+`ifdef CLOSES
+      .half_width(half_width),
 `endif
 `else
       .sample(sample),
@@ -142,14 +191,13 @@ module harness;
 
   // -- the player -------------------------------------------------------------------------------------
 
-  reg running = 0;
   reg [63:0] cycle = 0;
   reg [31:0] gap = 0;
   reg [RECORD_BITS-1:0] record = 0;
   reg [7:0] ready_pattern [0:PATTERN-1];
   reg [15:0] ack_pattern [0:PATTERN/16-1];
   reg [2:0] hold = 0;
-  integer stimulus_file, pattern_file, event_file, count;
+  integer stimulus_file, pattern_file, event_file, decision_file, count;
 `ifdef FOUR_PHASE
   reg responding = 0;
   wire quiet = !responding && !aer_ack;
@@ -169,6 +217,13 @@ module harness;
         $fclose(pattern_file);
         stimulus_file = $fopen("stimulus.bin", "rb");
         event_file = $fopen("events.txt", "w");
+`ifdef ANALOG
+        pattern_file = $fopen("comparators.bin", "rb");
+        count = $fread(comparators, pattern_file);
+        $fclose(pattern_file);
+        dice = comparators[2];
+        decision_file = $fopen("decisions.txt", "w");
+`endif
         errors <= 0;
         cycle <= 0;
         running <= 1;
@@ -176,6 +231,9 @@ module harness;
         next_record;
       end
     end else begin
+`ifdef ANALOG
+      if (comparators[3] != 0) $fwrite(decision_file, "%h %h\n", above, below);
+`endif
       cycle <= cycle + 1;
       if (gap == 1) next_record;
       else begin
@@ -190,10 +248,13 @@ module harness;
       gap <= record[RECORD_BITS-1-:32];
       sample_valid <= record[RECORD_BITS-34];
       taxel_enable <= record[8*SAMPLE_BYTES+:TAXELS];
-      if (record[RECORD_BITS-34]) sample <= record[0+:TAXELS*SAMPLE_BITS];
+      if (record[RECORD_BITS-34]) sample <= record[0+:TAXELS*SIGNAL_BITS];
       if (record[RECORD_BITS-33] || count == 0) begin
         $fclose(stimulus_file);
         $fclose(event_file);
+`ifdef ANALOG
+        $fclose(decision_file);
+`endif
         running <= 0;
         rst <= 1;
         hold <= 0;

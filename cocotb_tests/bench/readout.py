@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 from cocotb.triggers import ValueChange
 from numpy.typing import NDArray
 
+from cocotb_tests.bench.analog import SIGNAL_BITS_MORE, Comparators, read_decisions, signal_of
 from model.config import ReadoutConfig
 from model.events.address import EVENT_DTYPE, Events
 from model.events.compare import Difference, first_difference
@@ -26,13 +28,13 @@ PATTERN = 65536
 class StimulusDriver:
     """Writes a stimulus in the form that the harness plays (see harness.v)."""
 
-    FILES = ("stimulus.bin", "ready.bin", "ack.bin")
+    FILES = ("stimulus.bin", "ready.bin", "ack.bin", "comparators.bin")
 
     config: ReadoutConfig
     folder: Path
 
-    def write(self, stimulus: Stimulus) -> None:
-        """Write stimulus.bin, ready.bin and ack.bin."""
+    def write(self, stimulus: Stimulus, comparators: Comparators | None = None) -> None:
+        """Write ``FILES``; comparators, where they are not ideal, have their decisions recorded."""
         stimulus.check(self.config)
         clocks = np.unique(np.concatenate([stimulus.sample_clock, stimulus.enable_clock, [0]]))
         clocks = clocks[clocks < stimulus.clocks]
@@ -46,7 +48,10 @@ class StimulusDriver:
             samples = np.zeros((len(clocks), self.config.taxels), np.int32)
         mask = stimulus.enable[np.searchsorted(stimulus.enable_clock, clocks, side="right") - 1]
         gap = np.diff(clocks, append=stimulus.clocks).astype(">u4")
-        bits = (samples[:, :, None] >> np.arange(self.config.sample_bits)) & 1
+        width = self.config.sample_bits
+        if self.config.frontend == "analog":
+            samples, width = signal_of(samples), width + SIGNAL_BITS_MORE
+        bits = (samples[:, :, None] >> np.arange(width)) & 1
         records = np.concatenate(
             [
                 gap.view(np.uint8).reshape(-1, 4),
@@ -58,6 +63,7 @@ class StimulusDriver:
         )
         end = np.zeros(records.shape[1], np.uint8)
         end[4] = 0x80
+        (comparators or Comparators()).write(self.config, self.folder, record=comparators is not None)
         (self.folder / "stimulus.bin").write_bytes(records.tobytes() + end.tobytes())
         (self.folder / "ready.bin").write_bytes(_repeat(stimulus.ready, PATTERN).tobytes())
         (self.folder / "ack.bin").write_bytes(_repeat(stimulus.ack_delay, PATTERN // 16).astype(">u2").tobytes())
@@ -205,6 +211,17 @@ class Bench:
         expected = simulate(self.scoreboard.config, stimulus)
         self.scoreboard.check(name, stimulus.clocks, expected, events, errors, lambda: stimulus)
         return events
+
+    async def check_given(self, name: str, stimulus: Stimulus, comparators: Comparators) -> tuple[Events, Stimulus]:
+        """Hold the RTL to the model that is given what the comparators found; return the events, and that stimulus."""
+        from model.readout import simulate
+
+        self.driver.write(stimulus, comparators)
+        events, errors = await self._go()
+        given = dataclasses.replace(stimulus, decisions=read_decisions(self.scoreboard.config, self.folder))
+        expected = simulate(self.scoreboard.config, given)
+        self.scoreboard.check(name, stimulus.clocks, expected, events, errors, lambda: given)
+        return events, given
 
     async def check_prepared(self, run: Prepared, again: Callable[[], Stimulus]) -> Events:
         """Play what has been prepared and hold the RTL to the model; return the events."""

@@ -89,6 +89,11 @@ class TaxelReference:
         """The smallest code that is not OFF."""
         return self.reference - self.half_width
 
+    def on_scale(self, reference: int) -> bool:
+        """Return whether a reference lies between the ends of the scale."""
+        full_scale = 2 ** (self.config.sample_bits - 1)
+        return -full_scale <= reference // self.unit < full_scale
+
     def compare(self, x: int) -> tuple[bool, bool]:
         """Return whether a code is ON and whether it is OFF, by the inequalities of the specification."""
         difference = x * self.unit - self.reference
@@ -129,7 +134,9 @@ class TaxelReference:
         above, below = self.compare(self.sample) if decision is None else decision
         if not self.pending or granted:
             decides = tick or self.config.decide_every == "clock"
-            on, off = decides and above, decides and below
+            rise = self.step * self.unit if self.config.encoding == "nlcs" else self.half_width
+            on = decides and above and self.on_scale(self.reference + rise)
+            off = decides and below and not above and self.on_scale(self.reference - rise)
             self._move(on, off, tick, decay)
             self.pending = on or off
             if self.pending:
@@ -327,7 +334,13 @@ class ReadoutReference:
         number, period = self.ticks - 1, self.config.leak_period
         return self.tick and number % period == row * period // self.config.rows
 
-    def clock(self, sample: Sequence[int] | None, enable: Sequence[bool], ready: bool) -> None:
+    def clock(
+        self,
+        sample: Sequence[int] | None,
+        enable: Sequence[bool],
+        ready: bool,
+        decisions: Sequence[tuple[bool, bool]] | None = None,
+    ) -> None:
         """Take a rising edge.
 
         Parameters
@@ -338,6 +351,8 @@ class ReadoutReference:
             The mask.
         ready : bool
             ``event_ready``; a four-phase link has its own.
+        decisions : sequence of (bool, bool), rows * columns long, optional
+            What the comparators find, above and below, where the signal does not tell (analog front end).
         """
         four_phase = self.config.link == "four_phase"
         if four_phase:
@@ -360,7 +375,7 @@ class ReadoutReference:
                     granted=row == granted,
                     decay=self.decays(row),
                     sample=sample[index] if digital and sample is not None else None,
-                    decision=None if digital else taxel.comparators(x),
+                    decision=None if digital else taxel.comparators(x) if decisions is None else decisions[index],
                 )
                 if taxel.pending and not waited:
                     polarity = taxel.polarity if self.config.has_polarity else True
@@ -396,5 +411,9 @@ def play(
             events.append(TimedEvent(clock - 1, *readout.link.address))
         req = readout.link.req
         enable = masks.get(clock, enable)
-        readout.clock(samples.get(clock), enable, bool(ready[clock % len(ready)]))
+        decisions = None
+        if stimulus.decisions is not None:
+            found = stimulus.decisions[clock].tolist()
+            decisions = [(bits & 1 != 0, config.has_polarity and bits & 2 != 0) for bits in found]
+        readout.clock(samples.get(clock), enable, bool(ready[clock % len(ready)]), decisions)
     return readout, events if config.link == "four_phase" else readout.accepted

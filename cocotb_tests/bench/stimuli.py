@@ -163,6 +163,8 @@ def scenarios(config: ReadoutConfig, seed: int, ticks: int = 40, limit: int = 30
         sink = sinks[(number + seed) % len(sinks)]
         masked = bool((number + seed) // len(sinks) % 2)
         samples = make(config, ticks, rng)
+        if config.frontend == "analog" and number % 2:  # such a signal has offsets, and leaves the scale
+            samples = samples * 5 // 4 + rng.integers(-config.step, config.step + 1, config.taxels)
         samples = np.concatenate([samples, np.zeros((1, config.taxels), np.int64)])  # and rest
         clock = np.cumsum(rng.integers(1, 12, len(samples))) - 1
         at, mask = masks(config, int(clock[-1]) * 2 // 3, 6 if masked else 0, rng)

@@ -184,11 +184,13 @@ def _shape(config: ReadoutConfig) -> tuple[dict[str, str], dict[str, int]]:
         "ROWS": config.row_bits > 0,
         "COLUMNS": config.column_bits > 0,
         "ADDRESS": config.event_bits > 0,
+        "CLOSES": config.closes,
     }
     parameters = {
         "TAXELS": config.taxels,
         "SAMPLE_BITS": config.sample_bits,
         "ROW_BITS": config.row_bits,
         "COLUMN_BITS": config.column_bits,
+        "STEP": config.step,
     }
     return {name: "1" for name, on in macros.items() if on}, parameters

@@ -96,7 +96,7 @@ def test_takes_both_ends_of_every_range() -> None:
         ({"encoding": "lcs"}, "needs_tick", False),
         ({"encoding": "lcs", "decide_every": "sample"}, "needs_tick", True),
         ({"encoding": "nlcs"}, "needs_tick", True),
-        ({"sample_bits": 12}, "threshold_bits", 13),
+        ({"resolution": 6}, "half_width_bits", 5),
         ({"sample_rate_hz": 20_000, "clocks_per_sample": 64}, "clock_hz", 1.28e6),
         ({"rows": 1}, "row_bits", 0),
         ({"rows": 2}, "row_bits", 1),

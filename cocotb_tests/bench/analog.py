@@ -1,0 +1,58 @@
+"""The comparators of the analog front end in the harness: what is not ideal about them, and what they found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.config import ReadoutConfig
+
+FRACTION_BITS, SIGNAL_BITS_MORE = 4, 6
+"""Bits of an analog signal in the harness below those of a sample, and in all more than those of a sample."""
+
+
+@dataclass(frozen=True)
+class Comparators:
+    """Comparators with faults, all in 1/16 code; by default ideal ones.
+
+    Attributes
+    ----------
+    offset : ndarray of int64, shape (2, taxels), optional
+        Of the comparators above, and of those below.
+    noise : int
+        Largest value of a noise that is even, and new in every clock.
+    hysteresis : int
+        By which a signal must come back until a comparator that is high falls.
+    seed : int
+        Of the noise, not 0.
+    """
+
+    offset: NDArray[np.int64] | None = None
+    noise: int = 0
+    hysteresis: int = 0
+    seed: int = 1
+
+    def write(self, config: ReadoutConfig, folder: Path, record: bool) -> None:
+        """Write comparators.bin (see harness.v); with ``record`` the harness writes what they find."""
+        offset = np.zeros((2, config.taxels), np.int64) if self.offset is None else self.offset
+        words = np.concatenate([[self.noise, self.hysteresis, self.seed, record], offset.ravel()])
+        (folder / "comparators.bin").write_bytes(words.astype(">i4").tobytes())
+
+
+def signal_of(samples: NDArray[np.integer]) -> NDArray[np.int64]:
+    """Return analog signals that lie by chance between each sample's code and the next, in 1/16 code."""
+    fraction = np.random.default_rng(samples.size).integers(0, 1 << FRACTION_BITS, samples.shape)
+    return (samples.astype(np.int64) << FRACTION_BITS) + fraction
+
+
+def read_decisions(config: ReadoutConfig, folder: Path) -> NDArray[np.uint8]:
+    """Return what the comparators found in every clock, shape (clocks, taxels), as ``Stimulus.decisions``."""
+    words = (folder / "decisions.txt").read_text().split()
+    digits = -(-config.taxels // 4)
+    nibbles = np.array([[int(digit, 16) for digit in word.zfill(digits)] for word in words], np.uint8)
+    bits = (nibbles[:, ::-1, None] >> np.arange(4, dtype=np.uint8)) & 1
+    found = bits.reshape(-1, 2, 4 * digits)[:, :, : config.taxels].astype(np.uint8)
+    return np.asarray(found[:, 0] + 2 * found[:, 1], np.uint8)
