@@ -75,7 +75,7 @@ class TaxelBench:
             self.check.equal("polarity", reference.polarity, block.read("polarity"), state)
         if self.config.frontend == "analog":
             code = reference.reference // reference.unit
-            self.check.equal("reference", code, block.read_signed("reference"), state)
+            self.check.equal("reference_code", code, block.read_signed("reference_code"), state)
             if self.config.closes:
                 self.check.equal("half_width", reference.half_width, block.read("half_width"), state)
 
@@ -97,7 +97,7 @@ class TaxelBench:
         await block.settle()
         decision = None
         if config.frontend == "analog":  # the comparators look at the reference that the RTL gives them
-            decision = self.decide(block.read_signed("reference"))
+            decision = self.decide(block.read_signed("reference_code"))
             block.drive(above=decision[0], below=decision[1])
             await block.settle()
         if rst and config.reset == "async":

@@ -24,7 +24,7 @@ PORTS = {
     "sample_valid": "sample tick",
     "above": "comparator decisions, {above}, settled before the rising edge",
     "below": "comparator decisions, {below}, settled before the rising edge",
-    "reference": "references, for the DACs, from flops, signed, {sample_bits} bits each, in codes of a sample",
+    "reference_code": "references, for the DACs, from flops, signed, {sample_bits} bits each, in codes of a sample",
     "half_width": "half-widths, for the DACs, from flops, unsigned, {half_width_bits} bits each, in codes",
     "event_valid": "an address event is offered",
     "event_ready": "the sink takes the event at this edge",
@@ -62,8 +62,8 @@ def ports(config: Config) -> Iterator[dict[str, Any]]:
     if isinstance(config, ReadoutConfig):
         half_width = "half_width" if config.closes else str(config.step)
         decisions = {
-            "above": f"x >= reference + {half_width + (' + 1' if config.encoding == 'nlcs' else '')}",
-            "below": f"x < reference - {half_width}",
+            "above": f"x >= reference_code + {half_width + (' + 1' if config.encoding == 'nlcs' else '')}",
+            "below": f"x < reference_code - {half_width}",
         }
         fields, meanings = fields | decisions | {"half_width_bits": config.half_width_bits}, PORTS
     for name, meaning in meanings.items():

@@ -26,7 +26,7 @@ class Readout(Block[ReadoutConfig]):
     sample, sample_valid : In(rows * columns * W), In(1)
         Codes of all taxels, taken together (digital front end). With the analog one ``sample_valid`` alone stays where
         the encoder needs time: it is the sample tick.
-    above, below, reference, half_width
+    above, below, reference_code, half_width
         Comparator decisions in, references and half-widths out (analog front end), see ``Taxel``.
     event_valid, event_ready, event_row, event_col, event_polarity
         Address events (``link="stream"``).

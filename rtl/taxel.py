@@ -32,8 +32,8 @@ class Taxel(Block[ReadoutConfig]):
         The newest code (digital front end).
     above, below : In(1)
         Decisions of the comparator macros (analog front end): x >= reference + h, x < reference - h, for N-LCS
-        x > reference + D; ``below`` only with polarity.
-    reference : Out(W)
+        x >= reference + D + 1; ``below`` only with polarity.
+    reference_code : Out(W)
         Signed, in sample codes, a register (analog front end).
     half_width : Out(half_width_bits)
         h in sample codes, a register (analog front end); absent where it is always D.
@@ -57,7 +57,7 @@ class Taxel(Block[ReadoutConfig]):
                 "sample_valid": In(1) if digital else None,
                 "above": None if digital else In(1),
                 "below": None if digital or not bipolar else In(1),
-                "reference": None if digital else Out(signed(config.sample_bits)),
+                "reference_code": None if digital else Out(signed(config.sample_bits)),
                 "half_width": None if digital or not config.closes else Out(config.half_width_bits),
                 "granted": In(1),
                 "request": Out(1),
@@ -148,7 +148,7 @@ class Taxel(Block[ReadoutConfig]):
         config = self.config
         low_bits = (config.grid - 1).bit_length()
         if config.frontend == "analog":
-            m.d.comb += self.reference.eq(reference << low_bits)
+            m.d.comb += self.reference_code.eq(reference << low_bits)
             if config.closes:
                 m.d.comb += self.half_width.eq(half_width << low_bits)
             return self.above & fits, self.below & ~self.above & fits if config.has_polarity else None
@@ -179,7 +179,7 @@ class Row(Block[ReadoutConfig]):
         taxel of the row requests.
     column_request, column_polarity : Out(columns)
         Requests and polarities of the row's taxels while it is selected, else 0.
-    tick, decay, sample, sample_valid, above, below, reference, half_width
+    tick, decay, sample, sample_valid, above, below, reference_code, half_width
         As those of ``Taxel``, column 0 in the least significant bits.
     """
 

@@ -62,7 +62,7 @@ module harness;
   reg [TAXELS*SIGNAL_BITS-1:0] sample = 0;
 
 `ifdef ANALOG
-  wire [TAXELS*SAMPLE_BITS-1:0] reference;
+  wire [TAXELS*SAMPLE_BITS-1:0] reference_code;
 `ifdef CLOSES
   localparam WIDTH_BITS = $clog2(STEP) + 1;
   wire [TAXELS*WIDTH_BITS-1:0] half_width;
@@ -86,7 +86,7 @@ module harness;
         above[i] = 0;
         below[i] = 0;
       end else begin
-        code = $signed(reference[i*SAMPLE_BITS+:SAMPLE_BITS]);
+        code = $signed(reference_code[i*SAMPLE_BITS+:SAMPLE_BITS]);
         signal = $signed(held[i*SIGNAL_BITS+:SIGNAL_BITS]);
 `ifdef CLOSES
         width = {1'b0, half_width[i*WIDTH_BITS+:WIDTH_BITS]};
@@ -157,7 +157,7 @@ module harness;
 `endif
 `ifdef ANALOG
       .above(above),
-      .reference(reference),
+      .reference_code(reference_code),
 `ifdef POLARITY
       .below(below),
 `endif
