@@ -21,6 +21,7 @@ from snn.data.bins import BinConfig
 from snn.data.recordings import class_of, event_files, read_recordings
 from snn.data.scans import load_recordings
 from snn.experiments.points import load_sweep
+from tests.skins import write_skin
 
 CLASSES = ("felt", "glass", "wood")
 CONFIG = ReadoutConfig(rows=1, columns=3, resolution=4, sample_rate_hz=100.0, clocks_per_sample=10)
@@ -137,6 +138,20 @@ def test_from_class_folders_to_classes(skin: Path, snn: Call) -> None:
     code, out, _ = snn("predict", "out/train/weights.npz", "--events", "00.npz")
     assert code == 0
     assert "class: not known" in out
+
+
+def test_a_slow_skin_goes_from_csv_to_its_classes(folder: Path, call: Any, snn: Call) -> None:
+    write_skin(folder / "skin", each=6)
+    assert call("encode skin -o events")[0] == 0
+    code, out, error = snn("train", "--events", "events", *SMALL, "--folds", 2)
+    assert code == 0, error
+    assert "9 images to learn (9 scans), 9 to test, 3 classes; 80 steps of 32 channels" in out
+    assert json.loads(Path("out/train/result.json").read_text())["accuracy"] >= 0.9
+    code, out, error = snn("predict", "out/train/weights.npz", "--events", "events/tap")
+    assert code == 0, error
+    assert "events/tap" not in out
+    assert "tap/0: tap (class: tap)" in out
+    assert "test images of the fold: accuracy " in out, "known by the same names from another folder"
 
 
 def test_crossval_and_sweep_take_them(skin: Path, snn: Call) -> None:
