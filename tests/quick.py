@@ -1,0 +1,76 @@
+"""The tests of ``make check``: a representative of every block of rtl/ and of every command, in one list.
+
+Each entry is a test function, of which the first case is taken, or the beginning of one case's name. Choose what fails
+when the block is broken and takes a second or two; ``tests/test_quick.py`` says what is missing.
+"""
+
+from __future__ import annotations
+
+BLOCKS = {
+    "arbiter": "cocotb_tests/test_arbiter.py::test_arbiter_keeps_its_contract[icarus-3x5",
+    "block": "tests/rtl/test_block.py::test_equal_blocks_share_their_text",
+    "decay": "cocotb_tests/test_taxel.py::test_taxel_equals_its_reference_in_every_clock[icarus-nlcs-digital-12b-5b",
+    "delivery": "cocotb_tests/test_verilog.py::test_port_list_is_that_of_the_module",
+    "frame": "cocotb_tests/test_frame.py::test_rtl_equals_the_model_in_every_clock[icarus-1x4-6b",
+    "gates": "tests/rtl/test_gates.py::test_analog_front_end_saves_the_samples",
+    "link": "cocotb_tests/test_link.py::test_link_keeps_the_protocol_and_equals_its_reference[icarus-3x5",
+    "logic": "tests/rtl/test_logic.py::test_networks_compute_what_they_say",
+    "readout": "cocotb_tests/test_readout.py::test_rtl_equals_model_in_every_encoding[lcs-3x5-6b",
+    "taxel": "cocotb_tests/test_taxel.py::test_taxel_equals_its_reference_in_every_clock[icarus-lcs-digital-12b-5b",
+    "verilog": "cocotb_tests/test_verilog.py::test_lint_is_clean[lcs-3x5-6b",
+    "window": "cocotb_tests/test_taxel.py::test_taxel_equals_its_reference_in_every_clock[icarus-cw-lcs-digital-12b-5b",
+    "yosys": "tests/rtl/test_yosys.py::test_the_stamp_goes_and_a_port_is_declared_once",
+}
+"""A test for each file of rtl/, by its name."""
+
+COMMANDS = {
+    "model encode": "tests/commands/test_encode.py::test_encodes_floats_in_full_scale",
+    "model decode": "tests/commands/test_decode.py::test_all_signal_files_hold_the_same",
+    "model compare": "tests/model/test_compare.py::test_different_files",
+    "model rates": "tests/model/test_rates.py::test_table_names_the_rate_and_follows_options",
+    "model event-rates": "tests/commands/test_power.py::test_event_rates_writes_a_file_that_power_reads",
+    "model power": "tests/commands/test_power.py::test_power_prints_the_breakdown_as_json",
+    "model fig6": "tests/commands/test_power.py::test_fig6_data_are_the_model",
+    "model fig7": "tests/commands/test_power.py::test_fig7_data_are_the_model",
+    "model sensitivity": "tests/commands/test_power.py::test_sensitivity_has_every_correction_alone_and_left_out",
+    "model explore": "tests/commands/test_power.py::test_explore_names_the_cheapest",
+    "model frames": "tests/model/test_frame.py::test_frames_prints_a_line_for_each_readout",
+    "model report": "tests/model/test_report.py::test_text_from_files_cannot_leave_its_place",
+    "rtl verilog": "cocotb_tests/test_frame_verilog.py::test_command_writes_the_text_of_the_library",
+    "rtl gates": "tests/rtl/test_gates.py::test_command_compares_the_readouts_of_one_array",
+    "cocotb_tests sim": "cocotb_tests/test_commands.py::test_sim_ends_with_its_one_line",
+    "cocotb_tests replay": "cocotb_tests/test_commands.py::test_a_missing_dataset_is_one_sentence",
+    "snn train": "tests/snn/test_train.py::test_an_output_that_cannot_be_written_is_refused_before_the_scans",
+    "snn crossval": "tests/snn/test_train.py::test_crossval_prints_both_readings",
+    "snn sweep": "tests/snn/test_sweep.py::test_bad_options_get_one_sentence",
+    "snn predict": "tests/snn/test_predict.py::test_an_intact_replay_passes",
+    "snn fig8": "tests/snn/test_figures.py::test_fig8_shows_the_first_test_image_and_its_logits",
+    "snn fig9": "tests/snn/test_figures.py::test_what_is_drawn_is_what_the_sweeps_say",
+    "snn export": "tests/snn/test_nir_network.py::test_networks_go_out_and_come_back",
+    "snn import": "tests/snn/test_nir_network.py::test_networks_go_out_and_come_back",
+    "snn convert": "tests/snn/test_nir_events.py::test_events_go_out_and_come_back",
+    "snn cache": "tests/snn/test_cache.py::test_the_command_shows_and_clears",
+}
+"""A test for each command of the packages."""
+
+OTHERS = {
+    "layers": "tests/test_layers.py",
+    "make": "tests/commands/test_make.py::test_make_refuses_a_wrong_variable",
+    "errors": "tests/commands/test_app.py::test_every_mistake_is_one_sentence",
+    "network": "tests/snn/test_network.py::test_a_neuron_by_hand",
+    "kernel": "tests/snn/test_network.py::test_kernel_equals_plain_autograd",
+    "quick": "tests/test_quick.py",
+}
+"""What else is quick and tells much: a file, or a function, by subject."""
+
+
+def fits(node: str, entry: str) -> bool:
+    """Say whether a test, by the name pytest gives it, is that of an entry."""
+    function, bracket, case = entry.partition("[")
+    return node.startswith(function) and (not bracket or node.partition("[")[2].startswith(case))
+
+
+def chosen(nodes: list[str]) -> set[str]:
+    """Return those of some tests that are quick: of a block or a command the first case that fits its entry."""
+    firsts = {next((node for node in nodes if fits(node, entry)), "") for entry in (BLOCKS | COMMANDS).values()}
+    return (firsts - {""}) | {node for node in nodes for entry in OTHERS.values() if fits(node, entry)}

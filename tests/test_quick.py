@@ -1,0 +1,49 @@
+"""make check touches every block and every command, and names no test that is not there."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+import typer
+
+from cocotb_tests.__main__ import app as cocotb_tests
+from model.__main__ import app as model
+from rtl.__main__ import app as rtl
+from snn.__main__ import app as snn
+from tests.quick import BLOCKS, COMMANDS, OTHERS, chosen, fits
+
+ROOT = Path(__file__).parents[1]
+
+
+def test_every_block_has_a_quick_test() -> None:
+    files = {path.stem for path in (ROOT / "rtl").glob("*.py") if not path.stem.startswith("__")}
+    assert set(BLOCKS) == files
+
+
+def test_every_command_has_a_quick_test() -> None:
+    apps = {"model": model, "rtl": rtl, "cocotb_tests": cocotb_tests, "snn": snn}
+    names = {
+        f"{package} {name}"
+        for package, app in apps.items()
+        for name in typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    }
+    assert set(COMMANDS) == names
+
+
+@pytest.mark.parametrize("entry", sorted({*BLOCKS.values(), *COMMANDS.values(), *OTHERS.values()}))
+def test_every_entry_names_a_test(entry: str) -> None:
+    path, _, function = entry.partition("[")[0].partition("::")
+    names = [node.name for node in ast.walk(ast.parse((ROOT / path).read_text())) if isinstance(node, ast.FunctionDef)]
+    assert any(name.startswith(function) for name in names if name.startswith("test_")), entry
+
+
+def test_of_a_block_one_case_is_taken(request: pytest.FixtureRequest) -> None:
+    arbiter = [f"{BLOCKS['arbiter']}-{n}]" for n in range(3)]
+    assert chosen(arbiter) == {arbiter[0]}
+    assert chosen(["cocotb_tests/test_arbiter.py::test_arbiter_keeps_its_contract[verilator-3x5-1]"]) == set()
+    nodes = [item.nodeid for item in request.session.items]
+    for entry in BLOCKS.values():
+        cases = [node for node in nodes if fits(node, entry.partition("[")[0])]
+        assert len(cases) < 2 or chosen(nodes) & set(cases), f"no case is that of {entry}"
