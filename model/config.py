@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args, get_type_hints
 
 from model.errors import InputError
+from model.files import read_json
 
 Encoding = Literal["lcs", "cw-lcs", "nlcs"]
 Link = Literal["stream", "four_phase"]
@@ -22,6 +23,9 @@ MAX_SIDE = 64
 
 MAX_LEAK_PERIOD = 2**20
 """Largest number of sample ticks from one leak to the next."""
+
+MIN_RATE_HZ, MAX_RATE_HZ = 1e-9, 1e12
+"""Sample rates of anything that could be built: one sample in 30 years, and a period below any gate's delay."""
 
 MAX_TAU_ERROR = 0.05
 """Relative error of a time constant beyond which ``from_tau`` refuses it."""
@@ -140,6 +144,10 @@ class ReadoutConfig:
         self._check_range("clocks_per_sample", 1, 2**24)
         if not (math.isfinite(self.sample_rate_hz) and self.sample_rate_hz > 0):
             raise InputError(f"sample_rate_hz must be a positive number of hertz, not {self.sample_rate_hz!r}")
+        if not MIN_RATE_HZ <= self.sample_rate_hz <= MAX_RATE_HZ:
+            raise InputError(
+                f"sample_rate_hz must be in {MIN_RATE_HZ:g}..{MAX_RATE_HZ:g} hertz, not {self.sample_rate_hz!r}"
+            )
         # A reference stands on a level of its encoder; the leaky one never goes below zero.
         low = 0 if self.encoding == "nlcs" else -self.full_scale
         self._check_range("reference_reset", low, self.full_scale - 1)
@@ -330,10 +338,21 @@ class ReadoutConfig:
 
     @classmethod
     def load(cls, path: Path) -> ReadoutConfig:
-        """Return the configuration of a JSON file."""
+        """Return the configuration of a JSON file, one of its own or that which lies beside the Verilog."""
+        return cls.of_file(path)[0]
+
+    @classmethod
+    def of_file(cls, path: Path) -> tuple[ReadoutConfig, dict[str, Any]]:
+        """Return the configuration of a JSON file, read once since it may be a pipe, and the fields that stand in it.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read or holds no configuration; the sentence names it.
+        """
+        content = read_json(path, "the configuration", dict)
+        fields = content["configuration"] if {"configuration", "ports"} <= set(content) else content
         try:
-            return cls.from_json(path.read_text())
-        except OSError as error:
-            raise InputError(f"cannot read the configuration {path}: {error.strerror}") from None
-        except UnicodeDecodeError:
-            raise InputError(f"the configuration {path} is not text; give a JSON file") from None
+            return cls.from_dict(fields), fields
+        except InputError as error:
+            raise InputError(f"the configuration {path}: {error}") from None

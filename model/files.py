@@ -15,6 +15,9 @@ from typing import IO, Any
 
 from model.errors import InputError
 
+OUT = Path("out")
+"""Folder of what commands write unless told otherwise."""
+
 PROBE_BYTES = 2**17
 """What can be written to a disk that is not full."""
 
@@ -95,7 +98,15 @@ def refusing_a_full_disk(folder: Path) -> Iterator[None]:
 
 
 def check_writable(path: Path) -> None:
-    """Refuse an output path whose folder does not exist, or that is a folder: before any work is done."""
+    """Refuse an output path whose folder does not exist, or that is a folder: before any work is done.
+
+    The folder ``out`` of the current one is the place of all defaults, and is made.
+    """
+    if path.parent == OUT:
+        try:
+            OUT.mkdir(exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot make the folder {OUT}: {error.strerror}; choose another --out") from None
     if not path.parent.is_dir():
         raise InputError(f"cannot write {path}: the folder {path.parent} does not exist; create it first")
     if path.is_dir():
@@ -125,7 +136,7 @@ def read_json(path: Path, what: str, kind: type | None = None) -> Any:
         If it cannot be read, is not JSON, is nested too deeply, or is of another kind; the sentence names the file.
     """
     try:
-        content = json.loads(path.read_bytes())
+        content = json.loads(path.read_bytes(), parse_int=_whole)
     except OSError as error:
         raise InputError(f"cannot read {what} {path}: {error.strerror}") from None
     except ValueError as error:  # a character that is no text is one too
@@ -136,6 +147,13 @@ def read_json(path: Path, what: str, kind: type | None = None) -> Any:
         noun = "object" if kind is dict else "list"
         raise InputError(f"{what} {path} must be a JSON {noun}, not {type(content).__name__}")
     return content
+
+
+def _whole(text: str) -> int:
+    """Return a whole number that a float can stand for: what is beyond fits no unit."""
+    if len(text) > 308:
+        raise ValueError(f"a number of {len(text)} digits stands in it")
+    return int(text)
 
 
 MOST_UNPACKED = 2**30

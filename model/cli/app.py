@@ -78,6 +78,8 @@ def _invoke(app: typer.Typer, prog_name: str, args: list[str]) -> int:
         return _report(str(error))
     except typer.TyperException as error:  # a usage error: unknown option, missing argument
         return _report(error.format_message())
+    except OverflowError as error:  # where no check stands before it: an absurd number, not a defect
+        return _report(f"a number is too large ({error}); give one that a float can hold")
     except MemoryError as error:
         return _report(f"not enough memory: {str(error) or 'the data are too large'}")
     except OSError as error:

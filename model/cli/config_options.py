@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
-import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -91,8 +90,9 @@ def build_config(
     given = set(explicit)
     fields = dict(explicit)
     if file is not None:
-        fields = ReadoutConfig.load(file).to_dict() | explicit
-        given |= set(json.loads(file.read_text()))
+        stored, named = ReadoutConfig.of_file(file)
+        fields = stored.to_dict() | explicit
+        given |= set(named)
     config = ReadoutConfig.from_dict(fields)
     if tau_s is None:
         return config, frozenset(given)

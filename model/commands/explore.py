@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from typing import Annotated, Any
 
 import typer
@@ -35,6 +36,11 @@ from model.power.study import RESOLUTIONS
 
 SENSOR = ("rows", "columns", "signal_bandwidth_hz", "supply_v", "pads_voltage_v", "pads_toggle")
 """Parameters of the power model that have an option of their own; ``--set`` takes the others."""
+
+
+STORED_RATES = (
+    "event rates: those of textures in the {} scan, which come with the project; --event-rate gives your sensor's own"
+)
 
 
 @with_fields(PowerParameters, SENSOR, "sensor", {"signal_bandwidth_hz": "that of the textures"})
@@ -83,6 +89,8 @@ def explore(
     model = build_model(frozenset(CORRECTIONS), own, synthesis, source, parameters)
     data = explore_data(model, noise, tau, min_resolution)
     written = write_results(out, "explore", data, plot_explore)
+    if event_rate is dataset is rates is None:
+        print(STORED_RATES.format(preset_name), file=sys.stderr if as_json else sys.stdout)
     if not as_json:
         print(written)
     if as_json:

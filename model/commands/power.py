@@ -20,8 +20,9 @@ from model.commands.options import (
     SettingsOption,
     SynthesisOption,
 )
+from model.errors import InputError
 from model.figures.results import DEFAULT_OUT, write_results
-from model.power.build import both_modes, build_model, chosen_corrections, rate_table
+from model.power.build import MEASURED, both_modes, build_model, chosen_corrections, rate_table
 from model.power.parameters import PowerParameters
 from model.power.study import crossover_text
 
@@ -48,7 +49,9 @@ def power(
     settings: SettingsOption = None,
     synthesis: SynthesisOption = None,
     dataset: DatasetOption = None,
-    preset_name: PresetOption = "paper",
+    preset_name: Annotated[
+        str | None, typer.Option("--preset", metavar="paper|physical", help="texture scan of the event rates [paper]")
+    ] = None,
     rates: RatesOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -60,11 +63,16 @@ def power(
     from model.power.study import RESOLUTIONS, TAUS_S, breakdowns, crossovers, winning_sides
 
     corrections = chosen_corrections(mode, correct, without)
+    given = {"--rates": rates, "--dataset": dataset, "--preset": preset_name}
+    if idle := [name for name, value in given.items() if value is not None and not corrections & MEASURED]:
+        raise InputError(
+            f"{idle[0]} has no effect on the published rates; add --mode consistent or --correct event_rates"
+        )
     # Bad numbers are refused before anything is measured.
     PowerModel().breakdown("frame", resolution, noise, tau)
     wanted = (list(RESOLUTIONS), list(TAUS_S)) if crossover else ([resolution], [tau])
     model = build_model(
-        corrections, settings, synthesis, lambda: rate_table(dataset, preset_name, rates, *wanted, watch=bar)
+        corrections, settings, synthesis, lambda: rate_table(dataset, preset_name or "paper", rates, *wanted, watch=bar)
     )
     if not crossover:
         data = breakdowns(model, resolution, noise, tau)

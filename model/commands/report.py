@@ -39,10 +39,6 @@ def report(
             raise InputError(f"{folder} is not a folder; give one, or leave the option out")
     if accuracy is not None and not accuracy.is_file():
         raise InputError(f"cannot read the accuracy results {accuracy}: there is no such file")
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot make the folder {out.parent}: {error.strerror}; choose another --out") from None
     check_writable(out)
     data = report_data(
         sim or SIM, replay or REPLAY, benchmarks or BENCHMARKS, accuracy or ACCURACY, list(synthesis or [])

@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from model.power.rates import RateTable
 
 
+MEASURED = frozenset({"event_rates", "bandwidth"})
+"""Corrections that need measured event rates."""
+
+
 def chosen_corrections(mode: str | None, correct: str | None, without: str | None) -> frozenset[str]:
     """Return the corrections that the options name: none in ``paper``, all in ``consistent`` unless listed."""
     from model.power.equations import CORRECTIONS, PowerMode, check_corrections
@@ -104,7 +108,7 @@ def build_model(
         raise InputError("--synthesis belongs to correction digital; add --mode consistent or --correct digital")
     gates = load_reports(list(synthesis or []))
     measured = None
-    if corrections & {"event_rates", "bandwidth"}:
+    if corrections & MEASURED:
         measured = source()
         parameters = _with_bandwidth(parameters, measured, settings, sensor is None)
     return PowerModel(parameters=parameters, corrections=corrections, measured=measured, gates=gates)

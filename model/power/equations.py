@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.errors import InputError
-from model.power.parameters import MAX_RESOLUTION, MIN_RESOLUTION, PAPER_TAXELS, PowerParameters
+from model.power.parameters import LARGEST, MAX_RESOLUTION, MIN_RESOLUTION, PAPER_TAXELS, SMALLEST, PowerParameters
 from model.power.synthesis import SynthesisReport
 
 FloatArray = NDArray[np.float64]
@@ -388,9 +388,12 @@ def _checked_resolution(resolution: ArrayLike) -> FloatArray:
 
 
 def _positive(value: ArrayLike, name: str, unit: str) -> FloatArray:
-    """Return a positive finite float array."""
+    """Return a positive float array, of numbers with which no formula here leaves the range of a float."""
     values = np.asarray(value, np.float64)
     bad = ~(np.isfinite(values) & (values > 0))
     if bad.any():
         raise InputError(f"{name} must be a positive number of {unit}, not {values[bad].flat[0]:g}")
+    beyond = (values < SMALLEST) | (values > LARGEST)
+    if beyond.any():
+        raise InputError(f"{name} must be in {SMALLEST:g}..{LARGEST:g} {unit}, not {values[beyond].flat[0]:g}")
     return values

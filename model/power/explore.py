@@ -14,7 +14,7 @@ from model.power.equations import (
     Readout,
     TaxelRates,
 )
-from model.power.parameters import MAX_RESOLUTION, MIN_RESOLUTION, PowerParameters
+from model.power.parameters import LARGEST, MAX_RESOLUTION, MIN_RESOLUTION, PowerParameters
 from model.power.study import RESOLUTIONS, breakdowns
 
 
@@ -36,7 +36,7 @@ class GivenRates:
 
     def __post_init__(self) -> None:
         for rate in (self.lcs_hz, self.nlcs_hz):
-            if not (math.isfinite(rate) and rate >= 0):
+            if not (math.isfinite(rate) and 0 <= rate <= LARGEST):
                 raise InputError(f"event rate must be a number of events/s from 0, not {rate:g}")
 
     def taxel_rates(self, readout: Readout, resolution: FloatArray, tau_s: FloatArray, taxels: int) -> TaxelRates:

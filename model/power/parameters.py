@@ -16,6 +16,9 @@ SCRIPTS = "mdalea/intuitive, BioCAS22/plots"
 PAPER_TAXELS = 64
 """Taxels to which the fitted population rates belong."""
 
+SMALLEST, LARGEST = 1e-15, 1e15
+"""Range of noise, time and rates of any sensor. Parameters go down to its square, for Boltzmann's constant."""
+
 MIN_RESOLUTION, MAX_RESOLUTION = 1, 10
 """Resolutions N of the power model: those of Fig. 7."""
 
@@ -101,6 +104,8 @@ class PowerParameters:
             elif not (math.isfinite(value) and value > 0):
                 unit = type(self).unit(name)
                 raise InputError(f"{name} must be a positive number{f' in {unit}' if unit else ''}, not {value!r}")
+            elif not SMALLEST**2 <= value <= LARGEST:
+                raise InputError(f"{name} must be in {SMALLEST**2:g}..{LARGEST:g}, not {value!r}")
         for name in (
             *("mean_signal", "settling_share", "settling_error_lsb", "stage_noise_share"),
             *("comparator_share", "line_share", "logic_share", "io_toggle", "pads_toggle"),

@@ -57,7 +57,6 @@ def predict(
     files = event_files(events)
     with bar("reading events", len(files)) as step:
         recordings = read_recordings(files, trained.weights.class_names, step)
-    out.parent.mkdir(parents=True, exist_ok=True)
     check_writable(out)
     data = work.bin_recordings(recordings, trained)
     logits = work.logits_of(trained.weights.network, data)
