@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from model.cli.config_options import with_config
+from model.cli.progress import bar
+from model.commands.recordings import print_set, warn
 from model.config import ReadoutConfig
+from model.errors import InputError
 
 
 @with_config
@@ -22,9 +25,17 @@ def sim(
     only: Annotated[str | None, typer.Option(help="one texture, by its name, and no scenarios")] = None,
     ticks: Annotated[int | None, typer.Option(help="sample ticks of a scan at most [all]")] = None,
     dataset: Annotated[str | None, typer.Option(help="texture folder, or 'embedded'")] = None,
+    data: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="your own recordings instead: class folders, or a file")
+    ] = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for pictures and event files")] = Path("out/sim"),
 ) -> None:
-    """Hold the RTL to the model on scenarios and texture scans; exit code 1 if they differ."""
+    """Hold the RTL to the model on scenarios and texture scans, or your recordings; exit code 1 if they differ."""
+    if data is not None:
+        if only is not None or dataset is not None:
+            raise InputError("--data plays your own recordings; leave out --only and --dataset")
+        _sim_own(data, config, given, simulator, waves, textures, ticks, out)
+        return
     from rich.console import Console
     from rich.progress import (
         BarColumn,
@@ -68,4 +79,27 @@ def sim(
         print(f"FAILED: {total.events} events were compared, {total.drained} runs left nothing outstanding")
         raise typer.Exit(1)
     print(f"pictures and event files: {out}")
+    print(f"bit-exact: {total.runs} runs, {total.clocks} clocks, {total.events} events, 0 mismatches")
+
+
+def _sim_own(place: Path, config: ReadoutConfig, given: frozenset[str], *rest: Any) -> None:
+    """Play a user's own recordings through RTL and model, with the encoding that was chosen, or all three."""
+    from cocotb_tests.session import own as session
+    from cocotb_tests.session.session import MismatchFound, Tally
+
+    total = Tally()
+    for encoding in [config.encoding] if "encoding" in given else ["lcs", "cw-lcs", "nlcs"]:
+        plan = session.plan(place, config.replace(encoding=encoding), given, *rest)
+        print_set(plan.recordings)
+        warn(plan.recordings.warnings)
+        with bar(f"{encoding}: RTL against model", len(plan.names)) as progress:
+            try:
+                total += session.play(plan, lambda _, progress=progress: progress())  # type: ignore[misc]
+            except MismatchFound as mismatch:
+                print(f"{mismatch}\nMISMATCH after {total.runs} bit-exact runs")
+                raise typer.Exit(1) from None
+        print(f"pictures and event files: {plan.out / plan.folder}")
+    if not total.events or not total.drained:
+        print(f"FAILED: {total.events} events were compared, {total.drained} runs left nothing outstanding")
+        raise typer.Exit(1)
     print(f"bit-exact: {total.runs} runs, {total.clocks} clocks, {total.events} events, 0 mismatches")

@@ -42,6 +42,8 @@ class Job:
         Play scans: the dataset's place (None for the default), the preset, the names of the textures, each with the
         proof that its recording shall carry, the most sample ticks of each (None for all), and the image row where
         the array starts.
+    codes : str
+        An .npz of samples by name: the names of ``textures`` are then recordings in it; empty for textures.
     home : str
         The folder from which relative places count.
     keep : str
@@ -57,6 +59,7 @@ class Job:
     textures: dict[str, str] = field(default_factory=dict)
     ticks: int | None = None
     start_row: float = 0.0
+    codes: str = ""
     home: str = field(default_factory=os.getcwd)
     keep: str = ""
 
@@ -79,6 +82,9 @@ class Scan:
 def _scans(job: Job, config: ReadoutConfig) -> Iterator[Scan]:
     """Yield the scans of a job."""
     if not job.textures:
+        return
+    if job.codes:
+        yield from _recordings(job, config)
         return
     from cocotb_tests.bench.stimuli import outstanding, settled
     from cocotb_tests.bench.textures import large_enough
@@ -108,6 +114,21 @@ def _scans(job: Job, config: ReadoutConfig) -> Iterator[Scan]:
             "source": "rtl",
         }
         yield Scan(name, stimulus, outstanding(config, stimulus), Path(job.keep) / f"{name}.npz", metadata)
+
+
+def _recordings(job: Job, config: ReadoutConfig) -> Iterator[Scan]:
+    """Yield the recordings of a job."""
+    import numpy as np
+
+    from cocotb_tests.bench.stimuli import outstanding, settled
+
+    with np.load(job.codes) as codes:
+        for name, proof in job.textures.items():
+            stimulus = settled(config, codes[name][: job.ticks])
+            metadata = {"name": name, "dataset": job.dataset, "ticks": len(stimulus.samples)}
+            metadata |= {"class": name.split("/")[0]} if "/" in name else {}
+            metadata |= {"proof": proof, "source": "rtl"}
+            yield Scan(name, stimulus, outstanding(config, stimulus), Path(job.keep) / f"{name}.npz", metadata)
 
 
 @contextlib.contextmanager

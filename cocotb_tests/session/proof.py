@@ -22,6 +22,11 @@ def proof(program: Build, texture: Any, start_row: float = 0.0) -> str:
     return digest.hexdigest()
 
 
+def proof_of(program: Build, samples: str) -> str:
+    """Return a digest of RTL and harness, of ``SOURCES``, and of samples, by a digest of their own."""
+    return hashlib.sha256(f"{program.folder.name} {samples} {_sources()}".encode()).hexdigest()
+
+
 @functools.cache
 def _sources() -> str:
     return sources(SOURCES)

@@ -62,7 +62,9 @@ TARGETS = {
     "help": Target("list the targets"),
     "setup": Target("virtual environment with all pinned packages (every target installs what it needs)", needs=ALL),
     "sim": Target(
-        "hold the RTL to the model on scenarios and textures [ROWS= SIM= WAVES=1 OUT=]", "cocotb_tests sim", SIM
+        "hold the RTL to the model on scenarios, textures or recordings [DATA= SIM= WAVES=1 OUT=]",
+        "cocotb_tests sim",
+        SIM,
     ),
     "replay": Target(
         "drive a whole dataset through RTL and model [DATASET= PRESET= LIMIT= OUT=]", "cocotb_tests replay", SIM
@@ -74,7 +76,9 @@ TARGETS = {
     ),
     "gates": Target("gates and flops of both readouts after synthesis [LIBERTY=cells.lib]", "rtl gates"),
     "rates": Target("mean population event rate over a dataset [DATASET= PRESET= LIMIT=]", "model rates"),
-    "train": Target('train one network [RECIPE= FRAMES= SET="NAME=VALUE ..." EPOCHS= FOLD= OUT=]', "snn train", SNN),
+    "train": Target(
+        'train one network [DATA=my_skin/ RECIPE= FRAMES= SET="NAME=VALUE ..." EPOCHS= FOLD= OUT=]', "snn train", SNN
+    ),
     "crossval": Target("folds x seeds, resumable [PRESET= ENCODING= RESOLUTION= FOLDS= SEEDS=]", "snn crossval", SNN),
     "predict": Target(
         "classify recordings; RTL spikes against model spikes [WEIGHTS= EVENTS= CHECK_MODEL=1]",

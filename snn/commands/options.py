@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import inspect
 import os
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
+from model.cli.app import printable
 from model.cli.config_options import CONFIG_FILE, build_config
 from model.cli.field_options import field_options, parse_fields, replace_parameters
+from model.cli.progress import bar
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.files import check_writable
+from model.recordings.options import Preparation
 from snn.experiments.recipes import RECIPES
 
 if TYPE_CHECKING:
@@ -27,6 +31,9 @@ DatasetName = Annotated[
 ]
 EventFolder = Annotated[
     Path | None, typer.Option(metavar="DIR", help="event files, as of a replay, instead of textures")
+]
+OwnRecordings = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="class folders of your own recordings, encoded on the way")
 ]
 Frames = Annotated[int, typer.Option(metavar="K", help="frames instead of events, K side by side in a step [0: no]")]
 StartRows = Annotated[int | None, typer.Option(min=1, help="scans per image (physical) [1]")]
@@ -45,7 +52,8 @@ DEFAULT_RESOLUTION = 4
 
 WITHOUT_EFFECT = {
     "frames": ("encoding", "resolution", "tau", "bin_s"),
-    "events": ("preset", "encoding", "resolution", "tau", "config_file", "dataset", "start_rows"),
+    "events": ("preset", "encoding", "resolution", "tau", "config_file", "dataset", "start_rows", "data"),
+    "data": ("preset", "tau", "dataset", "start_rows"),
 }
 """Parameters that mean nothing beside another: frames have no encoder, and recordings were scanned before."""
 
@@ -63,6 +71,7 @@ def _options(
     tau: Tau = None,
     dataset: DatasetName = None,
     events: EventFolder = None,
+    data: OwnRecordings = None,
     frames: Frames = 0,
     start_rows: StartRows = None,
     bin_s: BinSeconds = None,
@@ -73,7 +82,7 @@ def _options(
     """Have the options that describe an experiment beside those of the readout, in their order; never called."""
 
 
-NOT_OF_A_SWEEP = ("encoding", "resolution", "events", "frames")
+NOT_OF_A_SWEEP = ("encoding", "resolution", "events", "data", "frames")
 """Options of an experiment that the points of a sweep say instead."""
 
 
@@ -121,6 +130,8 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
     tau_s = options["tau"]
     if tau_s is not None and readout.encoding != "nlcs":
         raise InputError(f"--tau is the leak of encoding nlcs, not of {readout.encoding}; add --encoding nlcs")
+    if options["data"] is not None:
+        options = options | {"events": _encoded(options["data"], readout, given | {"resolution"})}
     fields = RECIPES[options["recipe"]] | parse_settings(options["settings"] or [])
     of_training = hints_of(TrainConfig)
     training = {name: value for name, value in fields.items() if name in of_training}
@@ -182,3 +193,17 @@ def output_folder(folder: Path, *names: str) -> None:
         check_writable(folder / name)
     if not os.access(folder, os.W_OK):
         raise InputError(f"cannot write into {folder}; choose another folder with --out")
+
+
+def _encoded(place: Path, readout: ReadoutConfig, given: frozenset[str]) -> Path:
+    """Return the folder of event files of a user's own recordings, made unless they are kept."""
+    from model.recordings.kept import kept_events
+
+    if not place.is_dir():
+        raise InputError(f"{place} is not a folder; give one with a folder for each class")
+    with bar("encoding recordings") as step:
+        folder, warnings = kept_events(place, Preparation(baseline="first"), readout, given, step)
+    for warning in warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+    print(f"event files of {printable(place)}: {folder}")
+    return folder

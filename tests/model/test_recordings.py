@@ -12,6 +12,7 @@ from model.config import ReadoutConfig
 from model.errors import InputError
 from model.readout import Stimulus, simulate
 from model.recordings.folder import quality_warnings, read_set, sources_of
+from model.recordings.kept import kept_events
 from model.recordings.options import Preparation
 from model.recordings.prepare import on_grid, without_baseline
 from model.recordings.quality import measure_quality, pooled
@@ -278,3 +279,25 @@ def test_recordings_of_other_arrays_or_rates_are_refused(tmp_path):
         read_set(tmp_path / "s", FIRST, ReadoutConfig())
     with pytest.raises(InputError, match="16 taxels, the array has 2 x 4 = 8; give --rows and --columns, or neither"):
         read_set(tmp_path / "s/a/0.csv", FIRST, ReadoutConfig(rows=2, columns=4), {"rows", "columns"})
+
+
+def test_event_files_are_kept_by_what_makes_them(tmp_path):
+    write_skin(tmp_path / "s", each=1, taxels=4)
+    made = []
+
+    def kept(**fields):
+        done: list[None] = []
+        folder, _ = kept_events(
+            tmp_path / "s", FIRST, ReadoutConfig(**fields), fields, lambda: done.append(None), tmp_path / "out"
+        )
+        made.append(len(done))
+        return folder
+
+    first = kept(resolution=4)
+    assert len(list(first.rglob("*.npz"))) == 3
+    assert kept(resolution=4) == first
+    assert kept(resolution=5) != first
+    write_csv(tmp_path / "s/tap/0.csv", counts("tap", taxels=4, seed=99))
+    assert kept(resolution=4) != first
+    assert made == [3, 0, 3, 3]
+    assert len(list((tmp_path / "out").iterdir())) == 3  # nothing half made beside them

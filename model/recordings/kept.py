@@ -1,0 +1,59 @@
+"""Event files of a user's recordings, kept by all that makes them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Collection
+from dataclasses import asdict
+from pathlib import Path
+
+from model import __version__
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.recordings.folder import quality_warnings, read_set, sources_of, write_folder
+from model.recordings.options import Preparation
+
+KEPT = Path("out/recordings")
+"""Where event files of folders go that a command encodes on its way."""
+
+
+def kept_events(
+    place: Path,
+    options: Preparation,
+    config: ReadoutConfig,
+    given: Collection[str] = (),
+    progress: Callable[[], object] | None = None,
+    out: Path = KEPT,
+) -> tuple[Path, tuple[str, ...]]:
+    """Return the folder of event files of a folder of class folders, made unless it is there, and warnings.
+
+    Its name has a digest of the recordings, the options, the configuration and the program's version, so other
+    recordings or options never take it.
+    """
+    digest = hashlib.sha256(json.dumps([__version__, asdict(options), config.to_dict(), sorted(given)]).encode())
+    for source in sources_of(place):
+        try:
+            digest.update(source.path.relative_to(place).as_posix().encode() + b"\0" + source.path.read_bytes())
+        except OSError as error:
+            raise InputError(f"cannot read {source.path}: {error.strerror}") from None
+    folder = out / f"{place.resolve().name}-{digest.hexdigest()[:12]}"
+    if folder.is_dir():
+        return folder, ()
+    recordings = read_set(place, options, config, given, progress)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        part = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=out))
+    except OSError as error:
+        raise InputError(f"cannot make a folder in {out}: {error.strerror}") from None
+    try:
+        quality, _ = write_folder(recordings, part)
+        part.chmod(0o755)
+        if not folder.is_dir():
+            os.replace(part, folder)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+    return folder, (*recordings.warnings, *quality_warnings(recordings.config, recordings.codes, quality))
