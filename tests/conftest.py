@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -10,6 +11,9 @@ from hypothesis import settings
 
 from model.__main__ import app
 from model.cli.app import run
+
+# Tests run side by side, one process a core: threads of theirs would wait for each other, at twice the time in all.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # A busy machine, or Numba compiling in the first example, is no failure.
 settings.register_profile("no deadline", deadline=None)
