@@ -234,6 +234,46 @@ async def immediate_receiver_takes_seven_clocks(dut: Any) -> None:
     report(bench.check.counts)
 
 
+async def until(bench: LinkBench, req: int, offer: float = 1) -> None:
+    """Wait until REQ has a level."""
+    for _ in range(20):
+        if bench.block.read("aer_req") == req:
+            return
+        await bench.clock(offer)
+    bench.check.holds("Progress", False, f"REQ never becomes {req}")
+
+
+@cocotb.test()
+async def what_a_receiver_sees_of_a_reset(dut: Any) -> None:
+    """Break handshakes off at each of their steps, with an ACK that the test itself drives."""
+    config, rng = job()
+    bench = LinkBench(dut, config, rng)
+    Clock(dut.clk, PERIOD_PS, "ps").start(start_high=True)
+    await RisingEdge(dut.clk)
+    for held, wait in itertools.product((False, True), range(5)):
+        bench.block.drive(aer_ack=0)
+        await bench.reset(3)
+        await until(bench, req=1)
+        for _ in range(wait):  # a slow receiver: REQ stays
+            await bench.clock(offer=1)
+        bench.check.holds("RequestWaitsForAck", bench.block.read("aer_req") == 1)
+        bench.block.drive(aer_ack=held)
+        await bench.reset(2)
+        bench.check.holds("ResetEndsRequest", bench.block.read("aer_req") == 0 and bench.block.read("aer_addr") == 0)
+        for _ in range(12):
+            await bench.clock(offer=1)
+            bench.check.holds("NoRequestWhileAckHigh", not held or bench.block.read("aer_req") == 0)
+        # The link goes on, held up until ACK has fallen, with a new event: the old one is gone.
+        bench.block.drive(aer_ack=0)
+        await until(bench, req=1)
+        lost = bench.reference.address
+        # A late ACK, to the REQ that the reset took back, ends the handshake of the event that came after it.
+        bench.block.drive(aer_ack=1)
+        await until(bench, req=0)
+        bench.check.holds("LateAckTakesTheNext", bench.reference.address == lost)
+    report(bench.check.counts)
+
+
 PROPERTIES = ("NoRequestBeforeAckLow", "RequestHeldUntilAck", "AddressBeforeRequest", "EveryEventOnceInOrder")
 CONFIGS = [
     ReadoutConfig(link="four_phase"),
@@ -273,3 +313,10 @@ def test_link_with_an_immediate_receiver_takes_seven_clocks_per_event(config: Re
     counts = cosimulate(config, "icarus", "eskin_link", "immediate_receiver_takes_seven_clocks", tmp_path, seed=4)
     assert counts["events"] > 60
     assert counts["received"] >= counts["events"]
+
+
+@pytest.mark.parametrize("config", CONFIGS[:2], ids=name)
+def test_a_reset_breaks_a_handshake_off_as_the_documents_say(config: ReadoutConfig, tmp_path: Path) -> None:
+    counts = cosimulate(config, "icarus", "eskin_link", "what_a_receiver_sees_of_a_reset", tmp_path, seed=8)
+    assert counts["RequestWaitsForAck"] == counts["ResetEndsRequest"] == counts["LateAckTakesTheNext"] == 10
+    assert counts["NoRequestWhileAckHigh"] == 120

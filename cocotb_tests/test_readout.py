@@ -72,6 +72,18 @@ def test_rtl_equals_model_in_every_variant(variant: tuple[str, str, str, str], s
     play(config, "icarus", tmp_path, seed)
 
 
+WIDE = [
+    ReadoutConfig(rows=2, columns=20, encoding="cw-lcs", sample_bits=16, resolution=3, window_period=3),
+    ReadoutConfig(rows=1, columns=40, sample_bits=24, resolution=2, link="four_phase", frontend="analog"),
+    ReadoutConfig(rows=40, columns=1, encoding="nlcs", resolution=3, leak_shift=4, leak_period=7, fraction_bits=1),
+]
+
+
+@pytest.mark.parametrize("config", WIDE, ids=name)
+def test_rtl_equals_model_in_long_rows_long_columns_and_wide_words(config: ReadoutConfig, tmp_path: Path) -> None:
+    play(config, "icarus", tmp_path, seed=1)
+
+
 @pytest.mark.parametrize(
     "config",
     [

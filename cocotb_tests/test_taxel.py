@@ -240,6 +240,15 @@ def breadth() -> list[ReadoutConfig]:
     closing = ReadoutConfig(rows=1, columns=1, encoding="cw-lcs", resolution=3, closing_shift=3, window_period=2)
     configs += [closing, closing.replace(decide_every="sample", frontend="analog", reset="async", closing_shift=16)]
     configs += [configs[0].replace(sample_bits=3, resolution=1), configs[-1].replace(sample_bits=4, resolution=1)]
+    # Wide words compared in full, and leaks whose k, P and F have nothing to do with each other, from the top code on.
+    leaky = ReadoutConfig(rows=1, columns=1, encoding="nlcs", leak_period=1)
+    configs += [
+        configs[0].replace(sample_bits=16, resolution=14, reference_reset=0),
+        closing.replace(sample_bits=24, resolution=20, window_period=5, reset="async"),
+        leaky.replace(leak_shift=10, fraction_bits=0, reference_reset=2047),
+        leaky.replace(sample_bits=16, resolution=9, leak_shift=16, fraction_bits=3, reference_reset=7 * 2**12),
+        leaky.replace(sample_bits=24, leak_shift=2, leak_period=4, fraction_bits=7, reference_reset=2**23 - 1),
+    ]
     return configs
 
 
@@ -247,7 +256,7 @@ def name(config: ReadoutConfig) -> str:
     """Return the name of a configuration in the list of tests."""
     return (
         f"{config.encoding}-{config.frontend}-{config.sample_bits}b-{config.resolution}b-{config.reset}"
-        f"-{config.decide_every}-m{config.closing_shift}"
+        f"-{config.decide_every}-m{config.closing_shift}-k{config.leak_shift}"
     )
 
 

@@ -151,7 +151,8 @@ class Taxel(Block[ReadoutConfig]):
             m.d.comb += self.reference_code.eq(reference << low_bits)
             if config.closes:
                 m.d.comb += self.half_width.eq(half_width << low_bits)
-            return self.above & fits, self.below & ~self.above & fits if config.has_polarity else None
+            # Where both fire, reference and polarity follow above.
+            return self.above & fits, self.below & fits if config.has_polarity else None
 
         sample = Signal(signed(config.sample_bits - low_bits))
         with m.If(~self.enable):

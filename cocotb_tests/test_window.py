@@ -1,0 +1,86 @@
+"""The closing window's RTL against the plain window in every clock: freezing, masks, closing and resets."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import cocotb
+import pytest
+
+from cocotb_tests.bench.block import Block, Checker, job, report
+from cocotb_tests.session.block import cosimulate
+from model.config import ReadoutConfig
+
+CLOCKS = 1200
+
+
+class WindowReference:
+    """The window: half-width in closing steps, and sample ticks since it last moved."""
+
+    def __init__(self, config: ReadoutConfig) -> None:
+        self.widest, self.period = 2**config.closing_levels_log2, config.window_period
+        self.reset()
+
+    def reset(self) -> None:
+        """Open fully."""
+        self.half_width, self.quiet = self.widest, 0
+
+    def clock(self, *, enable: bool, free: bool, tick: bool, fired: bool) -> None:
+        """Take a rising edge."""
+        if not enable or (free and fired):
+            self.reset()
+        elif free and tick:
+            self.quiet += 1
+            if self.quiet == self.period:
+                self.quiet = 0
+                self.half_width = max(self.half_width - 1, 1)
+
+
+@cocotb.test()
+async def window_follows_its_reference(dut: Any) -> None:
+    """Play phases from quiet to busy, with masks, freezes and resets."""
+    config, rng = job()
+    block = Block(dut)
+    check = Checker(block)
+    reference = WindowReference(config)
+    block.drive(enable=0, free=0, tick=0, fired=0)
+    await block.reset()
+    for clock in range(CLOCKS):
+        if clock % 300 == 0:
+            fires, ticks, frozen = rng.choice([0.0, 0.02, 0.2]), rng.choice([1.0, 0.5]), rng.choice([0.0, 0.3])
+        chances = {"enable": 0.995, "free": 1 - frozen, "tick": ticks, "fired": fires}
+        inputs = {name: rng.random() < chance for name, chance in chances.items()}
+        rst = rng.random() < 0.003
+        block.drive(rst=rst, **inputs)
+        await block.settle()
+        if rst and config.reset == "async":
+            reference.reset()
+        check.equal("half_width", reference.half_width, block.read("half_width"), inputs | vars(reference))
+        check.counts["narrowest"] += reference.half_width == 1
+        check.counts["opened"] += reference.half_width < reference.widest and inputs["fired"] and inputs["free"]
+        check.counts["frozen"] += inputs["tick"] and not inputs["free"]
+        await block.edge()
+        reference.clock(**inputs)
+        if rst:
+            reference.reset()
+            check.counts["resets"] += 1
+    report(check.counts)
+
+
+BASE = ReadoutConfig(rows=1, columns=1, encoding="cw-lcs", resolution=6, window_period=3)
+CONFIGS = [
+    BASE,
+    BASE.replace(frontend="analog", reset="async"),
+    BASE.replace(window_period=1, closing_shift=16, resolution=5, reset="async"),
+    BASE.replace(frontend="analog", window_period=5, closing_shift=1),
+]
+
+
+@pytest.mark.parametrize(
+    "config", CONFIGS, ids=lambda c: f"{c.frontend}-m{c.closing_shift}-{c.window_period}-{c.reset}"
+)
+def test_window_equals_its_reference_in_every_clock(config: ReadoutConfig, tmp_path: Path) -> None:
+    counts = cosimulate(config, "icarus", "eskin_window", "window_follows_its_reference", tmp_path, seed=5)
+    assert counts["checks"] == CLOCKS
+    assert all(counts[what] > 0 for what in ("narrowest", "opened", "frozen", "resets")), counts
