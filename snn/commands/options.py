@@ -94,9 +94,23 @@ def with_experiment(command: Callable[..., Any]) -> Callable[..., Any]:
     others = inspect.signature(_options, eval_str=True).parameters.values()
     options = [*READOUT, *(p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in others)]
     if "made" in inspect.signature(command).parameters:
-        return replace_parameters(command, ["made"], options, lambda values: {"made": build_experiment(values)})
+        return replace_parameters(command, ["made"], options, _made)
     kept = [option for option in options if option.name not in NOT_OF_A_SWEEP]
     return replace_parameters(command, ["options"], kept, lambda values: {"options": values})
+
+
+def _made(values: dict[str, Any]) -> dict[str, Any]:
+    """Return the experiment of a command for one network; a setting that this network does not have is refused."""
+    from snn.flat import hints_of
+    from snn.network_config import NetworkConfig
+    from snn.training import TrainConfig
+
+    made = build_experiment(values)
+    config = NetworkConfig.from_dict({"inputs": 1, "classes": 1} | made.network)
+    known = {*hints_of(NetworkConfig), *hints_of(type(config.units)), *hints_of(TrainConfig), "kind"}
+    if idle := [name for name in parse_settings(values["settings"] or []) if name not in known]:
+        raise InputError(f"--set {idle[0]} means nothing to a network of kind {config.kind}; leave it out")
+    return {"made": made}
 
 
 def build_experiment(options: dict[str, Any]) -> Experiment:

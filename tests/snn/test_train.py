@@ -412,6 +412,10 @@ def test_a_network_that_is_too_large_gets_one_sentence() -> None:
         (["--frames", "20", "--recipe", "gru", "--resolution", "4"], "--resolution has no effect with --frames"),
         (["--frames", "20", "--recipe", "gru", "--encoding", "lcs"], "--encoding has no effect with --frames"),
         (["--frames", "20", "--recipe", "gru", "--tau", "1"], "--tau has no effect with --frames"),
+        (
+            ["--frames", "20", "--recipe", "gru", "--set", "decay=0.9"],
+            "--set decay means nothing to a network of kind gru",
+        ),
         (["--events", "x", "--dataset", "embedded"], "--dataset has no effect with --events; leave one of the two out"),
         (["--events", "x", "--preset", "physical"], "--preset has no effect with --events"),
         (["--events", "x", "--resolution", "4"], "--resolution has no effect with --events"),
