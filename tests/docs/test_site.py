@@ -79,15 +79,13 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-def test_every_link_leads_somewhere_and_nothing_comes_from_other_hosts(site: Path) -> None:
+def test_the_site_has_every_room_search_and_the_notebook_no_broken_link_and_nothing_of_other_hosts(site: Path) -> None:
     assert len(list(site.rglob("*.html"))) > 30
-    assert not broken(site)
-
-
-def test_the_site_has_search_and_every_room(site: Path) -> None:
     index = (site / "search" / "search_index.json").read_text()
     for name in ("ReadoutConfig", "model.taxel", "rtl.arbiter", "snn.kernels.layer", "cocotb_tests.bench.reference"):
         assert name in index
+    assert (site / "tutorial.ipynb").is_file()
+    assert not broken(site)
 
 
 def test_a_broken_link_is_found(tmp_path: Path) -> None:
