@@ -91,7 +91,7 @@ TARGETS = {
     "fig6": Target("power at three noise targets in both modes, data and picture [OUT= SYNTHESIS=]", "model fig6"),
     "fig7": Target("noise at which spikes and frames cost the same [OUT= SYNTHESIS=]", "model fig7"),
     "fig8": Target("one scan through a trained network, texture to class [WEIGHTS= IMAGE= OUT=]", "snn fig8", SNN),
-    "fig9": Target("accuracy against data rate and confusion, published and ours [SWEEP= OUT=]", "snn fig9", SNN),
+    "fig9": Target("accuracy against data rate and confusion, published and ours [SWEEP= OUT=]", "snn fig9"),
     "sensitivity": Target("what each correction of the power model does [OUT= SYNTHESIS=]", "model sensitivity"),
     "explore": Target("cheapest readout for your sensor [ROWS= BANDWIDTH= NOISE= EVENT_RATE=]", "model explore"),
     "frames": Target("events against frames on the same scans [RESOLUTION= FRAME_RATE= LIMIT=]", "model frames"),

@@ -341,7 +341,10 @@ def test_text_from_files_cannot_leave_its_place(folder):
         ("--replay damaged", "damaged/a/summary.json is not a summary of make replay"),
         ("-o report.pdf", "the report is a page; its name ends in .html, report.pdf does not; rename the output"),
         ("-o folder.html", "cannot write folder.html: it is a folder; give the name of a file"),
-        ("-o broken.json/report.html", "cannot make the folder broken.json: File exists; choose another --out"),
+        (
+            "-o broken.json/report.html",
+            "cannot write broken.json/report.html: the folder broken.json does not exist; create it first",
+        ),
     ],
 )
 def test_bad_input_gets_one_sentence_and_leaves_nothing(call, folder, options, sentence):

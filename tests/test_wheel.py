@@ -1,0 +1,109 @@
+"""What pip install . gives: every command runs from any folder, and nothing is written beside the sources."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from tests.quick import COMMANDS
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("model", "rtl", "snn", "cocotb_tests")
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder into which the wheel of the project was unpacked."""
+    folder = tmp_path_factory.mktemp("wheel")
+    sources = folder / "sources"
+    for name in PACKAGES:
+        shutil.copytree(ROOT / name, sources / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, sources / name)
+    options = ["--no-deps", "--no-build-isolation", "--disable-pip-version-check", "-q", "-w", str(folder)]
+    subprocess.run([sys.executable, "-m", "pip", "wheel", *options, str(sources)], check=True, cwd=folder)
+    with zipfile.ZipFile(next(folder.glob("*.whl"))) as wheel:
+        wheel.extractall(folder / "site")
+    shutil.rmtree(sources)
+    return folder / "site"
+
+
+def run(installed: Path, folder: Path, *words: str) -> str:
+    """Run Python in an empty folder, where the wheel comes before the checkout; return standard output."""
+    outer = {k: v for k, v in os.environ.items() if not k.startswith(("ESKIN", "MAKE"))}
+    environment = outer | {"PYTHONPATH": str(installed), "PYTHONDONTWRITEBYTECODE": "1", "COLUMNS": "120"}
+    done = subprocess.run([sys.executable, *words], cwd=folder, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, f"{words}: {done.stderr[-2000:]}"
+    return done.stdout
+
+
+def files(folder: Path) -> set[str]:
+    """Return the files below a folder, without what Python and Numba keep of compiled sources."""
+    return {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file() and "__pycache__" not in p.parts}
+
+
+def test_every_file_of_the_packages_is_in_the_wheel(installed: Path) -> None:
+    wanted = {f"{name}/{path}" for name in PACKAGES for path in files(ROOT / name)}
+    assert {path for path in wanted if path.endswith((".json", ".html", ".css", ".js", ".v", ".cpp"))}
+    assert wanted <= files(installed)
+
+
+def test_every_command_shows_its_help_elsewhere(installed: Path, tmp_path: Path) -> None:
+    program = (
+        "import importlib, io, json, sys; from contextlib import redirect_stdout; from model.cli.app import run\n"
+        "found = {}\n"
+        "for words in json.loads(sys.argv[1]):\n"
+        "    package, name = words.split()\n"
+        "    module = importlib.import_module(package + '.__main__')\n"
+        "    text = io.StringIO()\n"
+        "    try:\n"
+        "        with redirect_stdout(text): run(module.app, package, [name, '--help'])\n"
+        "    except SystemExit as left: found[words] = [left.code, module.__file__, text.getvalue()]\n"
+        "print(json.dumps(found))"
+    )
+    found = json.loads(run(installed, tmp_path, "-c", program, json.dumps(sorted(COMMANDS))))
+    assert set(found) == set(COMMANDS)
+    for words, (code, file, text) in found.items():
+        assert code == 0
+        assert file.startswith(str(installed))
+        assert text.startswith(f"Usage: {words} ")
+
+
+def test_commands_work_elsewhere_and_write_nothing_beside_the_sources(installed: Path, tmp_path: Path) -> None:
+    before = files(installed)
+    assert json.loads(run(installed, tmp_path, "-m", "model", "power", "--mode", "consistent", "--json"))
+    run(installed, tmp_path, "-m", "rtl", "verilog", "--rows", "1", "--columns", "2", "-o", "chip")
+    run(installed, tmp_path, "-m", "model", "report")
+    (tmp_path / "skin.csv").write_text("".join(f"0.{n % 9},0.1\n" for n in range(50)))
+    encode = ["encode", "skin.csv", "--rows", "1", "--columns", "2", "--sample-rate", "1000", "-o", "out/skin.npz"]
+    run(installed, tmp_path, "-m", "model", *encode)
+    run(installed, tmp_path, "-m", "snn", "fig9")
+    run(installed, tmp_path, "-m", "snn", "convert", "out/skin.npz", "-o", "skin.nir")
+    made = files(tmp_path)
+    assert {"chip/eskin_readout.v", "out/report.html", "out/skin.npz", "skin.nir", "out/fig9.png"} <= made
+    assert files(installed) == before
+
+
+@pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
+def test_co_simulation_builds_in_the_current_folder(installed: Path, tmp_path: Path) -> None:
+    before = files(installed)
+    words = ["sim", "--rows", "1", "--columns", "2", "--encoding", "lcs", "--sim", "icarus", "--textures", "0"]
+    last = run(installed, tmp_path, "-m", "cocotb_tests", *words).splitlines()[-1]
+    assert last.startswith("bit-exact: 9 runs, ")
+    assert (tmp_path / "build").is_dir()
+    assert (tmp_path / "out" / "sim").is_dir()
+    assert files(installed) == before
+
+
+def test_a_model_of_the_users_own_is_passed_over_with_safe_path(installed: Path, tmp_path: Path) -> None:
+    """As docs/guide/install.md says: -P leaves the current folder out of the search."""
+    (tmp_path / "model.py").write_text("print('mine')")
+    assert run(installed, tmp_path, "-m", "model") == "mine\n"
+    assert run(installed, tmp_path, "-P", "-m", "model").startswith("Usage: python -m model ")
