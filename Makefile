@@ -3,7 +3,7 @@
 # shell and no make expands them.
 
 TARGETS := help setup sim replay verilog gates rates train crossval sweep predict power fig6 fig7 fig8 fig9 \
-  sensitivity explore frames report docs bench check test lint format clean
+  sensitivity explore frames study report docs bench check test lint format clean
 
 # Before anything else looks at them: typed variables reach no environment, where COLUMNS is the width of a window.
 unexport $(foreach name,$(.VARIABLES),$(if $(filter command,$(origin $(name))),$(name)))

@@ -15,10 +15,25 @@ from model.commands.frames import frames
 from model.commands.power import fig6, fig7, power, sensitivity
 from model.commands.rates import rates
 from model.commands.report import report
+from model.commands.study import study
 
 app = make_app("Golden model of the spiking e-skin readout.")
 
-for command in (encode, decode, compare, rates, event_rates, power, fig6, fig7, sensitivity, explore, frames, report):
+for command in (
+    encode,
+    decode,
+    compare,
+    rates,
+    event_rates,
+    power,
+    fig6,
+    fig7,
+    sensitivity,
+    explore,
+    frames,
+    study,
+    report,
+):
     app.command()(command)
 
 

@@ -95,6 +95,7 @@ TARGETS = {
     "sensitivity": Target("what each correction of the power model does [OUT= SYNTHESIS=]", "model sensitivity"),
     "explore": Target("cheapest readout for your sensor [ROWS= BANDWIDTH= NOISE= EVENT_RATE=]", "model explore"),
     "frames": Target("events against frames on the same scans [RESOLUTION= FRAME_RATE= LIMIT=]", "model frames"),
+    "study": Target("SNR by data rate on slow signals, beside uniform sampling [DATA=my_skin/ OUT=]", "model study"),
     "report": Target("one HTML page with all figures, for a browser [OUT= SYNTHESIS=]", "model report"),
     "docs": Target(
         "the site of documents and reference pages, out/site/index.html",

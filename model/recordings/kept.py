@@ -11,11 +11,14 @@ from collections.abc import Callable, Collection
 from dataclasses import asdict
 from pathlib import Path
 
+import model
 from model import __version__
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.recordings.folder import quality_warnings, read_set, sources_of, write_folder
 from model.recordings.options import Preparation
+
+_MODEL = Path(model.__file__).parent
 
 KEPT = Path("out/recordings")
 """Where event files of folders go that a command encodes on its way."""
@@ -31,10 +34,12 @@ def kept_events(
 ) -> tuple[Path, tuple[str, ...]]:
     """Return the folder of event files of a folder of class folders, made unless it is there, and warnings.
 
-    Its name has a digest of the recordings, the options, the configuration and the program's version, so other
-    recordings or options never take it.
+    Its name has a digest of the recordings, the options, the configuration and the model's own files, so
+    what something else made is never taken for it.
     """
     digest = hashlib.sha256(json.dumps([__version__, asdict(options), config.to_dict(), sorted(given)]).encode())
+    for file in sorted([*_MODEL.glob("*.py"), *_MODEL.glob("recordings/*.py")]):
+        digest.update(file.read_bytes())
     for source in sources_of(place):
         try:
             digest.update(source.path.relative_to(place).as_posix().encode() + b"\0" + source.path.read_bytes())

@@ -123,7 +123,7 @@ def test_make_refuses_a_wrong_variable(make: Make) -> None:
     ("words", "sentence"),
     [
         ("verilog ROW=3", "make verilog does not take ROW; did you mean ROWS?"),
-        ("train DATUM=x", "make train does not take DATUM; did you mean DATASET?"),
+        ("train DATUM=x", "make train does not take DATUM; did you mean DATA?"),
         ("sim ROWS=3 COLUMS=4", "make sim does not take COLUMS; did you mean COLUMNS?"),
         ("sweep ENCODING=lcs", "make sweep does not take ENCODING; did you mean "),
         ("test ROWS=3", "make test does not take ROWS; did you mean PYTEST?"),

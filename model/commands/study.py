@@ -1,0 +1,69 @@
+"""The command study (docs/guide/recordings.md)."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from model.cli.progress import bar
+from model.cli.tables import new_table, show
+from model.commands.options import JsonOption, OutOption
+from model.errors import InputError
+from model.figures.results import DEFAULT_OUT, write_results
+
+_WIDTH = 92  # of the table
+
+NAMES = {"lcs": "LCS", "cw-lcs": "CW-LCS", "nlcs": "N-LCS"}
+
+
+def study(
+    data: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="class folders of your own recordings [generated slow signals]")
+    ] = None,
+    out: OutOption = DEFAULT_OUT,
+    as_json: JsonOption = False,
+) -> None:
+    """Show SNR at what data rate each encoder gives on slow signals, beside uniform sampling at the same rate."""
+    from model.figures.study import plot_study
+    from model.recordings.study import RESOLUTIONS, study_data
+
+    if data is not None and not data.exists():
+        raise InputError(f"{data} does not exist; give a folder of class folders, or leave --data out")
+    with bar("encoding", len(NAMES) * len(RESOLUTIONS)) as progress:
+        found = study_data(data, progress)
+    written = write_results(out, "study", found, plot_study)
+    if as_json:
+        print(json.dumps(found))
+        return
+    print(written)
+    _print(found)
+
+
+def _print(found: dict[str, Any]) -> None:
+    """Print the study as a table."""
+    title = (
+        f"{found['source']}: {found['recordings']} recordings, {found['rows']} x {found['columns']} taxels, "
+        f"{found['rate_hz']:g} samples/s"
+    )
+    table = new_table(
+        ("encoder", "N", "events/s", "kbit/s", "SNR dB", "uniform dB", "its bits", "its rate/s", "clock kHz"), title
+    )
+    for point in found["points"]:
+        same = point["uniform"]
+        table.add_row(
+            NAMES[point["encoding"]],
+            str(point["resolution"]),
+            f"{point['events_per_s']:,.0f}",
+            f"{point['data_rate_bps'] / 1e3:.3g}",
+            f"{point['snr_db']:.1f}",
+            *(
+                ("", "", "")
+                if same is None
+                else (f"{same['snr_db']:.1f}", str(same["bits"]), f"{same['frame_rate_hz']:.3g}")
+            ),
+            f"{point['clock_hz'] / 1e3:.3g}",
+        )
+    show(table, _WIDTH)
