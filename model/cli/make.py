@@ -115,7 +115,7 @@ TARGETS = {
     "check": Target(
         "in a minute: lint, types, layers, and a test of every block and command",
         needs=DEV,
-        steps=(*LINT, "-m pytest -q -m quick --durations=0 --durations-min=5"),
+        steps=(*LINT, "-m pytest -q -m quick -n 2 --dist worksteal"),
     ),
     "test": Target(
         'run all tests [PYTEST="-k name"]', needs=ALL, steps=("-m pytest -n auto --dist worksteal $PYTEST",)
