@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -32,13 +33,18 @@ def watts(value: float) -> str:
 
 
 def plot_fig6(data: Data, path: Path) -> None:
-    """Draw stacked bars of AFE, converter and I/O at the noise targets, one panel for each mode."""
+    """Draw AFE, converter and I/O side by side, and their sum, at the noise targets, one panel for each mode.
+
+    Not stacked: on a logarithmic axis the parts of a stack have heights that say nothing.
+    """
     modes = data["modes"]
     title = f"Power of the readouts, N = {data['resolution']}, {data['rows']} x {data['columns']} taxels"
-    figure = new_figure(5.2 * len(modes), 4.0, title)
+    figure = new_figure(5.6 * len(modes), 4.0, title)
     panels = figure.subplots(1, len(modes), sharey=True, squeeze=False)[0]
-    totals = [entry[r]["total"] for mode in modes.values() for entry in mode for r in READOUTS]
-    floor = 10 ** -(9 if min(totals) < 1e-7 else 8 if min(totals) < 1e-6 else 7)
+    powers = [
+        e[r][part] for mode in modes.values() for e in mode for r in READOUTS for part in (*PART_COLOURS, "total")
+    ]
+    floor = 10 ** math.floor(math.log10(min(power for power in powers if power > 0)))
     for panel, (mode, entries) in zip(panels, modes.items(), strict=True):
         dress(panel, f"{mode} mode")
         positions, names = [], []
@@ -47,53 +53,46 @@ def plot_fig6(data: Data, path: Path) -> None:
                 x = 3.7 * group + k
                 positions.append(x)
                 names.append(READOUT_NAMES[readout])
-                bottom = 0.0
-                for part, colour in PART_COLOURS.items():
-                    height = entry[readout][part]
-                    panel.bar(x, height, bottom=bottom or floor, width=0.82, color=colour, label=PART_NAMES[part])
-                    bottom += height
-                panel.text(x, bottom * 1.15, watts(bottom), ha="center", va="bottom", fontsize=6.3, color=GREY)
+                for place, (part, colour) in zip((-0.28, 0.0, 0.28), PART_COLOURS.items(), strict=True):
+                    panel.bar(x + place, entry[readout][part], width=0.26, color=colour, label=PART_NAMES[part])
+                total = entry[readout]["total"]
+                panel.plot([x - 0.41, x + 0.41], [total, total], color=PALETTE["black"], lw=1.4, label="sum")
+                panel.text(x, total * 1.15, watts(total), ha="center", va="bottom", fontsize=6.3, color=GREY)
             panel.text(3.7 * group + 1, -0.15, f"noise {noise * 1e3:.3g} mV rms", ha="center", va="top", fontsize=8.5,
                        transform=panel.get_xaxis_transform())  # fmt: skip
         panel.set_yscale("log")
-        panel.set_ylim(floor, max(totals) * 6)
+        panel.set_ylim(floor, max(powers) * 6)
         panel.set_xticks(positions, names, fontsize=7, rotation=35, ha="right", rotation_mode="anchor")
     panels[0].set_ylabel("power (W)", fontsize=8.5)
     handles, labels = panels[0].get_legend_handles_labels()
-    panels[-1].legend(handles[: len(PART_COLOURS)], labels[: len(PART_COLOURS)], fontsize=8, frameon=False)
+    shown = dict(zip(labels, handles, strict=True))
+    panels[-1].legend(list(shown.values()), list(shown), fontsize=8, frameon=False)
     save_figure(figure, path)
 
 
 def plot_fig7(data: Data, path: Path) -> None:
-    """Draw the crossover noise against the resolution for each mode, and the power ratio of the last mode.
+    """Draw the crossover noise against the resolution, and the power ratio of the last mode.
 
-    Lines end where there is no crossover; a mode in which there is none gets the ranges in words.
+    Lines end where there is no crossover. A mode in which there is none at all gets no panel, but a sentence.
     """
     modes = data["modes"]
-    figure = new_figure(4.4 * (len(modes) + 1), 3.8, "AFE noise at which spikes cost what frames cost")
-    panels = figure.subplots(1, len(modes) + 1, sharex=True, squeeze=False)[0]
-    for panel, (mode, entry) in zip(panels[:-1], modes.items(), strict=True):
+    crossing = {
+        mode: entry for mode, entry in modes.items() if any(_found(data, v) for v in _values(entry["crossover"]))
+    }
+    notes = [_without_crossover(data, mode, entry) for mode, entry in modes.items() if mode not in crossing]
+    figure = new_figure(4.8 * (len(crossing) + 1), 3.9, "AFE noise at which spikes cost what frames cost")
+    panels = figure.subplots(1, len(crossing) + 1, sharex=True, squeeze=False)[0]
+    for panel, (mode, entry) in zip(panels[:-1], crossing.items(), strict=True):
         dress(panel, f"{mode} mode")
         panel.sharey(panels[0])
-        notes = []
-        for (label, style), values, sides in zip(
-            _lines(entry["crossover"]), _values(entry["crossover"]), _values(entry["spikes_win"]), strict=True
-        ):
-            found = [(n, v) for n, v in zip(data["resolution"], values, strict=True) if v is not None]
-            if found:
+        for (label, style), values in zip(_lines(entry["crossover"]), _values(entry["crossover"]), strict=True):
+            if found := _found(data, values):
                 panel.plot(*zip(*found, strict=True), label=label, **style)
-            else:
-                notes.append(f"{label}\n{_ranges(data['resolution'], sides)}")
         panel.set_yscale("log")
-        if notes:
-            note = "no crossover; at any noise less power is drawn by\n\n" + "\n".join(notes)
-            panel.text(0.5, 0.5, note, ha="center", va="center", fontsize=7.5, color=GREY,
-                       transform=panel.transAxes)  # fmt: skip
-        if panel.get_legend_handles_labels()[0]:
-            panel.legend(fontsize=8, frameon=False, loc="upper left")
+        panel.legend(fontsize=8, frameon=False, loc="upper left")
         panel.set_ylabel("AFE output noise (V rms)", fontsize=8.5)
     mode, entry = list(modes.items())[-1]
-    dress(panels[-1], f"{mode} mode, {data['ratio_noise_v_rms'] * 1e3:g} mV")
+    dress(panels[-1], f"{mode} mode, {data['ratio_noise_v_rms'] * 1e3:.3g} mV")
     for (label, style), ratios in zip(_lines(entry["ratio"]), _values(entry["ratio"]), strict=True):
         panels[-1].plot(data["resolution"], ratios, label=label, **style)
     panels[-1].axhline(1.0, color=PALETTE["black"], lw=0.8)
@@ -103,7 +102,24 @@ def plot_fig7(data: Data, path: Path) -> None:
     for panel in panels:
         panel.set_xticks(data["resolution"])
         panel.set_xlabel("resolution N (bit)", fontsize=8.5)
+    if notes:
+        figure.supxlabel("\n".join(notes), x=0.01, ha="left", fontsize=7.5, color=GREY)
     save_figure(figure, path)
+
+
+def _found(data: Data, values: list[Any]) -> list[tuple[int, float]]:
+    """Return resolution and noise of the crossovers of a line."""
+    return [(n, value) for n, value in zip(data["resolution"], values, strict=True) if value is not None]
+
+
+def _without_crossover(data: Data, mode: str, entry: Data) -> str:
+    """Return in words who costs less in a mode without any crossover."""
+    lines = zip(_lines(entry["crossover"]), _values(entry["spikes_win"]), strict=True)
+    sides: dict[str, list[str]] = {}
+    for (label, _), line in lines:
+        sides.setdefault(_ranges(data["resolution"], line), []).append(label)
+    words = [f"{', '.join(labels)}: {ranges}" for ranges, labels in sides.items()]
+    return "\n".join([f"In {mode} mode there is no crossover; at any noise less power is drawn by", *words])
 
 
 def _lines(entry: Data) -> list[tuple[str, dict[str, Any]]]:
