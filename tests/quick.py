@@ -35,6 +35,7 @@ COMMANDS = {
     "model sensitivity": "tests/commands/test_power.py::test_sensitivity_has_every_correction_alone_and_left_out",
     "model explore": "tests/commands/test_power.py::test_explore_names_the_cheapest",
     "model frames": "tests/model/test_frame.py::test_frames_prints_a_line_for_each_readout",
+    "model study": "tests/model/test_study.py::test_the_command_writes_data_first_and_then_the_picture",
     "model report": "tests/model/test_report.py::test_text_from_files_cannot_leave_its_place",
     "rtl verilog": "cocotb_tests/test_frame_verilog.py::test_command_writes_the_text_of_the_library",
     "rtl gates": "tests/rtl/test_gates.py::test_command_compares_the_readouts_of_one_array",
