@@ -38,7 +38,7 @@ function figure(parent, title, soft, width, height, basis) {
   const box = node(parent, "figure", basis ? { style: `--width: ${basis}` } : {});
   const caption = node(box, "figcaption", {}, title);
   if (soft) node(caption, "span", {}, soft);
-  const svg = node(box, "svg", { viewBox: `0 0 ${width} ${height}`, tabindex: 0, role: "group" });
+  const svg = node(box, "svg", { viewBox: `0 0 ${width} ${height}`, style: `--drawn: ${width}px`, tabindex: 0, role: "group" });
   svg.setAttribute("aria-label", `${title}. ${soft || ""} Arrow keys read the values.`);
   return svg;
 }

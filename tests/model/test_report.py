@@ -484,6 +484,10 @@ URL.revokeObjectURL = () => {};
 HTMLAnchorElement.prototype.click = function () { found.file = this.download; };
 [...by("downloads").children].find((button) => button.textContent === "fig6.json").click();
 found.wide = document.documentElement.scrollWidth <= innerWidth;
+found.letters = Math.min(...[...document.querySelectorAll(".chart figure > svg text")].map((text) => {
+  const svg = text.ownerSVGElement;
+  return parseFloat(getComputedStyle(text).fontSize) * svg.getBoundingClientRect().width / svg.viewBox.baseVal.width;
+}));
 const result = document.createElement("script");
 result.type = "application/json"; result.id = "result";
 result.textContent = JSON.stringify(found).replace(/</g, "\\\\u003c");
@@ -597,3 +601,4 @@ def test_the_page_fits_a_phone(full, folder):
     found = drive(full, folder, "--window-size=500,900")
     assert found["wrong"] == []
     assert found["wide"]
+    assert found["letters"] >= 7  # pixels of the smallest letter of a chart
