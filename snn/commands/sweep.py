@@ -13,7 +13,7 @@ from model.cli.app import EXIT_INTERRUPTED
 from model.config import Encoding
 from model.errors import InputError
 from snn.commands.bars import cell_bar
-from snn.commands.options import Folds, Seeds, Workers, build_experiment, with_experiment
+from snn.commands.options import NOT_OF_A_SWEEP, Folds, Seeds, Workers, build_experiment, with_experiment
 from snn.experiments.recipes import BASELINES
 
 if TYPE_CHECKING:
@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from snn.experiments.workers import Crew
 
 DEFAULT_POINTS = "lcs:2,lcs:4,lcs:6,lcs:8,nlcs:4,nlcs:6,nlcs:8,nlcs:10"
+
+UNSAID: dict[str, Any] = dict.fromkeys(NOT_OF_A_SWEEP) | {"frames": 0}
+"""What a point does not say of its experiment."""
 
 OF_THIS_RUN = {"out", "workers", "scheduler"}
 """Options that do not change the result, and so have no place in the command that gives it."""
@@ -107,7 +110,7 @@ def _point(readout: str, number: int, options: dict[str, Any]) -> SweepPoint:
     from snn.data.record import FrameSteps
     from snn.experiments.sweep import SweepPoint
 
-    options = options | {"encoding": None, "resolution": None, "events": None, "frames": 0}
+    options = options | UNSAID
     try:
         if readout in BASELINES:
             frames = FrameSteps(frames_per_step=number).frames_per_step
@@ -124,7 +127,7 @@ def _recorded_point(folder: Path, options: dict[str, Any]) -> SweepPoint:
     """Return the point of a folder of event files, called as the folder."""
     from snn.experiments.sweep import SweepPoint
 
-    made = build_experiment(options | {"encoding": None, "resolution": None, "events": folder, "frames": 0})
+    made = build_experiment(options | UNSAID | {"events": folder})
     whole = folder.resolve()
     return SweepPoint(whole.parent.name if whole.name == "events" else whole.name, made.with_readout_of_events())
 
