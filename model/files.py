@@ -9,7 +9,7 @@ import os
 import shutil
 import tempfile
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import IO, Any
 
@@ -181,3 +181,22 @@ def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask
+
+
+def forget_stale_kernels(module: Path, steps: Iterable[Path]) -> None:
+    """Remove the compiled kernels of a module that are older than the steps which they have in them.
+
+    Numba looks at the module's own file only: a step that was edited in another file would not be seen.
+
+    Parameters
+    ----------
+    module : Path
+        Source of the module with ``njit(cache=True)``.
+    steps : iterable of Path
+        Sources of the functions that it calls.
+    """
+    newest = max(path.stat().st_mtime for path in steps)
+    for kernel in (module.parent / "__pycache__").glob(f"{module.stem}.*.nb?"):
+        with contextlib.suppress(OSError):  # a folder that cannot be written is no checkout
+            if kernel.stat().st_mtime < newest:
+                kernel.unlink()

@@ -7,18 +7,22 @@ decides so again until its sample, its reference or its window moves.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from model import arbiter, decay, link
+from model import arbiter, decay, link, window
 from model import taxel_kernels as taxel
 from model.arbiter import ONE, ZERO, lowest, without_lowest
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.events.address import EVENT_DTYPE, Events
+from model.files import forget_stale_kernels
+
+forget_stale_kernels(Path(__file__), (Path(str(m.__file__)) for m in (arbiter, decay, link, taxel, window)))
 
 ANALOG_RANGE = 4
 """Full scales that an analog signal may reach, either way."""
