@@ -321,7 +321,7 @@ def test_convert_takes_a_bin_that_a_clock_can_have(snn: Call, bin_s: str) -> Non
     assert not Path("a.nir").exists()
 
 
-@pytest.mark.parametrize("rate", [1e-300, 1e300])
+@pytest.mark.parametrize("rate", [1e-9, 1e12])  # the ends of what a configuration takes
 def test_events_at_an_absurd_clock_are_refused(snn: Call, rate: float) -> None:
     recording(sample_rate_hz=rate).save(Path("a.npz"))
     for out in ("a.nir", "a.npy"):
@@ -329,8 +329,10 @@ def test_events_at_an_absurd_clock_are_refused(snn: Call, rate: float) -> None:
         assert code == 0 or (code, error.count("\n")) == (2, 1), error
         assert Path(out).exists() == (code == 0)
     if rate < 1:
+        config = ReadoutConfig(rows=1, columns=2, sample_rate_hz=rate)
+        late = Recording(make_events([10**9], [0], [0]), config, 10**9 + 1)
         with pytest.raises(InputError, match="too long for microseconds; take clocks"):
-            to_events_array(recording(sample_rate_hz=rate))
+            to_events_array(late)
 
 
 def test_more_counts_than_memory_is_for_are_refused() -> None:

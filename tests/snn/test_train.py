@@ -358,7 +358,7 @@ def test_the_leak_of_a_configuration_file_is_kept(
     tmp_path: Path, fields: dict[str, Any], options: dict[str, Any], tau_s: float
 ) -> None:
     (tmp_path / "nlcs.json").write_text(json.dumps({"encoding": "nlcs"} | fields))
-    names = ("preset", "encoding", "resolution", "tau", "dataset", "events", "start_rows", "bin_s", "settings")
+    names = ("preset", "encoding", "resolution", "tau", "dataset", "events", "data", "start_rows", "bin_s", "settings")
     given = dict.fromkeys(names) | {"config_file": tmp_path / "nlcs.json", "frames": 0, "recipe": "tuned", "epochs": 1}
     _, config = build_experiment(given | options).scan_and_config()
     assert config.tau_s == pytest.approx(tau_s, rel=0.01)
