@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from model.cli.app import printable
 from model.cli.config_options import with_config
 from model.config import ReadoutConfig
 from model.errors import InputError
@@ -81,5 +82,5 @@ def replay(
     summary["configuration"] = plan.config.to_dict()
     with atomic_write(plan.folder / "summary.json") as file:
         file.write((json.dumps(summary, indent=2) + "\n").encode())
-    print(f"events per image: {plan.events}; played now: {len(missing)} images in {seconds:.0f} s")
+    print(printable(f"events per image: {plan.events}; played now: {len(missing)} images in {seconds:.0f} s"))
     print(f"bit-exact: {images} runs, {summary['clocks']} clocks, {summary['events']} events, 0 mismatches")

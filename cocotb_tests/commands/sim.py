@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from model.cli.app import printable
 from model.cli.config_options import with_config
 from model.cli.progress import bar
 from model.commands.recordings import print_set, warn
@@ -78,7 +79,7 @@ def sim(
     if not total.events or not total.drained:
         print(f"FAILED: {total.events} events were compared, {total.drained} runs left nothing outstanding")
         raise typer.Exit(1)
-    print(f"pictures and event files: {out}")
+    print(printable(f"pictures and event files: {out}"))
     print(f"bit-exact: {total.runs} runs, {total.clocks} clocks, {total.events} events, 0 mismatches")
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from model.cli.app import printable
 from model.cli.config_options import with_config
 from model.cli.field_options import with_fields
 from model.cli.progress import bar
@@ -125,7 +126,9 @@ def _encode_folder(source: Path, out: Path, options: Preparation, config: Readou
     with bar("encoding recordings", len(recordings.sources)) as progress:
         quality, warnings = write_folder(recordings, out, progress)
     print_set(recordings)
-    print(f"{out}: {len(recordings.sources)} event files, {quality.events} events in {quality.seconds:.6g} s")
+    print(
+        printable(f"{out}: {len(recordings.sources)} event files, {quality.events} events in {quality.seconds:.6g} s")
+    )
     print(quality_text(quality))
     warn((*recordings.warnings, *warnings))
 
@@ -273,7 +276,7 @@ def _print_summary(recording: Recording, data: _Input, out: Path) -> None:
     config, full_scale = recording.config, recording.config.full_scale
     counts = count_per_taxel(recording.events, config)
     rate = f"{recording.rate_hz:.6g} events/s"
-    print(f"{out}: {len(recording.events)} events in {recording.duration_s:.6g} s, {rate}")
+    print(printable(f"{out}: {len(recording.events)} events in {recording.duration_s:.6g} s, {rate}"))
     print(
         f"{config.encoding} {config.resolution} b, {config.rows} x {config.columns} taxels, "
         f"{len(data.codes)} samples at {config.sample_rate_hz:g} Hz, clock {config.clock_hz:g} Hz"
@@ -314,5 +317,5 @@ def decode(
         title = f"{recording.metadata.get('name', source.stem)}: {config.encoding} {config.resolution} b"
         plot_signals(recording.events, signals, config, plot, title, "reconstruction", recording.duration_clocks)
     low, high = (float(signals.min()), float(signals.max())) if signals.size else (0.0, 0.0)
-    print(f"{out}: {signals.shape[0]} ticks of {signals.shape[1]} taxels at {config.sample_rate_hz:g} Hz")
+    print(printable(f"{out}: {signals.shape[0]} ticks of {signals.shape[1]} taxels at {config.sample_rate_hz:g} Hz"))
     print(f"from {len(recording.events)} events, {low:+.4f}..{high:+.4f} of full scale")

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from model.cli.app import printable
 from model.cli.field_options import with_fields
 from model.cli.progress import bar
 from model.cli.tables import new_table, show
@@ -92,7 +93,7 @@ def explore(
     if event_rate is dataset is rates is None:
         print(STORED_RATES.format(preset_name), file=sys.stderr if as_json else sys.stdout)
     if not as_json:
-        print(written)
+        print(printable(written))
     if as_json:
         print(json.dumps(data))
     else:

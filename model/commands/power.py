@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from model.cli.app import printable
 from model.cli.progress import bar
 from model.cli.tables import new_table, show
 from model.commands.options import (
@@ -184,7 +185,7 @@ def fig6(
         synthesis,
         lambda: rate_table(dataset, preset_name, rates, [FIG_RESOLUTION], [FIG_TAU_S], watch=bar),
     )
-    print(write_results(out, "fig6", fig6_data(models), plot_fig6, data_out))
+    print(printable(write_results(out, "fig6", fig6_data(models), plot_fig6, data_out)))
 
 
 def fig7(
@@ -203,7 +204,7 @@ def fig7(
     models = both_modes(
         settings, synthesis, lambda: rate_table(dataset, preset_name, rates, list(RESOLUTIONS), list(TAUS_S), watch=bar)
     )
-    print(write_results(out, "fig7", fig7_data(models), plot_fig7, data_out))
+    print(printable(write_results(out, "fig7", fig7_data(models), plot_fig7, data_out)))
 
 
 def sensitivity(
@@ -225,7 +226,7 @@ def sensitivity(
     data = sensitivity_data(sensitivity_models(model, others))
     written = write_results(out, "sensitivity", data, plot_sensitivity, data_out)
     if not as_json:
-        print(written)
+        print(printable(written))
     if as_json:
         print(json.dumps(data))
     else:

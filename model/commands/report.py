@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from model.cli.app import printable
 from model.commands.options import SynthesisOption
 from model.errors import InputError
 from model.report.page import ACCURACY, BENCHMARKS, REPLAY, SIM, page
@@ -46,7 +47,7 @@ def report(
     text = page(data).encode()
     with atomic_write(out) as file:
         file.write(text)
-    print(f"wrote {out} ({len(text) / 1e6:.1f} MB); open it in a browser")
+    print(printable(f"wrote {out} ({len(text) / 1e6:.1f} MB); open it in a browser"))
     for sentences in data["missing"].values():
         for sentence in sentences:
             print(f"note: {sentence}")

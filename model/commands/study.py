@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from model.cli.app import printable
 from model.cli.progress import bar
 from model.cli.tables import new_table, show
 from model.commands.options import JsonOption, OutOption
@@ -38,7 +39,7 @@ def study(
     if as_json:
         print(json.dumps(found))
         return
-    print(written)
+    print(printable(written))
     _print(found)
 
 

@@ -34,7 +34,9 @@ def export(
         save_nir(out, loaded)
     else:
         save_weights(out, loaded, eight_bits)
-    print(f"{out}: {len(loaded.class_names)} classes, {loaded.step_s:g} s per step, {out.stat().st_size} bytes")
+    print(
+        printable(f"{out}: {len(loaded.class_names)} classes, {loaded.step_s:g} s per step, {out.stat().st_size} bytes")
+    )
 
 
 def import_(
@@ -56,7 +58,7 @@ def import_(
     save_weights(out, loaded)
     network = config_of(loaded.network)
     names = printable(", ".join(loaded.class_names))
-    print(f"{out}: {network.inputs} inputs, {network.hidden} hidden neurons, classes {names}")
+    print(printable(f"{out}: {network.inputs} inputs, {network.hidden} hidden neurons, classes {names}"))
 
 
 def convert(
@@ -91,7 +93,7 @@ def convert(
     else:
         with atomic_write(out) as file:
             np.save(file, to_events_array(recording, "clocks" if unit == "clocks" else "us"))
-    print(f"{out}: {len(recording.events)} events in {recording.duration_s:.6g} s")
+    print(printable(f"{out}: {len(recording.events)} events in {recording.duration_s:.6g} s"))
 
 
 def _read(source: Path) -> Recording:

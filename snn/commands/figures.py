@@ -35,9 +35,9 @@ def fig9(
     sweeps = load_sweeps(sweep or [])
     matrices = confusion_data(sweeps, reading, confusion)
     data = fig9_data(sweeps, reading)
-    print(write_results(out, "fig9", data, plot_fig9, data_out))
+    print(printable(write_results(out, "fig9", data, plot_fig9, data_out)))
     if matrices["points"]:
-        print(write_results(out, "confusion", matrices, plot_confusion, data_out))
+        print(printable(write_results(out, "confusion", matrices, plot_confusion, data_out)))
     for point in data["left_out"]:
         print(printable(f"left out, as no seed is finished: {point}"))
 
@@ -63,5 +63,5 @@ def fig8(
     from snn.figures.fig8_play import play
 
     played = play(weights, result or weights.parent / "result.json", dataset, image)
-    print(write_results(out, "fig8", played.to_dict(), lambda _, path: plot_fig8(played, path), data_out))
+    print(printable(write_results(out, "fig8", played.to_dict(), lambda _, path: plot_fig8(played, path), data_out)))
     print(printable(f"{played.texture.name}: true {played.texture.class_name}, predicted {played.predicted}"))

@@ -71,7 +71,7 @@ def predict(
         with bar("model", len(files)) as step:
             check = work.check_model(recordings, data, logits, trained, dataset, step)
     write_json(out, _report(recordings, logits, trained, scores, check))
-    print(f"predictions: {out}")
+    print(printable(f"predictions: {out}"))
     if check is None:
         return
     names = [recording.metadata["name"] for recording in recordings]
