@@ -1,0 +1,76 @@
+"""One good file of every kind that a command reads, small enough to be read in no time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from model.config import ReadoutConfig
+from model.files import write_json
+from model.power.rates import measure_table, tables_text
+from model.textures.dataset import embedded_dataset
+from model.textures.presets import preset
+from rtl.delivery import description
+from snn.data.record import record
+from snn.exchange.nir_events import save_nir_data
+from tests.fuzz.run import Command, run_command
+
+CONFIG = ReadoutConfig(rows=1, columns=4)
+TRAIN = ("--config", "good/config.json", "--bin", "0.02", "--set", "hidden=16", "--set", "batch=4", "--folds", "2")
+
+LIBERTY = """library (small) {
+  cell (INV) { area : 1; pin (A) { direction : input; } pin (Y) { direction : output; function : "!A"; } }
+  cell (NAND) { area : 1; pin (A) { direction : input; } pin (B) { direction : input; }
+    pin (Y) { direction : output; function : "!(A & B)"; } }
+  cell (DFF) { area : 4; ff (Q, QN) { clocked_on : "C"; next_state : "D"; }
+    pin (C) { direction : input; clock : true; } pin (D) { direction : input; }
+    pin (Q) { direction : output; function : "Q"; } }
+}
+"""
+
+
+def make(root: Path) -> None:
+    """Write the corpus into the folder ``good`` of ``root``, which is the current folder."""
+    good = root / "good"
+    events = good / "events"
+    for texture in embedded_dataset().limit(6):
+        made = record(texture, "embedded", preset("physical"), CONFIG)
+        (events / texture.name).parent.mkdir(parents=True, exist_ok=True)
+        made.save(events / f"{texture.name}.npz")
+    made.save(good / "events.npz")
+    save_nir_data(good / "events.nir", made)
+    (good / "config.json").write_text(CONFIG.to_json())
+    (good / "delivered.json").write_text(description(CONFIG))
+    samples = np.round(1000 * np.sin(np.arange(200)[:, None] / 9 + np.arange(4))).astype(np.int32)
+    np.save(good / "samples.npy", samples)
+    np.savez(good / "samples.npz", samples=samples, sample_rate_hz=1000.0)
+    np.savetxt(good / "samples.csv", samples, "%d", delimiter=",")
+    for label in ("brick", "grass"):
+        for number in range(2):
+            (good / "images" / label).mkdir(parents=True, exist_ok=True)
+            picture = np.random.default_rng(number).integers(0, 256, (96, 96), np.uint8)
+            Image.fromarray(picture).save(good / "images" / label / f"{number}.png")
+    Image.fromarray(picture).save(good / "image.png")
+    (good / "rates.json").write_text(
+        tables_text(
+            [measure_table(embedded_dataset().limit(1), preset("paper"), ReadoutConfig(), range(1, 11), (0.2,))], "-"
+        )
+    )
+    gates = {"readout": "lcs", "rows": 8, "columns": 8, "clock_hz": 1e6, "area_um2": 1e5, "leakage_w": 1e-6}
+    write_json(good / "synthesis.json", gates | {"clock_power_w_per_hz": 1e-11, "energy_per_event_j": 1e-12})
+    (good / "cells.lib").write_text(LIBERTY)
+    trained = run_command(
+        Command("snn", ("train", "--dataset", "embedded", *TRAIN, "--epochs", "1", "-o", "good/train"))
+    )
+    assert trained.code == 0, trained.err
+    swept = run_command(
+        Command("snn", ("sweep", "--dataset", "embedded", "--points", "lcs:3", *TRAIN, "--epochs", "1", "--seeds", "1",
+                        "--workers", "1", "-o", "good/sweep"))
+    )  # fmt: skip
+    assert swept.code == 0, swept.err
+    exported = run_command(Command("snn", ("export", "good/train/weights.npz", "-o", "good/network.nir")))
+    assert exported.code == 0, exported.err
+    figure = run_command(Command("snn", ("fig9", "--sweep", "good/sweep/sweep.json", "-o", "good")))
+    assert figure.code == 0, figure.err

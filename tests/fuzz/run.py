@@ -1,0 +1,111 @@
+"""Runs one command in this process, and says what a user would have seen."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import resource
+import signal
+import traceback
+import unicodedata
+from collections.abc import Iterator
+from pathlib import Path
+from types import FrameType
+from typing import NamedTuple
+
+import typer
+
+from cocotb_tests.__main__ import app as cocotb_app
+from model.__main__ import app as model_app
+from model.cli.app import run
+from rtl.__main__ import app as rtl_app
+from snn.__main__ import app as snn_app
+
+APPS: dict[str, typer.Typer] = {"model": model_app, "rtl": rtl_app, "snn": snn_app, "cocotb_tests": cocotb_app}
+
+LONGEST_S = 30
+"""Nothing here takes a second; a case that takes so long has found a loop without end."""
+MOST_BYTES = 6 * 2**30
+"""Address space that a case may add: torch and Numba map much and use little."""
+
+
+class Command(NamedTuple):
+    """What a user types behind ``python -m``."""
+
+    package: str
+    arguments: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return " ".join([f"python -m {self.package}", *(repr(a) if not a.isprintable() else a for a in self.arguments)])
+
+
+class Seen(NamedTuple):
+    """What came of it; ``crash`` is a traceback, or empty."""
+
+    code: int | None
+    out: str
+    err: str
+    crash: str
+
+
+def run_command(command: Command) -> Seen:
+    """Run a command in the current folder."""
+    out, err, crash, code = io.StringIO(), io.StringIO(), "", None
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), _limits(command.package != "rtl"):
+        try:
+            run(APPS[command.package], f"python -m {command.package}", command.arguments)
+        except SystemExit as left:
+            code = left.code if isinstance(left.code, int) else None
+        except BaseException:
+            crash = traceback.format_exc()
+    return Seen(code, out.getvalue(), err.getvalue(), crash)
+
+
+@contextlib.contextmanager
+def _limits(memory: bool) -> Iterator[None]:
+    """Bound the time of what runs inside, and its memory: but not that of Yosys, whose sandbox maps all there is."""
+
+    def too_long(number: int, frame: FrameType | None) -> None:
+        raise AssertionError(f"still running after {LONGEST_S} s")
+
+    before, most = resource.getrlimit(resource.RLIMIT_AS)
+    mapped = int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
+    handler = signal.signal(signal.SIGALRM, too_long)
+    signal.alarm(LONGEST_S)
+    if memory:
+        resource.setrlimit(resource.RLIMIT_AS, (mapped + MOST_BYTES, most))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (before, most))
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, handler)
+
+
+def tree(folder: Path) -> dict[str, int]:
+    """Return every file of a folder with its size."""
+    return {str(path.relative_to(folder)): path.stat().st_size for path in folder.rglob("*") if path.is_file()}
+
+
+def complaint(command: Command, seen: Seen, before: dict[str, int], after: dict[str, int]) -> str:
+    """Return what is wrong with an outcome; empty if nothing is."""
+    if seen.crash:
+        return f"traceback: {seen.crash}"
+    if seen.code not in (0, 1, 2):
+        return f"exit code {seen.code}"
+    if seen.code == 1 and command.arguments[0] not in ("compare", "predict"):
+        return f"exit code 1: {seen.out[-300:]}"
+    if any(unicodedata.category(sign) == "Cc" and sign not in "\n\t" for sign in seen.out + seen.err):
+        return f"output that a terminal obeys: {(seen.out + seen.err)[-500:]!r}"
+    if "Traceback" in seen.err + seen.out:
+        return f"a traceback was printed: {seen.err[-500:]}"
+    if seen.code == 2:
+        sentences = [line for line in seen.err.splitlines() if line.startswith("error: ")]
+        if len(sentences) != 1 or not seen.err.rstrip().splitlines()[-1].startswith("error: "):
+            return f"not one sentence: {seen.err[-500:]!r}"
+        if sentences[0].startswith("error: not enough memory"):
+            return sentences[0]
+        if changed := {n for n in before | after if before.get(n) != after.get(n)}:
+            return f"files were left or changed by a refused command: {sorted(changed)[:5]}"
+    return ""

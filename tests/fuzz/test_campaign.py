@@ -1,0 +1,143 @@
+"""The campaign: random damage to every file, random values for every option.
+
+``ESKIN_FUZZ=5000`` tries so many of each instead of the gate's few, drawn anew; ``python -m tests.fuzz 5000`` keeps
+what it counted in docs/data/verification/fuzz.json.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, Phase, given, settings
+
+from model.files import write_json
+from tests.fuzz import corpus
+from tests.fuzz.cases import FILES, GOOD, commands, hostile_commands, hostile_files
+from tests.fuzz.run import Command, Seen, complaint, run_command, tree
+
+CASES = int(os.environ.get("ESKIN_FUZZ", "60"))
+COUNTS = "ESKIN_FUZZ_COUNTS"
+"""Names the folder for what a campaign counted."""
+
+campaign = settings(
+    max_examples=CASES,
+    deadline=None,
+    derandomize="ESKIN_FUZZ" not in os.environ,
+    suppress_health_check=list(HealthCheck),
+    database=None,
+    phases=[Phase.generate],  # every case is small, and all that is wrong shall be told at once
+)
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with the corpus in ``good``."""
+    root = tmp_path_factory.mktemp("fuzz")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(root)
+        corpus.make(root)
+    return root
+
+
+@pytest.fixture(autouse=True)
+def here(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(root)
+    monkeypatch.delenv("ESKIN_DATA", raising=False)
+
+
+def clean(root: Path) -> None:
+    """Remove all but the corpus."""
+    for path in root.iterdir():
+        if path.name != "good":
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+
+
+class Campaign:
+    """Runs cases, counts how they ended, and keeps one case for everything that went wrong."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.codes: Counter[int | None] = Counter()
+        self.wrong: dict[str, str] = {}
+
+    def run(self, command: Command) -> None:
+        before = tree(self.root)
+        seen = run_command(command)
+        self.codes[seen.code] += 1
+        if wrong := complaint(command, seen, before, tree(self.root)):
+            last = wrong.strip().splitlines()
+            kept = f"{str(command)[:400]}\n    " + "\n    ".join(last[-3:])
+            self.wrong.setdefault(f"{command.package} {command.arguments[0]} {last[-1][:40]}", kept[:1500])
+
+    def end(self, name: str) -> None:
+        """Fail if a user would have had cause to complain, or if what was done was too mild to test anything."""
+        if folder := os.environ.get(COUNTS):
+            ends = {"refused": self.codes[2], "right or different": self.codes[0] + self.codes[1]}
+            write_json(
+                Path(folder) / f"fuzz-{name}.json", {"cases": self.codes.total(), **ends, "wrong": len(self.wrong)}
+            )
+        assert not self.wrong, f"{len(self.wrong)} kinds of wrong ends:\n" + "\n".join(self.wrong.values())
+        assert self.codes.total() >= CASES // 2
+        assert self.codes[2] > self.codes.total() // 4, self.codes
+
+
+def test_every_command_and_every_reader_has_a_place_in_the_campaign() -> None:
+    assert set(GOOD) == set(commands())
+
+
+@pytest.mark.parametrize("name", sorted(FILES))
+def test_the_corpus_is_good(root: Path, name: str) -> None:
+    for package, arguments in FILES[name]:
+        clean(root)
+        seen = run_command(Command(package, tuple(f"good/{name}" if a == "{}" else a for a in arguments)))
+        assert seen.code == 0, f"{arguments}: {seen.err}{seen.crash}"
+
+
+def test_damaged_files(root: Path) -> None:
+    ends = Campaign(root)
+
+    @campaign
+    @given(case=hostile_files(root))
+    def attack(case: tuple[Command, str, bytes]) -> None:
+        command, place, content = case
+        clean(root)
+        (root / place).parent.mkdir()
+        (root / place).write_bytes(content)
+        ends.run(command)
+
+    attack()
+    ends.end("files")
+
+
+def test_hostile_options(root: Path) -> None:
+    ends = Campaign(root)
+
+    @campaign
+    @given(command=hostile_commands())
+    def attack(command: Command) -> None:
+        clean(root)
+        ends.run(command)
+        assert not (root / "planted").exists()
+
+    attack()
+    ends.end("options")
+
+
+def test_a_defect_would_be_found(root: Path) -> None:
+    """The judge of outcomes complains about each thing that it is there for."""
+    command = Command("model", ("decode", "x"))
+    for seen, after in (
+        (Seen(None, "", "", "Traceback ..."), {}),
+        (Seen(1, "", "", ""), {}),
+        (Seen(2, "", "", ""), {}),
+        (Seen(2, "", "error: a\nerror: b\n", ""), {}),
+        (Seen(2, "", "error: a\n", ""), {"half": 3}),
+        (Seen(0, "\x1b[31m", "", ""), {}),
+        (Seen(2, "", "error: not enough memory: 9 GB\n", ""), {}),
+    ):
+        assert complaint(command, seen, {}, after), seen
+    assert not complaint(command, Seen(2, "", "error: a\n", ""), {}, {})
