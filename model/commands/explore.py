@@ -92,11 +92,10 @@ def explore(
     written = write_results(out, "explore", data, plot_explore)
     if event_rate is dataset is rates is None:
         print(STORED_RATES.format(preset_name), file=sys.stderr if as_json else sys.stdout)
-    if not as_json:
-        print(printable(written))
     if as_json:
         print(json.dumps(data))
     else:
+        print(printable(written))
         _print(data)
 
 

@@ -225,11 +225,10 @@ def sensitivity(
     others = {f"{t.dataset} {t.preset} scan": t for t in load_tables() if (t.dataset, t.preset) != used}
     data = sensitivity_data(sensitivity_models(model, others))
     written = write_results(out, "sensitivity", data, plot_sensitivity, data_out)
-    if not as_json:
-        print(printable(written))
     if as_json:
         print(json.dumps(data))
     else:
+        print(printable(written))
         _print_sensitivity(data)
 
 
