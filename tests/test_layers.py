@@ -16,6 +16,7 @@ LAYERS = {
     "model": (
         "errors",
         "files",
+        "crew",
         "config",
         "events.address window decay arbiter link taxel_kernels frame_config frame_words",
         "taxel readout frame",

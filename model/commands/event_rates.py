@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from model.cli.config_options import with_config
+from model.cli.crew_options import Scheduler, Workers, open_crew
 from model.cli.progress import bar
 from model.config import ReadoutConfig
 from model.power.rates import measure_table, tables_text
@@ -27,7 +27,8 @@ def event_rates(
         str, typer.Option("--preset", metavar="paper|physical|both", help="constants of the texture scan")
     ] = "both",
     limit: Annotated[int | None, typer.Option(metavar="K", help="only K images, evenly spread")] = None,
-    workers: Annotated[int | None, typer.Option(metavar="N", help="threads [one per core]")] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Measure the event rates of every taxel, N = 1..10, for the power model (docs/guide/power.md)."""
     from model.files import atomic_write, check_writable
@@ -36,20 +37,20 @@ def event_rates(
     check_writable(out)
     presets = ("paper", "physical") if preset_name == "both" else (preset_name,)
     scans = [preset(name) for name in presets]
-    threads = workers if workers is not None else os.cpu_count() or 1
     tables = []
     places: list[str | None] = list(dataset or []) or [None]
-    for place in places:
-        textures = open_dataset(place)
-        textures = textures if limit is None else textures.limit(limit)
-        for scan in scans:
-            tables.append(measure_table(textures, scan, config, workers=threads, watch=bar))
-            last = tables[-1]
-            rate = last.population_hz("lcs", 6)
-            print(
-                f"{last.dataset} {last.preset}: {last.images} images, {last.bandwidth_hz:g} Hz, "
-                f"LCS 6 b {rate:,.0f} events/s"
-            )
+    with open_crew(workers, scheduler, threads=True) as crew:
+        for place in places:
+            textures = open_dataset(place)
+            textures = textures if limit is None else textures.limit(limit)
+            for scan in scans:
+                tables.append(measure_table(textures, scan, config, crew=crew, watch=bar))
+                last = tables[-1]
+                rate = last.population_hz("lcs", 6)
+                print(
+                    f"{last.dataset} {last.preset}: {last.images} images, {last.bandwidth_hz:g} Hz, "
+                    f"LCS 6 b {rate:,.0f} events/s"
+                )
     command = "python -m model event-rates --out model/power/event_rates.json"
     for name in dict.fromkeys(table.dataset for table in tables):
         command += f" --dataset {name if name == EMBEDDED else f'data/{name}'}"

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from typing import Annotated, Any, get_args
 
 import typer
 
 from model.cli.config_options import with_config
+from model.cli.crew_options import Scheduler, Workers, open_crew
 from model.cli.field_options import with_fields
 from model.cli.progress import bar
 from model.cli.tables import new_table, show
@@ -90,7 +90,8 @@ def frames(
         str, typer.Option("--preset", metavar="paper|physical", help="constants of the texture scan")
     ] = "paper",
     limit: Annotated[int | None, typer.Option(metavar="K", help="only K images, evenly spread")] = None,
-    workers: Annotated[int | None, typer.Option(metavar="N", help="threads [one per core]")] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
 ) -> None:
     """Compare events and frames on the same scans: bits per second and activity."""
@@ -105,11 +106,13 @@ def frames(
     textures = open_dataset(dataset)
     if limit is not None:
         textures = textures.limit(limit)
-    threads = workers if workers is not None else os.cpu_count() or 1
-    with bar("scanning textures", len(configs) * len(textures)) as progress:
+    with (
+        open_crew(workers, scheduler, threads=True) as crew,
+        bar("scanning textures", len(configs) * len(textures)) as progress,
+    ):
         results = {
             encoding: spiking_traffic(
-                config, measure_rates(textures, scan, config, workers=threads, progress=progress), frame
+                config, measure_rates(textures, scan, config, crew=crew, progress=progress), frame
             )
             for encoding, config in configs.items()
         }

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 from typing import Annotated, Any
 
 import typer
 
 from model.cli.config_options import with_config
+from model.cli.crew_options import Scheduler, Workers, open_crew
 from model.cli.progress import bar
 from model.cli.tables import show_facts
 from model.config import ReadoutConfig
@@ -36,7 +36,8 @@ def rates(
     start_row: Annotated[
         list[float] | None, typer.Option(metavar="PIXELS", help="physical: start row, repeatable [0]")
     ] = None,
-    workers: Annotated[int | None, typer.Option(metavar="N", help="threads [one per core]")] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
 ) -> None:
     """Measure the mean event rate of the whole array over a dataset."""
@@ -49,9 +50,11 @@ def rates(
     textures = open_dataset(dataset)
     if limit is not None:
         textures = textures.limit(limit)
-    threads = workers if workers is not None else os.cpu_count() or 1
-    with bar("scanning textures", len(textures)) as progress:
-        result = measure_rates(textures, scan, config, start_row or [0.0], threads, progress)
+    with (
+        open_crew(workers, scheduler, threads=True) as crew,
+        bar("scanning textures", len(textures)) as progress,
+    ):
+        result = measure_rates(textures, scan, config, start_row or [0.0], crew, progress)
     report = {
         "preset": scan.name,
         "encoding": config.encoding,

@@ -6,7 +6,6 @@ those of the two datasets in both presets.
 
 from __future__ import annotations
 
-import functools
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,15 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.config import ReadoutConfig
+from model.crew.crew import Crew
 from model.errors import InputError
 from model.files import read_json
 from model.power.equations import FloatArray, Readout, TaxelRates
 from model.power.parameters import MAX_RESOLUTION, MIN_RESOLUTION
 from model.textures.presets import Scan
-from model.textures.rates import Watch, each_texture, scan_texture, unwatched
+from model.textures.rates import Image, Watch, each_image, scan_image, unwatched
 
 if TYPE_CHECKING:
-    from model.textures.dataset import Dataset, Texture
+    from model.textures.dataset import Dataset
 
 TAUS_S = (2.0, 0.2, 0.02)
 """N-LCS time constants of Fig. 7 in seconds."""
@@ -216,7 +216,7 @@ def measure_table(
     base: ReadoutConfig | None = None,
     resolutions: Sequence[int] = RESOLUTIONS,
     taus_s: Sequence[float] = TAUS_S,
-    workers: int = 1,
+    crew: Crew | None = None,
     watch: Watch = unwatched,
 ) -> RateTable:
     """Return the event rates of every taxel, of LCS and N-LCS, with every request taken at once.
@@ -231,8 +231,8 @@ def measure_table(
         Array and sample rate; the default array by default.
     resolutions, taus_s : sequences
         What to measure.
-    workers : int
-        Threads.
+    crew : Crew, optional
+        Who does the work, this process by default.
     watch : Watch
         Shows how far it is, image by image and sample rate by sample rate.
     """
@@ -246,8 +246,8 @@ def measure_table(
         # Images inside, sample rates outside: a scan keeps what it worked out for the last rates only.
         for rate_hz, members in groups.items():
             chosen, for_spectrum = [configs[i] for i in members], rate_hz == spectrum_rate_hz
-            work = functools.partial(_measure, scan=scan, configs=chosen, want_spectrum=for_spectrum)
-            for found, power in each_texture(dataset, work, workers, progress):
+            arguments = (scan, chosen, for_spectrum)
+            for found, power in each_image(dataset, _measure, arguments, crew, progress):
                 rates[members] += found
                 spectrum += power
     rates /= len(dataset)
@@ -283,10 +283,10 @@ _SPECTRUM_STEP_HZ = 0.25
 
 
 def _measure(
-    texture: Texture, scan: Scan, configs: list[ReadoutConfig], want_spectrum: bool
+    image: Image, scan: Scan, configs: list[ReadoutConfig], want_spectrum: bool
 ) -> tuple[FloatArray, FloatArray | float]:
     """Return the rates of every configuration and taxel, and the power spectrum, of one image at one sample rate."""
-    found = scan_texture(texture, scan, configs)
+    found = scan_image(image, scan, configs)
     power = _spectrum(found.signals, configs[0].sample_rate_hz) if want_spectrum else 0.0
     return found.counts / found.seconds, power
 

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.config import ReadoutConfig
+from model.crew.crew import Crew, Local, each
 from model.errors import InputError
-from model.textures.dataset import Dataset, Texture
+from model.textures.dataset import Dataset
 from model.textures.presets import Scan, Signals, quantise
-
-Result = TypeVar("Result")
 
 PUBLISHED_RATES_HZ = {
     ("lcs", 2): 2429.48,
@@ -72,7 +70,7 @@ def measure_rates(
     scan: Scan,
     config: ReadoutConfig,
     start_rows: Sequence[float] = (0.0,),
-    workers: int = 1,
+    crew: Crew | None = None,
     progress: Callable[[], object] | None = None,
 ) -> Rates:
     """Return the event rates of a readout over a dataset, with every request taken at once.
@@ -86,24 +84,24 @@ def measure_rates(
         From ``scan.configure``.
     start_rows : sequence of float
         Image rows at which the array's row 0 slides, one scan each; only 0 in the ``paper`` preset.
-    workers : int
-        Threads to work with; the result does not depend on it.
+    crew : Crew, optional
+        Who does the work, this process by default; the result does not depend on it.
     progress : callable, optional
         Called after each image.
 
     Raises
     ------
     InputError
-        If the dataset is empty, an image is damaged or too small, or workers is less than 1.
+        If the dataset is empty, or an image is damaged or too small.
     """
     if not start_rows:
         raise InputError("a rate needs at least one image and one start row; the list of start rows is empty")
 
-    def work(texture: Texture) -> list[tuple[int, int, float]]:
-        scans = (scan_texture(texture, scan, [config], start_row) for start_row in start_rows)
-        return [(int(found.counts.sum()), found.clipped, found.seconds) for found in scans]
-
-    results = [found for image in each_texture(dataset, work, workers, progress) for found in image]
+    results = [
+        found
+        for image in each_image(dataset, _rates_of, (scan, config, tuple(start_rows)), crew, progress)
+        for found in image
+    ]
     events, clipped, seconds = (np.array(column) for column in zip(*results, strict=True))
     rates = events / seconds
     return Rates(
@@ -116,6 +114,27 @@ def measure_rates(
         scan_s=math.fsum(seconds) / len(seconds),
         tau_s=config.tau_s if config.encoding == "nlcs" else None,
     )
+
+
+class Image(NamedTuple):
+    """A texture as it is sent to whoever scans it.
+
+    Attributes
+    ----------
+    name : str
+    pixels : uint8 array, shape (height, width)
+    """
+
+    name: str
+    pixels: NDArray[np.uint8]
+
+
+def _rates_of(
+    image: Image, scan: Scan, config: ReadoutConfig, start_rows: Sequence[float]
+) -> list[tuple[int, int, float]]:
+    """Return events, clipped samples and length of the scans of an image."""
+    scans = (scan_image(image, scan, [config], start_row) for start_row in start_rows)
+    return [(int(found.counts.sum()), found.clipped, found.seconds) for found in scans]
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,12 +159,12 @@ class Scanned:
     signals: Signals
 
 
-def scan_texture(texture: Texture, scan: Scan, configs: Sequence[ReadoutConfig], start_row: float = 0.0) -> Scanned:
+def scan_image(image: Image, scan: Scan, configs: Sequence[ReadoutConfig], start_row: float = 0.0) -> Scanned:
     """Return the events of one scan of an image.
 
     Parameters
     ----------
-    texture : Texture
+    image : Image
     scan : Scan
     configs : sequence of ReadoutConfig
         From ``scan.configure``; of one array, sample rate and number of bits, since they share their samples.
@@ -154,12 +173,11 @@ def scan_texture(texture: Texture, scan: Scan, configs: Sequence[ReadoutConfig],
     """
     from model.taxel import count_events
 
-    image = texture.load()
     try:
-        signals = scan.signals(configs[0], image, start_row)
-        seconds = scan.duration_s(configs[0], image.shape)
+        signals = scan.signals(configs[0], image.pixels, start_row)
+        seconds = scan.duration_s(configs[0], image.pixels.shape)
     except InputError as error:
-        raise InputError(f"image {texture.name}: {error}") from None
+        raise InputError(f"image {image.name}: {error}") from None
     samples, clipped = quantise(signals, configs[0].sample_bits)
     counts = np.stack([count_events(config, samples) for config in configs])
     for found, config in zip(counts, configs, strict=True):
@@ -178,42 +196,38 @@ def unwatched(text: str, total: int) -> Iterator[Callable[[], object]]:
     yield lambda: None
 
 
-def each_texture(
+def each_image(
     dataset: Dataset,
-    work: Callable[[Texture], Result],
-    workers: int = 1,
+    work: Callable[..., Any],
+    arguments: tuple[Any, ...],
+    crew: Crew | None = None,
     progress: Callable[[], object] | None = None,
-) -> Iterator[Result]:
-    """Give what a function makes of every image, in their order, worked out by threads.
+) -> Iterator[Any]:
+    """Give what a function makes of every image, in their order.
 
     Parameters
     ----------
     dataset : Dataset
     work : callable
-        Takes a texture.
-    workers : int
-        Threads; the results do not depend on them.
+        Takes an Image and the arguments.
+    arguments : tuple
+    crew : Crew, optional
+        Who does the work, this process by default.
     progress : callable, optional
         Called after each image.
     """
-    if workers < 1:
-        raise InputError(f"the number of workers must be at least 1, not {workers}")
     if not len(dataset):
         raise InputError("event rates need at least one image; the dataset is empty")
+    jobs = ((Image(texture.name, texture.load()), *arguments) for texture in dataset)
 
-    def one(texture: Texture) -> Result:
-        found = work(texture)
+    def told(found: Any) -> Any:
         if progress is not None:
             progress()
         return found
 
-    # The first image fills the caches that the threads then share.
-    yield one(dataset[0])
-    pool = ThreadPoolExecutor(workers)
-    try:
-        yield from pool.map(one, dataset[1:])
-    finally:
-        pool.shutdown(cancel_futures=True)
+    # The first image fills the caches that threads then share.
+    yield told(work(*next(jobs)))
+    yield from map(told, each(crew or Local(1), work, jobs))
 
 
 def published_rate_hz(dataset: Dataset, scan: Scan, config: ReadoutConfig) -> float | None:

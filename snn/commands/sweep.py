@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 import typer
 
 from model.cli.app import EXIT_INTERRUPTED
+from model.cli.crew_options import Scheduler, open_crew
 from model.config import Encoding
 from model.errors import InputError
 from snn.commands.bars import cell_bar
@@ -19,7 +20,6 @@ from snn.experiments.recipes import BASELINES
 if TYPE_CHECKING:
     from snn.experiments.points import PointSummary
     from snn.experiments.sweep import SweepPoint
-    from snn.experiments.workers import Crew
 
 DEFAULT_POINTS = "lcs:2,lcs:4,lcs:6,lcs:8,nlcs:4,nlcs:6,nlcs:8,nlcs:10"
 
@@ -46,9 +46,7 @@ def sweep(
     folds: Folds = 6,
     seeds: Seeds = 3,
     workers: Workers = None,
-    scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler, tcp://HOST:8786, instead of processes here")
-    ] = None,
+    scheduler: Scheduler = None,
     out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="a folder per point, and sweep.json")] = Path(
         "out/sweep"
     ),
@@ -57,8 +55,6 @@ def sweep(
     if events and points != DEFAULT_POINTS:
         raise InputError("--points says what is recorded from textures, --events what is recorded already; give one")
     chosen = [] if events else parse_points(points)
-    if scheduler is not None and workers is not None:
-        raise InputError("--workers counts processes of this machine, --scheduler takes those of a cluster; give one")
     if not events and options["tau"] is not None and "nlcs" not in {readout for readout, _ in chosen}:
         raise InputError("--tau is the leak of nlcs, but --points has no nlcs point; leave it out")
     if (recipe := options["recipe"]) in BASELINES:
@@ -67,10 +63,12 @@ def sweep(
         raise InputError("--bin is for events, but --points has only frames; leave it out")
     made = [_point(readout, number, options) for readout, number in chosen]
     made += [_recorded_point(folder, options) for folder in events or ()]
+    from model.crew.cluster import Needs
     from snn.experiments.sweep import sweep as run
 
+    needs = Needs(("snn", "model"), ("torch", "numpy"))
     try:
-        with _crew(workers, scheduler) as crew, cell_bar(len(made) * folds * seeds) as show:
+        with open_crew(workers, scheduler, needs) as crew, cell_bar(len(made) * folds * seeds) as show:
             found = run(
                 made, out, crew=crew, folds=folds, seeds=seeds, command=command_line(context), progress=show
             )  # fmt: skip
@@ -130,13 +128,6 @@ def _recorded_point(folder: Path, options: dict[str, Any]) -> SweepPoint:
     made = build_experiment(options | UNSAID | {"events": folder})
     whole = folder.resolve()
     return SweepPoint(whole.parent.name if whole.name == "events" else whole.name, made.with_readout_of_events())
-
-
-def _crew(workers: int | None, scheduler: str | None) -> Crew:
-    from snn.experiments.cluster import Cluster
-    from snn.experiments.workers import Local
-
-    return Local(workers) if scheduler is None else Cluster(scheduler)
 
 
 def command_line(context: typer.Context) -> str:

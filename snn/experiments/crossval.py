@@ -7,6 +7,7 @@ epoch that counts. Test images select nothing.
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,24 @@ def run_cell(
         "train_accuracy": whole.history[-1].accuracy,
         "spikes_per_step": whole.history[-1].rate,
     }
+
+
+_one_at_a_time = threading.Lock()
+
+
+def run_alone(
+    data: ScanData, experiment: Experiment, fold: int, seed: int, folds: int, fold_seed: int
+) -> dict[str, Any]:
+    """Return the result of a cell, trained by one thread, and never two at once in a process.
+
+    Two threads on a shared machine can be far slower than one, and dropout draws from a generator that all cells of
+    a process share.
+    """
+    import torch
+
+    with _one_at_a_time:
+        torch.set_num_threads(1)
+        return run_cell(experiment, data, fold, seed, folds, fold_seed)
 
 
 def summarise(cells: list[dict[str, Any]], images: int, classes: int) -> dict[str, Any]:

@@ -14,15 +14,15 @@ from typing import Any
 
 import numpy as np
 
+from model.crew.crew import Crew, Local, Shared, next_landed, sentence
 from model.errors import InputError
 from model.files import check_writable, write_json
 from snn.checkpoint import digest
 from snn.data.scans import ScanData
-from snn.experiments.crossval import check_same, read_cell, summarise
+from snn.experiments.crossval import check_same, read_cell, run_alone, summarise
 from snn.experiments.experiment import Experiment
 from snn.experiments.folds import check_folds
 from snn.experiments.points import Cells, PointSummary, Result, write_sweep
-from snn.experiments.workers import Crew, Local, pack, sentence
 
 PUBLISHED_BPS = 640e3
 """Data rate by which published ones are divided."""
@@ -83,7 +83,7 @@ class PointRun:
         Results by (fold, seed); those found are in it after ``prepare``.
     report : dict or None
         The content of ``result.json``.
-    packed : bytes or None
+    shared : Shared or None
         The scans, from ``prepare`` until all cells are done.
 
     Raises
@@ -102,7 +102,7 @@ class PointRun:
         self.paths = {(fold, s): folder / f"fold-{fold}-seed-{s}.json" for s in range(seeds) for fold in range(folds)}
         self.done: dict[tuple[int, int], dict[str, Any]] = {}
         self.report: dict[str, Any] | None = None
-        self.packed: bytes | None = None
+        self.shared: Shared | None = None
         self.rate_hz: float | None = None
         self._partial: tuple[int, dict[str, Any]] = (0, {})
         self._key = point.experiment.to_dict() | {"folds": folds, "fold_seed": fold_seed}
@@ -135,7 +135,7 @@ class PointRun:
         self._images, self._class_names = len(data.names), list(data.class_names)
         self.rate_hz = data.rate_hz
         if len(self.done) < len(self.paths):
-            self.packed = pack(data)
+            self.shared = Shared.of(self.point.name, data)
         self._conclude()
 
     def finish(self, result: dict[str, Any]) -> None:
@@ -150,7 +150,7 @@ class PointRun:
         if len(self.done) < len(self.paths):
             return
         cells = [self.done[cell] for cell in self.paths]
-        self.packed = None
+        self.shared = None
         self.report = {
             "experiment": self._key,
             "seeds": self.seeds,
@@ -246,21 +246,15 @@ class _Flight:
 
     def submit(self, run: PointRun, fold: int, seed: int) -> None:
         """Start a cell."""
-        assert run.packed is not None
-        future = self._crew.submit(
-            run.point.name, run.packed, run.point.experiment, fold, seed, run.folds, run.fold_seed
-        )
+        assert run.shared is not None
+        cell = (run.point.experiment, fold, seed, run.folds, run.fold_seed)
+        future = self._crew.submit(run_alone, *cell, shared=run.shared)
         self.cells += 1
         future.add_done_callback(lambda done: self._landed.put((run, fold, seed, done)))
 
     def land(self) -> None:
         """Wait for a cell and take it in."""
-        while True:
-            try:
-                self._take(*self._landed.get(timeout=1.0))
-                return
-            except queue.Empty:
-                self._crew.check()
+        self._take(*next_landed(self._landed, self._crew))
 
     def _land_those_there(self) -> None:
         while not self._landed.empty():

@@ -13,28 +13,28 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from model.cli.app import run
 from model.config import ReadoutConfig
+from model.crew import cluster as dask_cluster
+from model.crew.cluster import Cluster, Needs
+from model.crew.crew import Local
 from model.errors import InputError
 from snn.__main__ import app
 from snn.commands.sweep import _print_table, parse_points
 from snn.data.record import FrameSteps
 from snn.data.scans import ScanData
-from snn.experiments import cluster as dask_cluster
-from snn.experiments import workers
-from snn.experiments.cluster import Cluster
+from snn.experiments import crossval
 from snn.experiments.experiment import Experiment
 from snn.experiments.points import Cells, PointSummary, Result
 from snn.experiments.sweep import PointRun, SweepPoint, sweep
-from snn.experiments.workers import Local
 from snn.training import TrainConfig
 from tests.snn.helpers import easy_data
 
 ROOT = Path(__file__).parents[2]
+NEEDS = Needs(("snn", "model"), ("torch", "numpy"))
 
 
 def points(epochs: int = 2, **data: Any) -> list[SweepPoint]:
@@ -55,13 +55,13 @@ def test_only_missing_cells_are_run_and_all_seeds_of_a_point_stay_together(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ran: list[tuple[int, int, int]] = []
-    original = workers.run_cell
+    original = crossval.run_cell
 
     def noted(experiment: Experiment, data: ScanData, fold: int, seed: int, *rest: int) -> dict[str, Any]:
         ran.append((experiment.network["hidden"], fold, seed))
         return original(experiment, data, fold, seed, *rest)
 
-    monkeypatch.setattr(workers, "run_cell", noted)
+    monkeypatch.setattr(crossval, "run_cell", noted)
     seen: list[tuple[int, int]] = []
 
     def progress(_: PointRun, result: dict[str, Any] | None) -> None:
@@ -274,7 +274,7 @@ def cluster(scheduler: str) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
 def test_a_scheduler_without_workers_is_refused(scheduler: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dask_cluster, "WORKERS_S", 0.3)
     with pytest.raises(InputError, match=r"has no workers; start some with dask worker tcp://.* --nthreads 1"):
-        Cluster(scheduler)
+        Cluster(scheduler, NEEDS)
 
 
 def test_a_sweep_outlives_its_workers_and_ends_in_the_files_of_a_serial_one(
@@ -284,7 +284,7 @@ def test_a_sweep_outlives_its_workers_and_ends_in_the_files_of_a_serial_one(
     monkeypatch.setattr(dask_cluster, "WORKERS_S", 60.0)
     slow = {"epochs": 10, "steps": 40}
     killed: list[Any] = []
-    with Cluster(address) as crew:
+    with Cluster(address, NEEDS) as crew:
         client = crew._client
         client.wait_for_workers(2, timeout=60)
 
@@ -292,7 +292,7 @@ def test_a_sweep_outlives_its_workers_and_ends_in_the_files_of_a_serial_one(
             """Kill both workers while they run cells, once, so that nobody has the scans; a third one comes."""
             if result is None or killed:
                 return
-            busy = {where for where, tasks in client.processing().items() if any("cell" in key for key in tasks)}
+            busy = {where for where, tasks in client.processing().items() if any("work" in key for key in tasks)}
             killed.extend(client.scheduler_info()["workers"][where]["name"] for where in busy)
             for process in processes:
                 process.kill()
@@ -302,18 +302,10 @@ def test_a_sweep_outlives_its_workers_and_ends_in_the_files_of_a_serial_one(
         sweep(points(**slow), tmp_path / "cluster", crew=crew, folds=2, seeds=2, progress=kill)
         assert killed, "no worker ran a cell when it was killed"
         assert len(client.scheduler_info()["workers"]) == 1
-        assert not crew._scans
+        assert not crew._shared
     sweep(points(**slow), tmp_path / "serial", crew=Local(1), folds=2, seeds=2)
     assert files(tmp_path / "cluster") == files(tmp_path / "serial")
 
-    monkeypatch.setattr(dask_cluster, "version", lambda: "1.0")
+    monkeypatch.setattr(dask_cluster, "version", lambda _: "1.0")
     with pytest.raises(InputError, match=r"^worker tcp://\S+ has another version .*; here 1\.0\); install the same"):
-        Cluster(address)
-
-
-def test_scans_come_out_of_their_bytes_as_they_went_in() -> None:
-    data = easy_data()
-    found = workers.unpack(workers.pack(data))
-    assert np.array_equal(found.values, data.values)
-    assert found.values.dtype == data.values.dtype
-    assert found.names == data.names
+        Cluster(address, NEEDS)

@@ -245,15 +245,15 @@ def test_cells_are_kept_and_only_missing_ones_are_run(tmp_path: Path, monkeypatc
     assert json.loads((tmp_path / "a" / "result.json").read_text())["last"]["images"] == 30
     (tmp_path / "a" / "fold-1-seed-0.json").unlink()
     ran: list[int] = []
-    from snn.experiments import workers
+    from snn.experiments import crossval
 
-    original = workers.run_cell
+    original = crossval.run_cell
 
     def noted(e: Experiment, d: ScanData, fold: int, *rest: int) -> dict[str, Any]:
         ran.append(fold)
         return original(e, d, fold, *rest)
 
-    monkeypatch.setattr(workers, "run_cell", noted)
+    monkeypatch.setattr(crossval, "run_cell", noted)
     again = cross_validate(experiment, tmp_path / "a", folds=3, seeds=1, data=data)
     assert ran == [1]
     assert again == whole

@@ -6,46 +6,62 @@ import asyncio
 import contextlib
 import functools
 import hashlib
+import importlib
+import importlib.metadata
 import logging
 import uuid
 import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import model
-import snn
+from model.crew.crew import SPARE, Shared, unpack
 from model.errors import InputError
-from snn.data.scans import ScanData
-from snn.experiments.experiment import Experiment
-from snn.experiments.workers import SPARE, unpack, work
 
 CONNECT_S, WORKERS_S = 5.0, 10.0
 """Seconds that a scheduler may take to answer, and its first worker to appear."""
 
 
-def version() -> str:
-    """Return a text that differs where this project or the libraries that compute do."""
-    import numpy
-    import torch
+@dataclass(frozen=True)
+class Needs:
+    """What a worker must have the same of, or its results might differ.
 
+    Attributes
+    ----------
+    packages : tuple of str
+        Of this project, by the files in them.
+    libraries : tuple of str
+        By their versions.
+    """
+
+    packages: tuple[str, ...] = ("model",)
+    libraries: tuple[str, ...] = ("numpy", "scipy", "numba")
+
+
+@functools.cache
+def version(needs: Needs) -> str:
+    """Return a text that differs where this project or the libraries that compute do."""
     found = hashlib.sha256()
-    for package in (snn, model):
-        folder = Path(str(package.__file__)).parent
-        for path in sorted([*folder.rglob("*.py"), *folder.rglob("*.cpp")]):
+    for package in needs.packages:
+        folder = Path(str(importlib.import_module(package).__file__)).parent
+        for path in sorted(path for kind in ("*.py", "*.cpp", "*.v") for path in folder.rglob(kind)):
             found.update(f"{path.relative_to(folder.parent)}\0".encode() + path.read_bytes() + b"\0")
-    return f"{found.hexdigest()[:16]}, torch {torch.__version__}, numpy {numpy.__version__}"
+    versions = [f"{name} {importlib.metadata.version(name)}" for name in needs.libraries]
+    return ", ".join([found.hexdigest()[:16], *versions])
 
 
 class Cluster:
     """The workers of a Dask scheduler, each of one thread.
 
-    The scans of a point are the result of a task of their own, so that Dask can make them again where a worker died.
+    What is shared is the result of a task of its own, so that Dask can make it again where a worker died.
 
     Parameters
     ----------
     address : str
         As ``distributed.Client`` takes it: tcp://HOST:PORT.
+    needs : Needs
 
     Raises
     ------
@@ -53,15 +69,15 @@ class Cluster:
         If the scheduler does not answer, has no worker, or a worker cannot compute what this machine would.
     """
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, needs: Needs) -> None:
         import distributed
 
-        self.address = address
-        self._version = version()
-        self._scans: dict[str, Any] = {}
-        self._cells: dict[Any, Any] = {}
+        self.address, self.needs = address, needs
+        self._version = version(needs)
+        self._shared: dict[str, Any] = {}
+        self._pieces: dict[Any, Any] = {}
         logging.getLogger("distributed").setLevel(logging.CRITICAL)  # else a lost connection is a page of text
-        warnings.filterwarnings("ignore", message="Sending large graph")  # the scans, once for each point
+        warnings.filterwarnings("ignore", message="Sending large graph")  # what is shared, once for each name
         try:
             asyncio.run(_find_scheduler(address))
         except Exception:  # whatever else may answer there, or be wrong with the address
@@ -85,10 +101,13 @@ class Cluster:
                 f"the scheduler {self.address} has no workers; start some with dask worker {self.address} --nthreads 1"
             ) from None
 
+        packages, libraries = self.needs.packages, self.needs.libraries
+
         def identify() -> str:  # inside, so that it travels by value: the worker may not have this module
             import importlib
 
-            return str(importlib.import_module("snn.experiments.cluster").version())
+            module = importlib.import_module("model.crew.cluster")
+            return str(module.version(module.Needs(packages, libraries)))
 
         for worker, found in self._client.run(identify, on_error="return").items():
             if isinstance(found, BaseException):
@@ -100,35 +119,37 @@ class Cluster:
         for worker, threads in self._client.nthreads().items():
             if threads != 1:
                 raise InputError(
-                    f"worker {worker} has {threads} threads, but only one network can be trained in a process; "
+                    f"worker {worker} has {threads} threads, but a process does one piece of work at a time; "
                     f"start it with --nthreads 1 and more --nworkers"
                 )
 
     @property
     def window(self) -> int:
-        """The workers of this moment, and some cells to wait behind."""
+        """The workers of this moment, and some pieces to wait behind."""
         return len(self._client.scheduler_info()["workers"]) + SPARE
 
-    def submit(self, point: str, packed: bytes, experiment: Experiment, *cell: int) -> Any:
-        """Start one cell on the cluster."""
+    def submit(self, work: Callable[..., Any], *arguments: Any, shared: Shared | None = None) -> Any:
+        """Begin a piece of work on the cluster."""
         unique = uuid.uuid4().hex
-        if point not in self._scans:
-            self._scans[point] = self._client.submit(unpack, packed, key=f"scans {point}-{unique}")
-        future = self._client.submit(
-            _work_checked, self._version, experiment, self._scans[point], *cell, key=f"cell {point}-{unique}"
-        )
-        self._cells[future.key] = future
-        future.add_done_callback(lambda done: self._cells.pop(done.key, None))
+        if shared is not None:
+            if shared.name not in self._shared:
+                key = f"shared {shared.name}-{unique}"
+                self._shared[shared.name] = self._client.submit(unpack, shared.packed, key=key)
+            arguments = (self._shared[shared.name], *arguments)
+        key = f"work {work.__name__}-{unique}"
+        future = self._client.submit(_work_checked, self._version, self.needs, work, *arguments, key=key)
+        self._pieces[future.key] = future
+        future.add_done_callback(lambda done: self._pieces.pop(done.key, None))
         return future
 
-    def forget(self, point: str) -> None:
-        """Let the workers drop the scans of a point."""
-        self._scans.pop(point, None)
+    def forget(self, name: str) -> None:
+        """Let the workers drop what was shared."""
+        self._shared.pop(name, None)
 
     def check(self) -> None:
         """Refuse to wait for a scheduler that went away."""
         if self._client.status != "running":
-            raise InputError(f"the scheduler {self.address} went away; the same command goes on with the cells left")
+            raise InputError(f"the scheduler {self.address} went away; the same command goes on with what is left")
 
     def __enter__(self) -> Cluster:
         return self
@@ -137,7 +158,7 @@ class Cluster:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         with contextlib.suppress(OSError):
-            self._client.cancel(list(self._cells.values()))
+            self._client.cancel(list(self._pieces.values()))
         self._client.close()
 
 
@@ -165,12 +186,9 @@ def _check_version(found: str, wanted: str, where: str) -> None:
         )
 
 
-def _work_checked(wanted: str, experiment: Experiment, data: ScanData, *cell: int) -> dict[str, Any]:
-    """Run a cell on a worker, which may have come after the others were checked."""
+def _work_checked(wanted: str, needs: Needs, work: Callable[..., Any], *arguments: Any) -> Any:
+    """Do a piece of work on a worker, which may have come after the others were checked."""
     from distributed import get_worker
 
-    _check_version(_own_version(), wanted, f"worker {get_worker().address}")
-    return work(experiment, data, *cell)
-
-
-_own_version = functools.cache(version)
+    _check_version(version(needs), wanted, f"worker {get_worker().address}")
+    return work(*arguments)
