@@ -28,7 +28,8 @@ def fig9(
     """Draw figure 9, accuracy against data rate beside the published points, and confusion matrices."""
     from snn.experiments.points import READINGS
     from snn.figures.confusion import confusion_data, plot_confusion
-    from snn.figures.fig9 import fig9_data, load_sweeps, plot_fig9
+    from snn.figures.fig9 import fig9_data, load_sweeps
+    from snn.figures.fig9_plot import plot_fig9
 
     if reading not in READINGS:
         raise InputError(f"reading must be one of {', '.join(READINGS)}, not {reading!r}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +15,9 @@ from snn.figures.fig9 import Data, own_point
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+TITLE_LETTERS = 46
+"""In a line above a matrix; more would leave the picture."""
 
 
 def confusion_data(sweeps: Sequence[Sweep], reading: str, name: str | None = None) -> Data:
@@ -65,5 +69,6 @@ def draw_confusion(data: Data) -> Figure:
         panel.tick_params(length=0)
         panel.set_xlabel("predicted (% of the true class)", fontsize=8.5)
         panel.set_ylabel("true", fontsize=8.5)
-        panel.set_title(f"{point['label']}: {100 * point['accuracy']:.1f} %", fontsize=8.5, loc="left")
+        title = textwrap.fill(f"{point['label']}: {100 * point['accuracy']:.1f} %", TITLE_LETTERS)
+        panel.set_title(title, fontsize=8.5, loc="left")
     return figure

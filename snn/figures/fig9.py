@@ -1,24 +1,16 @@
-"""Fig. 9: sweeps in, data of the picture out, the picture made from those data."""
+"""Fig. 9: sweeps in, data of the picture out (the picture: ``snn.figures.fig9_plot``)."""
 
 from __future__ import annotations
 
 import dataclasses
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from model.errors import InputError
-from model.figures.style import GREY, READOUT_COLOURS, READOUT_MARKERS, dress, new_figure, save_figure
 from model.files import read_json
 from model.power.equations import READOUT_NAMES
-from model.textures.presets import PRESETS
 from snn.experiments.points import READINGS, PointSummary, Sweep, load_sweep
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
 
 Data = dict[str, Any]
 
@@ -31,12 +23,19 @@ KEPT = Path(__file__).with_name("sweeps")
 LATEST = Path("out/sweep/sweep.json")
 """Where ``python -m snn sweep`` writes unless told otherwise."""
 
-NAMES = READOUT_NAMES | {"cw-lcs": "CW-LCS"}
-STYLES = (("-", "full"), ("--", "left"), ("-.", "bottom"), (":", "right"))
-"""Line and filling of the marks of each sweep, in turn."""
+NAMES = READOUT_NAMES | {"cw-lcs": "CW-LCS", "frame": "frames"}
+TITLES = {
+    "paper-network": "the paper's network",
+    "reference-frames": "networks on frames",
+    "tuned": "leaky network, bins of 4 ms",
+    "tuned-2ms": "leaky network, bins of 2 ms",
+}
+"""What the sweeps that come with the project are called in pictures; those of a user have the names that he gave."""
+
+FRAME_NETWORKS = {"rnn": "ReLU units", "cnn": "convolutions", "gru": "gated units"}
+"""Networks on frames in words, by the recipe, which is the beginning of a point's name."""
 
 PUBLISHED_NAME = "published"
-BARS = "bars: 95 % interval over images and seeds; of published points, standard deviation over folds"
 
 
 # -- sweeps ------------------------------------------------------------------------------------------
@@ -72,7 +71,7 @@ def fig9_data(sweeps: Sequence[Sweep], reading: str) -> Data:
         point
         | {
             "readout": f"{point['readout']}, {PUBLISHED_NAME}",
-            "label": f"{NAMES[point['readout']]} {_detail_of(point)}, {PUBLISHED_NAME}",
+            "label": _label(point["readout"], detail(point), PUBLISHED_NAME),
             "sweep": PUBLISHED_NAME,
             "preset": published["preset"],
             "classes": published["classes"],
@@ -89,11 +88,12 @@ def fig9_data(sweeps: Sequence[Sweep], reading: str) -> Data:
                 left_out.append(f"{sweep.name}: {point.name}")
     named: dict[str, list[str]] = {}
     for sweep in sweeps:
-        named.setdefault(_protocol(sweep, reading), []).append(sweep.name)
+        named.setdefault(_protocol(sweep, reading), []).append(title(sweep.name))
     words = "; ".join(f"{', '.join(names)}: {protocol}" for protocol, names in named.items())
     return {
         "source": f"Published: {published['source']}. Here: {words}; intervals are of 95 %, over images and seeds.",
         "commands": {sweep.name: sweep.command for sweep in sweeps},
+        "titles": {name: title(name) for name in (PUBLISHED_NAME, *(sweep.name for sweep in sweeps))},
         "reading": reading,
         "protocol": list(named),
         "reference_bps": published["reference_bps"],
@@ -105,9 +105,10 @@ def fig9_data(sweeps: Sequence[Sweep], reading: str) -> Data:
 def own_point(sweep: Sweep, point: PointSummary, reading: str) -> Data:
     """Return a point of a sweep as the figures take it; the interval is the one over images and seeds."""
     found, cells = point.result(reading), point.cells
-    label = f"{NAMES[point.readout]} {_detail(point.readout, point.name, point.resolution)}, {sweep.name}"
+    fields = {"readout": point.readout, "name": point.name, "resolution": point.resolution}
+    label = _label(point.readout, detail(fields), title(sweep.name))
     if point.preset not in (None, "paper") and str(point.preset) not in sweep.name:
-        label += f", {point.preset}"
+        label += f", {point.preset} scan"
     if point.partial:
         label += f", {cells.done} of {cells.of} cells"
     return {
@@ -133,14 +134,21 @@ def partial(point: Data) -> bool:
     return "cells" in point and bool(point["cells"]["done"] < point["cells"]["of"])
 
 
-def _detail(readout: str, name: str, resolution: int) -> str:
+def title(sweep: str) -> str:
+    """Return what a sweep is called in pictures."""
+    return TITLES.get(sweep, sweep)
+
+
+def detail(point: Data) -> str:
     """Return what tells the points of a readout apart: the resolution, or of frames the network."""
-    name = name.removeprefix("frame").strip("-")
-    return name if readout.startswith("frame") and name else f"{resolution} b"
+    words = str(point.get("name", "")).removeprefix("frame").strip("-").split("-")
+    if point["readout"].startswith("frame") and words != [""]:
+        return " ".join([FRAME_NETWORKS.get(words[0], words[0]), *([] if words[0] in FRAME_NETWORKS else words[1:])])
+    return f"{point['resolution']} b"
 
 
-def _detail_of(point: Data) -> str:
-    return _detail(point["readout"], str(point.get("name", "")), point["resolution"])
+def _label(readout: str, point_detail: str, sweep: str) -> str:
+    return f"{NAMES[readout]}{',' if readout == 'frame' else ''} {point_detail}, {sweep}"
 
 
 def _protocol(sweep: Sweep, reading: str) -> str:
@@ -151,135 +159,3 @@ def _protocol(sweep: Sweep, reading: str) -> str:
             of, seeds = point.cells.of, point.cells.whole_seeds
             found.append(f"{point.result(reading).images} images, {of // seeds} folds x {seeds} seeds")
     return f"{' or '.join(dict.fromkeys(found)) or 'no point is finished'}, {READINGS[reading]}"
-
-
-# -- Fig. 9, picture ---------------------------------------------------------------------------------
-
-
-def plot_fig9(data: Data, path: Path) -> None:
-    """Draw accuracy against data rate; see :func:`draw_fig9`."""
-    save_figure(draw_fig9(data), path)
-
-
-def draw_fig9(data: Data) -> Figure:
-    """Return accuracy against normalised data rate, one panel for each preset.
-
-    Published points are hollow, with their standard deviation over folds where it is known; own ones are filled,
-    with the interval over images and seeds. Points of unfinished cross-validations are ringed.
-    """
-    from matplotlib.ticker import LogLocator, NullFormatter
-
-    presets = [preset for preset in (*PRESETS, None) if any(point["preset"] == preset for point in data["points"])]
-    sweeps = list(data["commands"])
-    figure = new_figure(1.6 + 4.6 * len(presets), 5.2, "Accuracy against data rate")
-    panels = figure.subplots(1, len(presets), sharex=True, sharey=True, squeeze=False)[0]
-    for panel, preset in zip(panels, presets, strict=True):
-        dress(panel, f"{preset} scan" if preset else "own recordings")
-        points = [point for point in data["points"] if point["preset"] == preset]
-        for sweep, readout, series in _series(points, [PUBLISHED_NAME, *sweeps]):
-            _draw_series(panel, series, readout, _style(sweep, sweeps))
-        _label_points(panel, points)
-        for classes in sorted({point["classes"] for point in points}):
-            panel.axhline(100 / classes, color=GREY, lw=0.9, ls=(0, (1, 2)), zorder=0)
-            panel.text(0.005, 100 / classes + 0.8, "chance", fontsize=7.5, color=GREY,
-                       transform=panel.get_yaxis_transform())  # fmt: skip
-        panel.set_xscale("log")
-        panel.set_xlabel(f"data rate / ({data['reference_bps'] / 1e3:g} kb/s)", fontsize=8.5)
-        panel.xaxis.set_major_locator(LogLocator(subs=(1, 3)))
-        panel.xaxis.set_minor_locator(LogLocator(subs="all"))
-        panel.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
-        panel.xaxis.set_minor_formatter(NullFormatter())
-    rates = [point["normalised_rate"] for point in data["points"]]
-    panels[0].set_xlim(0.6 * min(rates), 2.2 * max(rates))
-    panels[0].set_ylim(0, 108)
-    panels[0].set_yticks(range(0, 101, 20))
-    panels[0].set_ylabel("accuracy (%)", fontsize=8.5)
-    legend = figure.legend(handles=_keys(data, sweeps), loc="outside lower left", ncols=3 + 2 * len(presets),
-                           title="\n".join([*data["protocol"], BARS]), title_fontsize=8, fontsize=8, frameon=False,
-                           alignment="left", columnspacing=1.4)  # fmt: skip
-    legend.get_title().set_color(GREY)
-    return figure
-
-
-def _series(points: list[Data], sweeps: list[str]) -> Iterator[tuple[str, str, list[Data]]]:
-    """Give the points of every sweep and readout, by rising data rate."""
-    for sweep in sweeps:
-        for readout in NAMES:
-            chosen = [p for p in points if p["sweep"] == sweep and p["readout"].split(",")[0] == readout]
-            if chosen:
-                yield sweep, readout, sorted(chosen, key=lambda p: p["normalised_rate"])
-
-
-def _style(sweep: str, sweeps: list[str]) -> Data:
-    """Return line and filling of a sweep; published points are hollow and thin."""
-    if sweep == PUBLISHED_NAME:
-        return {"ls": "-", "lw": 0.7, "fillstyle": "none", "ms": 6, "zorder": 1.8}
-    line, filling = STYLES[sweeps.index(sweep) % len(STYLES)]
-    return {"ls": line, "lw": 1.5, "fillstyle": filling, "ms": 7, "markerfacecoloralt": "white", "zorder": 2}
-
-
-def _draw_series(panel: Axes, points: list[Data], readout: str, style: Data) -> None:
-    """Draw points with their bars, joined by a line; frames, which differ in more than the rate, are not joined."""
-    if readout == "frame":
-        style = style | {"ls": ""}
-    x, y = ([p["normalised_rate"] for p in points], [100 * p["accuracy"] for p in points])
-    panel.plot(x, y, color=READOUT_COLOURS[readout], marker=READOUT_MARKERS[readout], **style)
-    for point in points:
-        at, ends = point["normalised_rate"], _ends(point)
-        if ends[1] > ends[0]:
-            caps = 11 if point["sweep"] == PUBLISHED_NAME else 5  # a published bar shows beside one of the same rate
-            panel.plot([at, at], [100 * end for end in ends], color=READOUT_COLOURS[readout], lw=style["lw"],
-                       marker="_", ms=caps, mew=style["lw"], alpha=0.75, zorder=1.5)  # fmt: skip
-        if partial(point):
-            panel.plot(at, 100 * point["accuracy"], "o", ms=15, mfc="none", mec=GREY, mew=1)
-
-
-def _ends(point: Data) -> tuple[float, float]:
-    """Return the ends of a bar: the interval, else the standard deviation over folds, else the point itself."""
-    if "interval" in point:
-        low, high = point["interval"]
-        return low, high
-    deviation = point.get("sd_over_folds", 0.0)
-    return point["accuracy"] - deviation, point["accuracy"] + deviation
-
-
-def _label_points(panel: Axes, points: list[Data]) -> None:
-    """Name every resolution once, above the highest (LCS) or below the lowest of its points, and networks on frames."""
-    from matplotlib.patheffects import withStroke
-
-    halo = [withStroke(linewidth=2, foreground="white")]
-    groups: dict[tuple[str, str], list[Data]] = {}
-    for point in points:
-        readout = point["readout"].split(",")[0]
-        if readout != "frame":
-            groups.setdefault((readout, _detail_of(point)), []).append(point)
-    for (readout, text), group in groups.items():
-        side = 1 if readout == "lcs" else 0
-        outer: Data = (max if side else min)(group, key=lambda point: _ends(point)[side])
-        place = _ends(outer)[side]
-        gap = 7 if place == outer["accuracy"] else 3  # clear of the mark, or of the bar's end
-        panel.annotate(text, (outer["normalised_rate"], 100 * place), xytext=(2, gap) if side else (4, -gap),
-                       textcoords="offset points", ha="right" if side else "left", va="bottom" if side else "top",
-                       fontsize=7.5, color=READOUT_COLOURS[readout], path_effects=halo)  # fmt: skip
-    lowest = -math.inf
-    for point in sorted((p for p in points if p["readout"].startswith("frame")), key=lambda p: p["accuracy"]):
-        lowest = max(100 * point["accuracy"], lowest + 3.5)  # no label on another
-        panel.annotate(_detail_of(point), (point["normalised_rate"], lowest), xytext=(7, 0), textcoords="offset points",
-                       va="center", fontsize=7.5, color=READOUT_COLOURS["frame"], path_effects=halo)  # fmt: skip
-
-
-def _keys(data: Data, sweeps: list[str]) -> list[Line2D]:
-    """Return the legend: readouts by colour and mark, sweeps by line and filling."""
-    from matplotlib.lines import Line2D
-
-    there = {point["readout"].split(",")[0] for point in data["points"]}
-    keys = [
-        Line2D([], [], color=READOUT_COLOURS[r], marker=READOUT_MARKERS[r], ls="", label=NAMES[r])
-        for r in NAMES
-        if r in there
-    ]
-    for sweep in (PUBLISHED_NAME, *sweeps):
-        keys.append(Line2D([], [], color=GREY, marker="o", label=sweep, **_style(sweep, sweeps)))
-    if any(partial(point) for point in data["points"]):
-        keys.append(Line2D([], [], ls="", marker="o", ms=11, mfc="none", mec=GREY, label="not all cells finished"))
-    return keys

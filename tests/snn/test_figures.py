@@ -13,11 +13,15 @@ import numpy as np
 import pytest
 import torch
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.text import Annotation, Text
+from matplotlib.transforms import Bbox
 
 from model.cli.app import make_app, run
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.report.data import fig9_data as report_data
+from model.report.page import ACCURACY
 from model.textures.dataset import open_dataset
 from snn.commands.figures import fig8, fig9
 from snn.data.bins import BinConfig
@@ -30,6 +34,7 @@ from snn.experiments.folds import stratified_folds
 from snn.experiments.points import READINGS, load_sweep, write_sweep
 from snn.experiments.sweep import PUBLISHED_BPS, PointRun, SweepPoint
 from snn.figures import fig9 as figures
+from snn.figures import fig9_plot as pictures
 from snn.figures.confusion import confusion_data, draw_confusion
 from snn.figures.fig8 import draw_fig8
 from snn.figures.fig8_play import Played, evidence, play
@@ -147,8 +152,8 @@ def marks(figure: Figure, panel: int) -> dict[tuple[str, Any], list[tuple[float,
     """Return the points of a panel by colour and filling; bars and rings are other markers."""
     found: dict[tuple[str, Any], list[tuple[float, float]]] = {}
     for line in figure.axes[panel].lines:
-        if line.get_marker() in figures.READOUT_MARKERS.values() and line.get_markersize() < 10:
-            points = [(float(x), float(y)) for x, y in zip(line.get_xdata(), line.get_ydata(), strict=True)]
+        if line.get_marker() in pictures.READOUT_MARKERS.values() and line.get_markersize() < 10:
+            points = [(float(x), float(y)) for x, y in np.column_stack(line.get_data())]
             found.setdefault((str(line.get_color()), line.get_fillstyle()), []).extend(points)
     return found
 
@@ -157,6 +162,12 @@ def bars(figure: Figure, panel: int) -> set[tuple[float, float, float]]:
     """Return place and ends of all bars of a panel."""
     lines = [line for line in figure.axes[panel].lines if line.get_marker() == "_"]
     return {(float(line.get_xdata()[0]), *(float(y) for y in line.get_ydata())) for line in lines}  # type: ignore[index]
+
+
+def chance_lines(figure: Figure, panel: int) -> list[Line2D]:
+    """Return the lines of a panel that go all across it."""
+    lines = figure.axes[panel].lines
+    return [line for line in lines if line.get_transform() == figure.axes[panel].get_yaxis_transform()]
 
 
 # -- Fig. 9 ------------------------------------------------------------------------------------------
@@ -180,8 +191,8 @@ def test_the_published_points_are_those_of_the_paper() -> None:
         assert point["normalised_rate"] == rate
         assert point["data_rate_bps"] == pytest.approx(rate * 640e3)
         assert point.get("sd_over_folds") == (PUBLISHED_SD[key] / 100 if key in PUBLISHED_SD else None)
-    colour = figures.READOUT_COLOURS["lcs"]
-    figure = figures.draw_fig9(data)
+    colour = pictures.READOUT_COLOURS["lcs"]
+    figure = pictures.draw_fig9(data)
     assert marks(figure, 0)[colour, "none"] == [PUBLISHED["lcs", n] for n in (2, 4, 6, 8)]
     assert {(x, round(low, 9), round(high, 9)) for x, low, high in bars(figure, 0)} == {
         (1.084, 80.92, 94.92),
@@ -206,7 +217,7 @@ def test_what_is_drawn_is_what_the_sweeps_say(snn: Call, files: list[str], folde
         for name in ("accuracy", "wilson_95", "sd_over_cells", "sd_over_folds", "sd_over_seeds"):
             assert own[key][name] == json.loads(json.dumps(point[reading][name]))
         assert own[key]["interval"] == list(point[reading]["bootstrap_95"]) != own[key]["wilson_95"]
-    figure = figures.draw_fig9(data)
+    figure = pictures.draw_fig9(data)
     assert [panel.get_title("left") for panel in figure.axes] == ["paper scan", "physical scan"]
     for panel, sweep, content in ((0, "plain", SWEEP), (1, "hand", PHYSICAL)):
         drawn = sorted(at for (_, filling), ats in marks(figure, panel).items() if filling != "none" for at in ats)
@@ -214,7 +225,7 @@ def test_what_is_drawn_is_what_the_sweeps_say(snn: Call, files: list[str], folde
         assert drawn == sorted((p["normalised_rate"], 100 * p[reading]["accuracy"]) for p in points), sweep
         wanted = {(p["normalised_rate"], *(100 * e for e in p[reading]["bootstrap_95"])) for p in points}
         assert {bar for bar in wanted if bar[1] < bar[2]} <= bars(figure, panel)
-        levels = {float(line.get_ydata()[0]) for line in figure.axes[panel].lines if line.get_marker() == "None"}
+        levels = {float(line.get_ydata()[0]) for line in chance_lines(figure, panel)}
         assert {100 / 3} <= levels <= {100 / 3, 100 / 6}
 
 
@@ -230,9 +241,9 @@ def test_the_report_reads_the_file(snn: Call, files: list[str], folder: Path) ->
     assert {
         "LCS 6 b, published",
         "LCS 6 b, plain",
-        "frame gru-20, plain",
-        "frame rnn-20, plain",
-        "CW-LCS 4 b, hand, physical",
+        "frames, gated units, plain",
+        "frames, ReLU units, plain",
+        "CW-LCS 4 b, hand, physical scan",
     } <= set(labels)
 
 
@@ -241,8 +252,8 @@ def test_the_protocol_comes_from_the_points(folder: Path, files: list[str]) -> N
     assert data["protocol"] == ["30 images, 3 folds x 2 seeds, last epoch"]
     assert "plain: 30 images, 3 folds x 2 seeds, last epoch" in data["source"]
     assert data["commands"] == {"plain": "python -m snn sweep --preset paper"}
-    legend = figures.draw_fig9(data).legends[0]
-    assert legend.get_title().get_text() == f"30 images, 3 folds x 2 seeds, last epoch\n{figures.BARS}"
+    legend = pictures.draw_fig9(data).legends[0]
+    assert legend.get_title().get_text() == f"30 images, 3 folds x 2 seeds, last epoch\n{pictures.BARS}"
     partial = copy.deepcopy(SWEEP) | {"points": [SWEEP["points"][2]]}
     Path("plain.json").write_text(json.dumps(partial))
     data = figures.fig9_data(figures.load_sweeps([Path("plain.json")]), "selected")
@@ -254,7 +265,7 @@ def test_unfinished_points_are_ringed_and_named(folder: Path, files: list[str]) 
     assert data["left_out"] == ["plain: nlcs-8b"]
     partial = [point for point in data["points"] if point["label"].endswith(", 3 of 6 cells")]
     assert [point["name"] for point in partial] == ["nlcs-6b"]
-    figure = figures.draw_fig9(data)
+    figure = pictures.draw_fig9(data)
     rings = [line for line in figure.axes[0].lines if line.get_markersize() == 15]
     assert [(ring.get_xdata()[0], ring.get_ydata()[0]) for ring in rings] == [(0.12, 100 * partial[0]["accuracy"])]
     assert "not all cells finished" in [text.get_text() for text in figure.legends[0].get_texts()]
@@ -283,8 +294,71 @@ def test_all_sweeps_that_are_kept_can_be_drawn(tmp_path: Path) -> None:
         write_sweep(tmp_path / file.name, sweep.command, sweep.points)
         assert (tmp_path / file.name).read_bytes() == file.read_bytes(), "what is read is what is written"
         for reading in READINGS:
-            figures.draw_fig9(figures.fig9_data([sweep], reading))
+            pictures.draw_fig9(figures.fig9_data([sweep], reading))
             confusion_data([sweep], reading)
+
+
+def covered(figure: Figure, panel: int) -> tuple[list[Any], list[Any]]:
+    """Return the boxes of marks and of labels of a panel, in pixels of the page."""
+    figure.draw_without_rendering()
+    marks_found = []
+    for line in figure.axes[panel].lines:
+        if line.get_marker() in pictures.READOUT_MARKERS.values() and line.get_markersize() < 10:
+            half = 0.5 * line.get_markersize() * figure.dpi / 72
+            for x, y in line.get_transform().transform(np.column_stack(line.get_data())):
+                marks_found.append(Bbox([[x - half, y - half], [x + half, y + half]]))
+    labels = [text for text in figure.axes[panel].texts if isinstance(text, Annotation)]
+    assert all(label.get_visible() for label in labels)
+    return marks_found, [label.get_window_extent() for label in labels]
+
+
+@pytest.mark.parametrize("crowded", [False, True])
+def test_no_mark_of_fig9_hides_another_and_labels_lie_on_nothing(files: list[str], crowded: bool) -> None:
+    """With the points of the project, and where a sweep has the points of another once more."""
+    sweeps = figures.load_sweeps([Path("plain.json")] if crowded else [])
+    if crowded:
+        sweeps.append(dataclasses.replace(sweeps[0], name="again"))
+    figure = pictures.draw_fig9(figures.fig9_data(sweeps, "last"))
+    for panel, axes in enumerate(figure.axes):
+        marks_found, labels = covered(figure, panel)
+        assert len(marks_found) > 5 or panel
+        assert len(labels) >= 4
+        for number, mark in enumerate(marks_found):
+            assert not any(overlap(mark, other) for other in marks_found[:number])
+            assert not any(overlap(mark, label) for label in labels)
+        for number, label in enumerate(labels):
+            assert not any(overlap(label, other) for other in labels[:number])
+            inside = axes.get_window_extent()
+            assert inside.x0 <= label.x0 <= label.x1 <= inside.x1
+            assert inside.y0 <= label.y0 <= label.y1 <= inside.y1
+
+
+def overlap(a: Any, b: Any) -> bool:
+    """Return whether two boxes share more than an edge."""
+    return bool(min(a.x1, b.x1) - max(a.x0, b.x0) > 0.01 and min(a.y1, b.y1) - max(a.y0, b.y0) > 0.01)
+
+
+def test_the_page_has_the_points_of_the_kept_sweeps() -> None:
+    data = figures.fig9_data(figures.load_sweeps(figures.kept_sweeps()), "last")
+    assert json.loads(ACCURACY.read_text()) == json.loads(json.dumps(data)), "copy what python -m snn fig9 writes"
+
+
+def test_fig9_names_sweeps_and_networks_in_words_and_the_rate_of_frames_in_every_panel() -> None:
+    data = figures.fig9_data(figures.load_sweeps([]), "last")
+    words = " ".join([data["source"], *(point["label"] for point in data["points"])])
+    figure = pictures.draw_fig9(data)
+    words += " ".join(text.get_text() for text in figure.findobj(Text))
+    for file in figures.kept_sweeps():
+        assert file.stem not in words
+        assert figures.TITLES[file.stem] in words
+    assert "cnn" not in words
+    for panel, axes in enumerate(figure.axes):
+        frames = [place for (colour, _), places in marks(figure, panel).items() for place in places
+                  if colour == pictures.READOUT_COLOURS["frame"]]  # fmt: skip
+        said = any("rate of frames; no network" in text.get_text() for text in axes.texts)
+        assert bool(frames) != said
+        known = [f"{point['preset']} scan" for point in data["points"] if point["readout"].startswith("frame")]
+        assert said is not (axes.get_title("left") in known)
 
 
 # -- confusion ---------------------------------------------------------------------------------------
@@ -303,6 +377,14 @@ def test_confusion_of_the_best_finished_spiking_points(snn: Call, files: list[st
         assert [text.get_text() for text in panel.texts] == [f"{share:.1f}" for share in shares.ravel()]
         assert [label.get_text() for label in panel.get_yticklabels()] == CLASSES
         assert np.trace(counts) / counts.sum() == pytest.approx(point["accuracy"])
+
+
+def test_titles_of_matrices_stay_in_the_picture() -> None:
+    figure = draw_confusion(confusion_data(figures.load_sweeps([]), "last"))
+    figure.draw_without_rendering()
+    for panel in figure.axes:
+        title = next(text for text in panel.findobj(Text) if text.get_text() == panel.get_title("left") != "")
+        assert title.get_window_extent().x1 <= figure.bbox.x1
 
 
 def test_confusion_of_a_named_point(snn: Call, files: list[str], folder: Path) -> None:

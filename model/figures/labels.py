@@ -1,0 +1,143 @@
+"""Marks side by side where they would hide each other, and labels that lie on nothing.
+
+All in the points of a page (1/72 inch), so that the data themselves are drawn as they are. Call it when the layout
+stands: the axes must not change their size afterwards.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.text import Annotation
+
+STEP_POINTS = 1.0
+"""What lies side by side is moved by multiples of this."""
+
+
+@dataclass(frozen=True)
+class Box:
+    """A rectangle on the page, in points."""
+
+    left: float
+    bottom: float
+    right: float
+    top: float
+
+    def meets(self, other: Box) -> bool:
+        """Return whether two boxes share an area."""
+        across = self.left < other.right and other.left < self.right
+        return across and self.bottom < other.top and other.bottom < self.top
+
+    def within(self, other: Box) -> bool:
+        """Return whether this box lies in another."""
+        across = other.left <= self.left and self.right <= other.right
+        return across and other.bottom <= self.bottom and self.top <= other.top
+
+    def moved(self, right: float) -> Box:
+        """Return the box moved to the right."""
+        return Box(self.left + right, self.bottom, self.right + right, self.top)
+
+
+@dataclass
+class Taken:
+    """What stands in a panel: boxes of marks and bars, and thin lines, which a label may cross if it must."""
+
+    boxes: list[Box] = field(default_factory=list)
+    lines: list[Box] = field(default_factory=list)
+
+    def add_line(self, ends: Sequence[tuple[float, float]]) -> None:
+        """Add a line through some places, as small boxes along it."""
+        for (x0, y0), (x1, y1) in itertools.pairwise(ends):
+            count = max(1, int(max(abs(x1 - x0), abs(y1 - y0)) / 4))
+            for k in range(count + 1):
+                x, y = x0 + (x1 - x0) * k / count, y0 + (y1 - y0) * k / count
+                self.lines.append(Box(x - 1, y - 1, x + 1, y + 1))
+
+
+def on_page(panel: Axes, x: float, y: float) -> tuple[float, float]:
+    """Return the place of a pair of data on the page, in points."""
+    scale = 72 / panel.figure.dpi
+    across, up = panel.transData.transform((x, y))
+    return float(across * scale), float(up * scale)
+
+
+def in_data(panel: Axes, x: float, y: float) -> tuple[float, float]:
+    """Return the pair of data that stands at a place of the page, in points."""
+    scale = panel.figure.dpi / 72
+    across, up = panel.transData.inverted().transform((x * scale, y * scale))
+    return float(across), float(up)
+
+
+def frame_of(panel: Axes) -> Box:
+    """Return the drawing itself, without the words at its axes."""
+    scale = 72 / panel.figure.dpi
+    box = panel.get_window_extent()
+    return Box(*(float(end * scale) for end in (box.x0, box.y0, box.x1, box.y1)))
+
+
+def side_by_side(boxes: Sequence[Box], taken: Iterable[Box], step: float = STEP_POINTS) -> float:
+    """Return the smallest move to either side, in points, after which none of the boxes meets a taken one."""
+    taken = list(taken)
+    moves = [0.0] + [sign * step * k for k in range(1, 31) for sign in (-1, 1)]
+    for move in moves:
+        if not any(box.moved(move).meets(other) for box in boxes for other in taken):
+            return move
+    return 0.0
+
+
+def place_label(panel: Axes, label: Annotation, own: Box, taken: Taken, sides: str) -> None:
+    """Move a label beside its mark to the first place where it lies in the drawing and on nothing.
+
+    A place on thin lines alone is taken if there is no better one. The label then counts as taken.
+
+    Parameters
+    ----------
+    label : Annotation
+        With its text in points from its mark (``textcoords="offset points"``).
+    own : Box
+        The mark with its bar.
+    sides : str
+        Of "above", "below", "right" and "left" in the order in which they are tried, separated by blanks.
+    """
+    scale = 72 / panel.figure.dpi
+    size = label.get_window_extent()
+    frame = frame_of(panel)
+    crossed: Box | None = None
+    for box in _places(own, size.width * scale, size.height * scale, sides.split()):
+        if not box.within(frame) or any(box.meets(other) for other in taken.boxes):
+            continue
+        if not any(box.meets(other) for other in taken.lines):
+            _put(panel, label, box, taken)
+            return
+        crossed = crossed or box
+    if crossed is None:
+        label.set_visible(False)  # no room: the legend and the data name it
+    else:
+        _put(panel, label, crossed, taken)
+
+
+def _places(own: Box, width: float, height: float, sides: Sequence[str]) -> Iterator[Box]:
+    """Give the places of a label around its mark, the nearest first."""
+    middle_x, middle_y = (own.left + own.right) / 2, (own.bottom + own.top) / 2
+    for gap in (3.0, 6.0, 10.0, 15.0, 20.0):
+        for side in sides:
+            for slide in (0.0, -0.3, 0.3, -0.6, 0.6):
+                if side in ("above", "below"):
+                    x = middle_x + slide * width
+                    y = own.top + gap + height / 2 if side == "above" else own.bottom - gap - height / 2
+                else:
+                    x = own.right + gap + width / 2 if side == "right" else own.left - gap - width / 2
+                    y = middle_y + slide * height
+                yield Box(x - width / 2, y - height / 2, x + width / 2, y + height / 2)
+
+
+def _put(panel: Axes, label: Annotation, box: Box, taken: Taken) -> None:
+    x, y = on_page(panel, *label.xy)
+    label.set(ha="center", va="center")
+    label.set_position(((box.left + box.right) / 2 - x, (box.bottom + box.top) / 2 - y))
+    taken.boxes.append(box)

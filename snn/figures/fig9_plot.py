@@ -1,0 +1,222 @@
+"""The picture of Fig. 9, made from its data (``snn.figures.fig9``)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from model.figures.labels import Box, Taken, in_data, on_page, place_label, side_by_side
+from model.figures.style import GREY, READOUT_COLOURS, READOUT_MARKERS, dress, new_figure, save_figure
+from model.textures.presets import PRESETS
+from snn.figures.fig9 import NAMES, PUBLISHED_NAME, Data, detail, partial
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+STYLES = (("-", "full"), ("--", "left"), ("-.", "bottom"), (":", "right"))
+"""Line and filling of the marks of each sweep, in turn."""
+
+MARK_POINTS = 7.0
+RING_POINTS = 15.0
+CAP_POINTS = 5.0
+BARS = (
+    "bars: 95 % interval over images and seeds; of published points, standard deviation over folds; "
+    "points of one rate stand side by side"
+)
+
+
+@dataclass(frozen=True)
+class Series:
+    """Points of a sweep and readout by rising data rate, of frames those of one network."""
+
+    sweep: str
+    readout: str
+    detail: str
+    points: list[Data]
+
+
+def plot_fig9(data: Data, path: Path) -> None:
+    """Draw accuracy against data rate; see :func:`draw_fig9`."""
+    save_figure(draw_fig9(data), path)
+
+
+def draw_fig9(data: Data) -> Figure:
+    """Return accuracy against normalised data rate, one panel for each preset.
+
+    Published points are hollow, with their standard deviation over folds where it is known; own ones are filled,
+    with the interval over images and seeds. Points of unfinished cross-validations are ringed.
+    """
+    presets = [preset for preset in (*PRESETS, None) if any(point["preset"] == preset for point in data["points"])]
+    sweeps = list(data["commands"])
+    figure = new_figure(1.6 + 4.6 * len(presets), 5.6, "Accuracy against data rate")
+    panels = figure.subplots(1, len(presets), sharex=True, sharey=True, squeeze=False)[0]
+    of_panels = [[point for point in data["points"] if point["preset"] == preset] for preset in presets]
+    for panel, preset, points in zip(panels, presets, of_panels, strict=True):
+        dress(panel, f"{preset} scan" if preset else "own recordings")
+        _draw_axes(panel, data, {point["classes"] for point in points})
+    rates = [point["normalised_rate"] for point in data["points"]]
+    panels[0].set_xlim(0.6 * min(rates), 5 * max(rates))
+    panels[0].set_ylim(0, 112)
+    panels[0].set_yticks(range(0, 101, 20))
+    panels[0].set_ylabel("accuracy (%)", fontsize=8.5)
+    legend = figure.legend(handles=_keys(data, sweeps), loc="outside lower left", ncols=4,
+                           title="\n".join([*data["protocol"], BARS]), title_fontsize=8, fontsize=8, frameon=False,
+                           alignment="left", columnspacing=1.4)  # fmt: skip
+    legend.get_title().set_color(GREY)
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # the panels keep their sizes, and labels their places
+    full_frames = {p["normalised_rate"] for p in data["points"] if p["readout"].startswith("frame")}
+    for panel, points in zip(panels, of_panels, strict=True):
+        taken = Taken()
+        for text in panel.texts:
+            box = text.get_window_extent()
+            taken.boxes.append(Box(*(end * 72 / figure.dpi for end in (box.x0, box.y0, box.x1, box.y1))))
+        drawn = [
+            (series, _draw_series(panel, series, _style(series.sweep, sweeps), taken))
+            for series in _series(points, [PUBLISHED_NAME, *sweeps])
+        ]
+        if full_frames and not any(series.readout == "frame" for series, _ in drawn):
+            _draw_frame_rate(panel, max(full_frames), taken)
+        _label_points(panel, drawn, taken)
+    return figure
+
+
+def _draw_axes(panel: Axes, data: Data, classes: set[int]) -> None:
+    """Draw the logarithmic axis of rates and the line of chance."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    for count in sorted(classes):
+        panel.axhline(100 / count, color=GREY, lw=0.9, ls=(0, (1, 2)), zorder=0)
+        panel.text(0.005, 100 / count + 0.8, "chance", fontsize=7.5, color=GREY,
+                   transform=panel.get_yaxis_transform())  # fmt: skip
+    panel.set_xscale("log")
+    panel.set_xlabel(f"data rate / ({data['reference_bps'] / 1e3:g} kb/s)", fontsize=8.5)
+    panel.xaxis.set_major_locator(LogLocator(subs=(1, 3)))
+    panel.xaxis.set_minor_locator(LogLocator(subs="all"))
+    panel.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
+    panel.xaxis.set_minor_formatter(NullFormatter())
+
+
+def _series(points: list[Data], sweeps: list[str]) -> Iterator[Series]:
+    """Give the series of a panel."""
+    for sweep in sweeps:
+        for readout in NAMES:
+            chosen = [p for p in points if p["sweep"] == sweep and p["readout"].split(",")[0] == readout]
+            networks = dict.fromkeys(detail(p) for p in chosen) if readout == "frame" else [""]
+            for network in networks:
+                found = [p for p in chosen if network in ("", detail(p))]
+                if found:
+                    yield Series(sweep, readout, network, sorted(found, key=lambda p: p["normalised_rate"]))
+
+
+def _style(sweep: str, sweeps: list[str]) -> Data:
+    """Return line and filling of a sweep; published points are hollow and thin."""
+    if sweep == PUBLISHED_NAME:
+        return {"ls": "-", "lw": 0.7, "fillstyle": "none", "ms": MARK_POINTS - 1, "zorder": 1.8}
+    line, filling = STYLES[sweeps.index(sweep) % len(STYLES)]
+    return {
+        "ls": line,
+        "lw": 1.5,
+        "fillstyle": filling,
+        "ms": MARK_POINTS,
+        "markerfacecoloralt": "white",
+        "zorder": 2,
+    }
+
+
+def _draw_series(panel: Axes, series: Series, style: Data, taken: Taken) -> list[Box]:
+    """Draw points with their bars, joined by a line, beside what is taken; return the boxes that labels keep clear of.
+
+    A mark keeps its numbers and is moved on the page, so that the line through the moved marks has numbers of its own.
+    """
+    from matplotlib.transforms import ScaledTranslation
+
+    colour = READOUT_COLOURS[series.readout]
+    boxes, joints = [], []
+    for point in series.points:
+        covered = _boxes(panel, point)
+        move = side_by_side(covered, taken.boxes)
+        covered = [box.moved(move) for box in covered]
+        taken.boxes += covered
+        boxes.append(covered[-1])
+        at, middle, ends = point["normalised_rate"], 100 * point["accuracy"], _ends(point)
+        place = panel.transData + ScaledTranslation(move / 72, 0, panel.figure.dpi_scale_trans)
+        x, y = on_page(panel, at, middle)
+        joints.append((x + move, y))
+        panel.plot(at, middle, color=colour, marker=READOUT_MARKERS[series.readout], transform=place, **style)
+        if ends[1] > ends[0]:
+            panel.plot([at, at], [100 * end for end in ends], color=colour, lw=style["lw"], marker="_", ms=CAP_POINTS,
+                       mew=style["lw"], alpha=0.75, zorder=1.5, transform=place)  # fmt: skip
+        if partial(point):
+            panel.plot(at, middle, "o", ms=RING_POINTS, mfc="none", mec=GREY, mew=1, transform=place)
+    panel.plot(*zip(*(in_data(panel, *joint) for joint in joints), strict=True), color=colour, lw=style["lw"],
+               ls=style["ls"], zorder=style["zorder"])  # fmt: skip
+    taken.add_line(joints)
+    return boxes
+
+
+def _boxes(panel: Axes, point: Data) -> list[Box]:
+    """Return what the mark of a point covers, and what its bar covers, mark included in height."""
+    half = (RING_POINTS if partial(point) else MARK_POINTS) / 2
+    x, middle = on_page(panel, point["normalised_rate"], 100 * point["accuracy"])
+    low, high = (on_page(panel, point["normalised_rate"], 100 * end)[1] for end in _ends(point))
+    mark, bar = Box(x - half, middle - half, x + half, middle + half), CAP_POINTS / 2
+    return [mark, Box(x - bar, min(low - 1, mark.bottom), x + bar, max(high + 1, mark.top))]
+
+
+def _ends(point: Data) -> tuple[float, float]:
+    """Return the ends of a bar: the interval, else the standard deviation over folds, else the point itself."""
+    if "interval" in point:
+        low, high = point["interval"]
+        return low, high
+    deviation = point.get("sd_over_folds", 0.0)
+    return point["accuracy"] - deviation, point["accuracy"] + deviation
+
+
+def _draw_frame_rate(panel: Axes, rate: float, taken: Taken) -> None:
+    """Mark the data rate of frames where no network was trained on them."""
+    panel.axvline(rate, color=READOUT_COLOURS["frame"], lw=1, ls=(0, (4, 3)), zorder=1)
+    text = panel.annotate("rate of frames; no network\nwas trained on them here", (rate, 50), xytext=(0, 0),
+                          textcoords="offset points", fontsize=7.5, color=READOUT_COLOURS["frame"])  # fmt: skip
+    x, y = on_page(panel, rate, 50)
+    taken.boxes.append(Box(x - 1, -1e9, x + 1, 1e9))
+    place_label(panel, text, Box(x - 2, y - 2, x + 2, y + 2), taken, "left right")
+
+
+def _label_points(panel: Axes, drawn: list[tuple[Series, list[Box]]], taken: Taken) -> None:
+    """Name every resolution once, at the highest (LCS) or the lowest of its points, and each network on frames."""
+    groups: dict[tuple[str, str], list[tuple[Data, Box]]] = {}
+    for series, boxes in drawn:
+        for point, box in zip(series.points, boxes, strict=True):
+            own = series.sweep if series.readout == "frame" else ""
+            groups.setdefault((series.readout, detail(point) + "\n" * bool(own) + own), []).append((point, box))
+    for (readout, text), group in groups.items():
+        if readout in ("lcs", "frame"):
+            point, box = max(group, key=lambda pair: pair[1].top)
+        else:
+            point, box = min(group, key=lambda pair: pair[1].bottom)
+        sides = {"lcs": "above right left below", "frame": "right left above below"}
+        label = panel.annotate(text.split("\n")[0], (point["normalised_rate"], 100 * point["accuracy"]), xytext=(0, 0),
+                               textcoords="offset points", fontsize=7.5, color=READOUT_COLOURS[readout])  # fmt: skip
+        place_label(panel, label, box, taken, sides.get(readout, "below right left above"))
+
+
+def _keys(data: Data, sweeps: list[str]) -> list[Line2D]:
+    """Return the legend: readouts by colour and mark, sweeps by line and filling."""
+    from matplotlib.lines import Line2D
+
+    there = {point["readout"].split(",")[0] for point in data["points"]}
+    keys = [
+        Line2D([], [], color=READOUT_COLOURS[r], marker=READOUT_MARKERS[r], ls="", label=NAMES[r])
+        for r in NAMES
+        if r in there
+    ]
+    for sweep in (PUBLISHED_NAME, *sweeps):
+        keys.append(Line2D([], [], color=GREY, marker="o", label=data["titles"][sweep], **_style(sweep, sweeps)))
+    if any(partial(point) for point in data["points"]):
+        keys.append(Line2D([], [], ls="", marker="o", ms=11, mfc="none", mec=GREY, label="not all cells finished"))
+    return keys
