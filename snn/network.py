@@ -1,4 +1,4 @@
-"""The networks: the paper's recurrent spiking network with its variants, and baselines for frames.
+"""The networks: the paper's recurrent spiking network with its variants, and baselines without spikes.
 
 Every network takes a tensor of shape (steps, scans, channels) and returns an ``Output``. A variant is a value in
 ``NetworkConfig``, whose defaults are the paper's network (docs/guide/classifier.md).
@@ -127,7 +127,7 @@ class SpikingNetwork(nn.Module):
 
 
 class RecurrentBaseline(nn.Module):
-    """One layer of ReLU or gated units on frames; a linear read-out of every step, averaged over the steps."""
+    """One layer of ReLU or gated units; a linear read-out of every step, averaged over the steps."""
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
@@ -148,14 +148,14 @@ class RecurrentBaseline(nn.Module):
         nn.init.xavier_uniform_(self.out.weight)
 
     def forward(self, x: Tensor) -> Output:
-        """Return logits for frames of shape (steps, scans, inputs)."""
+        """Return logits for scans of shape (steps, scans, inputs)."""
         states, _ = self.units(_scaled(self.config, x))
         mean = functional.dropout(states.mean(0), self.config.dropout, self.training)
         return Output(self.out(mean) * self.config.output_scale, x.new_zeros(()), 0.0)
 
 
 class ConvolutionalNetwork(nn.Module):
-    """Three convolutions over time on frames, then the mean over time and a linear read-out."""
+    """Three convolutions over time, then the mean over time and a linear read-out."""
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
@@ -168,7 +168,7 @@ class ConvolutionalNetwork(nn.Module):
         self.out = nn.Linear(config.hidden, config.classes)
 
     def forward(self, x: Tensor) -> Output:
-        """Return logits for frames of shape (steps, scans, inputs)."""
+        """Return logits for scans of shape (steps, scans, inputs)."""
         features = self.layers(_scaled(self.config, x).permute(1, 2, 0)).mean(2)
         features = functional.dropout(features, self.config.dropout, self.training)
         return Output(self.out(features) * self.config.output_scale, x.new_zeros(()), 0.0)

@@ -67,14 +67,14 @@ class SpikingConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class BaselineConfig:
-    """A network for frames.
+    """A network without spikes.
 
     Parameters
     ----------
     kind : "rnn", "gru" or "cnn"
         Recurrent with ReLU units (the paper's baseline), gated, or 1-D convolutional.
     input_offset : float
-        Taken off the frames before they are scaled.
+        Taken off the inputs before they are scaled.
     input_center : bool
         Training sets the offset to the mean of its scans.
     """
@@ -167,7 +167,9 @@ class NetworkConfig:
         units: SpikingConfig | BaselineConfig
         if kind == "spiking":
             if fields.get("input_center") or fields.get("input_offset"):
-                raise InputError("input_center and input_offset are for frames; spikes are counted from 0")
+                raise InputError(
+                    "input_center and input_offset are for the kinds rnn, gru and cnn; neurons count from 0"
+                )
             units = unflatten(SpikingConfig, fields)
         else:
             units = unflatten(BaselineConfig, fields)

@@ -19,6 +19,7 @@ from model.config import ReadoutConfig
 from model.errors import InputError
 from model.files import check_writable
 from model.recordings.options import Preparation
+from snn.data.frame_steps import FRAMES, FrameSteps
 from snn.experiments.recipes import RECIPES
 
 if TYPE_CHECKING:
@@ -35,9 +36,13 @@ EventFolder = Annotated[
 OwnRecordings = Annotated[
     Path | None, typer.Option(metavar="DIR", help="class folders of your own recordings, encoded on the way")
 ]
-Frames = Annotated[int, typer.Option(metavar="K", help="frames instead of events, K side by side in a step [0: no]")]
+Frames = Annotated[
+    str | None, typer.Option(metavar=FRAMES, help="frames instead of events, as frame-diff:250:8; RATE in hertz")
+]
 StartRows = Annotated[int | None, typer.Option(min=1, help="scans per image (physical) [1]")]
-BinSeconds = Annotated[float | None, typer.Option("--bin", metavar="SECONDS", help="time bin [0.004]")]
+BinSeconds = Annotated[
+    float | None, typer.Option("--bin", metavar="SECONDS", help="time bin, or step of frames [0.004]")
+]
 Epochs = Annotated[int, typer.Option(min=1, help="passes over the training scans")]
 Settings = Annotated[
     list[str] | None,
@@ -51,7 +56,7 @@ Workers = Annotated[int | None, typer.Option(min=1, help="processes of one threa
 DEFAULT_RESOLUTION = 4
 
 WITHOUT_EFFECT = {
-    "frames": ("encoding", "resolution", "tau", "bin_s"),
+    "frames": ("encoding", "resolution", "tau"),
     "events": ("preset", "encoding", "resolution", "tau", "config_file", "dataset", "start_rows", "data"),
     "data": ("preset", "tau", "dataset", "start_rows"),
 }
@@ -72,7 +77,7 @@ def _options(
     dataset: DatasetName = None,
     events: EventFolder = None,
     data: OwnRecordings = None,
-    frames: Frames = 0,
+    frames: Frames = None,
     start_rows: StartRows = None,
     bin_s: BinSeconds = None,
     recipe: Recipe = "tuned",
@@ -127,7 +132,6 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
         If an option has no meaning, or fits no other.
     """
     from snn.data.bins import BinConfig
-    from snn.data.record import FrameSteps
     from snn.experiments.experiment import Experiment
     from snn.flat import hints_of
     from snn.training import TrainConfig
@@ -146,7 +150,12 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
         raise InputError(f"--tau is the leak of encoding nlcs, not of {readout.encoding}; add --encoding nlcs")
     if options["data"] is not None:
         options = options | {"events": _encoded(options["data"], readout, given | {"resolution"})}
-    fields = RECIPES[options["recipe"]] | parse_settings(options["settings"] or [])
+    bins = BinConfig() if options["bin_s"] is None else BinConfig(bin_s=options["bin_s"])
+    frames = None if options["frames"] is None else FrameSteps.parse(options["frames"], bins.bin_s)
+    fields = RECIPES[options["recipe"]]
+    if frames is not None and frames.step_s > bins.bin_s:
+        fields = fields | {"shift_steps": round(fields.get("shift_steps", 0) * bins.bin_s / frames.step_s)}
+    fields = fields | parse_settings(options["settings"] or [])
     of_training = hints_of(TrainConfig)
     training = {name: value for name, value in fields.items() if name in of_training}
     return Experiment(
@@ -155,8 +164,8 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
         readout=readout,
         tau_s=tau_s,
         given_leak=readout.encoding == "nlcs" and bool(given & {"leak_shift", "leak_period"}),
-        frames=FrameSteps(frames_per_step=options["frames"]) if options["frames"] else None,
-        bins=BinConfig() if options["bin_s"] is None else BinConfig(bin_s=options["bin_s"]),
+        frames=frames,
+        bins=bins if frames is None else BinConfig(),
         network={name: value for name, value in fields.items() if name not in of_training},
         train=TrainConfig.from_dict(training | {"epochs": options["epochs"]}),
         **{name: options[name] for name in ("preset", "start_rows") if options[name] is not None},

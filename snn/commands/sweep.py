@@ -15,6 +15,7 @@ from model.config import Encoding
 from model.errors import InputError
 from snn.commands.bars import cell_bar
 from snn.commands.options import NOT_OF_A_SWEEP, Folds, Seeds, Workers, build_experiment, with_experiment
+from snn.data.frame_steps import FRAMES, FrameKind, FrameSteps
 from snn.experiments.recipes import BASELINES
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 DEFAULT_POINTS = "lcs:2,lcs:4,lcs:6,lcs:8,nlcs:4,nlcs:6,nlcs:8,nlcs:10"
 
-UNSAID: dict[str, Any] = dict.fromkeys(NOT_OF_A_SWEEP) | {"frames": 0}
+UNSAID: dict[str, Any] = dict.fromkeys(NOT_OF_A_SWEEP)
 """What a point does not say of its experiment."""
 
 OF_THIS_RUN = {"out", "workers", "scheduler"}
@@ -36,7 +37,7 @@ def sweep(
     *,
     points: Annotated[
         str,
-        typer.Option(metavar="ENCODER:N,...", help="N bits; rnn:K, gru:K, cnn:K for frames, K side by side in a step"),
+        typer.Option(metavar="ENCODER:N,...", help=f"N bits; {FRAMES}; rnn|gru|cnn:K, K frames of 5 kHz x 10 b a step"),
     ] = DEFAULT_POINTS,
     events: Annotated[
         list[Path] | None,
@@ -57,10 +58,8 @@ def sweep(
     chosen = [] if events else parse_points(points)
     if not events and options["tau"] is not None and "nlcs" not in {readout for readout, _ in chosen}:
         raise InputError("--tau is the leak of nlcs, but --points has no nlcs point; leave it out")
-    if (recipe := options["recipe"]) in BASELINES:
-        raise InputError(f"--recipe {recipe} is for frames; leave it out and add the point {recipe}:20 to --points")
     if not events and options["bin_s"] is not None and not {readout for readout, _ in chosen} - set(BASELINES):
-        raise InputError("--bin is for events, but --points has only frames; leave it out")
+        raise InputError("--bin has no effect on rnn|gru|cnn:K, which say the frames of a step; leave it out")
     made = [_point(readout, number, options) for readout, number in chosen]
     made += [_recorded_point(folder, options) for folder in events or ()]
     from model.crew.cluster import Needs
@@ -80,45 +79,49 @@ def sweep(
     print(f"draw it with {shlex.join(['python', '-m', 'snn', 'fig9', '--sweep', str(out)])}")
 
 
-def parse_points(text: str) -> list[tuple[str, int]]:
-    """Return encoder and resolution, or baseline and frames per step, of every point.
+def parse_points(text: str) -> list[tuple[str, str]]:
+    """Return readout and numbers of every point: resolution, rate and bits of frames, or of a baseline frames per step.
 
     Raises
     ------
     InputError
-        If the text is not ``encoder:number``, with commas between, or a point is there twice.
+        If the text is not points with commas between, or a point is there twice.
     """
-    readouts = (*get_args(Encoding), *BASELINES)
+    readouts = (*get_args(Encoding), *BASELINES, *get_args(FrameKind))
     found = []
     for part in text.split(","):
-        readout, _, number = part.strip().partition(":")
-        if readout not in readouts or not (number.isascii() and number.isdigit()):
+        readout, _, numbers = part.strip().partition(":")
+        whole = numbers.isascii() and numbers.isdigit()
+        if readout not in readouts or not (whole or readout in get_args(FrameKind)):
             raise InputError(
-                f"--points takes ENCODER:RESOLUTION with an encoder of {', '.join(get_args(Encoding))}, or BASELINE:"
-                f"FRAMES_PER_STEP with one of {', '.join(BASELINES)}, with commas between, not {part.strip()!r}"
+                f"--points takes ENCODER:RESOLUTION with an encoder of {', '.join(get_args(Encoding))}, {FRAMES} in "
+                f"hertz and bits, or BASELINE:FRAMES_PER_STEP with one of {', '.join(BASELINES)}, with commas between, "
+                f"not {part.strip()!r}"
             )
-        if (readout, int(number)) in found:
-            raise InputError(f"--points has {readout}:{int(number)} twice; leave one out")
-        found.append((readout, int(number)))
+        point = (readout, str(int(numbers)) if whole else numbers)
+        if point in found:
+            raise InputError(f"--points has {':'.join(point)} twice; leave one out")
+        found.append(point)
     return found
 
 
-def _point(readout: str, number: int, options: dict[str, Any]) -> SweepPoint:
+def _point(readout: str, numbers: str, options: dict[str, Any]) -> SweepPoint:
     """Return the point, which takes all other options of the command."""
-    from snn.data.record import FrameSteps
     from snn.experiments.sweep import SweepPoint
 
     options = options | UNSAID
     try:
         if readout in BASELINES:
-            frames = FrameSteps(frames_per_step=number).frames_per_step
-            options |= {"frames": frames, "recipe": readout, "tau": None, "bin_s": None}
+            frames = FrameSteps(frames_per_step=int(numbers))
+            options |= {"frames": frames.name, "bin_s": frames.step_s, "recipe": readout, "tau": None}
+        elif readout in get_args(FrameKind):
+            options |= {"frames": f"{readout}:{numbers}", "tau": None}
         else:
-            options |= {"encoding": readout, "resolution": number}
+            options |= {"encoding": readout, "resolution": int(numbers)}
             options |= {"tau": options["tau"] if readout == "nlcs" else None}
-        return SweepPoint(f"{readout}-{number}", build_experiment(options))
+        return SweepPoint(f"{readout}-{numbers}".replace(":", "-"), build_experiment(options))
     except InputError as error:
-        raise InputError(f"point {readout}:{number}: {error}") from None
+        raise InputError(f"point {readout}:{numbers}: {error}") from None
 
 
 def _recorded_point(folder: Path, options: dict[str, Any]) -> SweepPoint:

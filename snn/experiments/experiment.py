@@ -16,7 +16,9 @@ from model.textures.presets import PRESETS, Scan, preset
 from model.textures.rates import PAPER_TAU_S
 from snn.data.bins import BinConfig
 from snn.data.cache import kept, key_of
-from snn.data.record import FrameSteps, Tick, frame_dataset, record_dataset
+from snn.data.frame_steps import FrameSteps
+from snn.data.frames import frame_dataset
+from snn.data.record import Tick, record_dataset
 from snn.data.recordings import event_files, read_recordings
 from snn.data.scans import ScanData, load_recordings
 from snn.flat import refuse_unknown
@@ -70,14 +72,7 @@ class Experiment:
             raise InputError("frames are made from textures, not from event files; give one of the two")
         if self.frames is not None and self.train.augment.speed_spread:
             raise InputError("speed_spread moves events in time and cannot be used for frames; set it to 0")
-        kind = self._network(1, 1).kind
-        if (kind == "spiking") != (self.frames is None):
-            takes, found = ("events", "frames") if kind == "spiking" else ("frames", "events")
-            raise InputError(
-                f"a network of kind {kind} is for {takes}, not for {found}; frames need both --frames 20 and --recipe "
-                f"rnn, gru or cnn, events neither"
-            )
-
+        self._network(1, 1)
         self._settle_leak()
 
     def _settle_leak(self) -> None:
@@ -108,7 +103,9 @@ class Experiment:
             return record_dataset(textures, scan, config, self.bins, rows, progress)
 
         data = kept(key_of(textures, scan, config, self.frames or self.bins, rows), make)
-        kind = "frames" if self.frames is not None else f"events of {config.encoding} with {config.resolution} bits"
+        kind = f"events of {config.encoding} with {config.resolution} bits"
+        if self.frames is not None:
+            kind = f"frames {self.frames.name}"
         return dataclasses.replace(data, source=f"{kind} from {textures.name} textures, {scan.name} scan")
 
     def with_readout_of_events(self) -> Experiment:

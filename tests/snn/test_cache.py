@@ -22,7 +22,7 @@ from snn import cache as place
 from snn.__main__ import app
 from snn.data import cache
 from snn.data.bins import BinConfig
-from snn.data.record import FrameSteps
+from snn.data.frame_steps import FrameSteps
 from snn.data.scans import ScanData
 from snn.experiments.experiment import Experiment
 from tests.snn.helpers import easy_data

@@ -20,7 +20,9 @@ from model.textures.paper import PaperScan
 from model.textures.physical import PhysicalScan
 from snn.data.augment import AugmentConfig, at_speed, augment
 from snn.data.bins import BinConfig, bin_recording
-from snn.data.record import FrameSteps, frame_dataset, record, record_dataset
+from snn.data.frame_steps import FrameSteps
+from snn.data.frames import frame_dataset
+from snn.data.record import record, record_dataset
 from snn.data.scans import collect, load_recordings
 
 ROOT = Path(__file__).parents[2]

@@ -22,7 +22,7 @@ from model.events.recording import Recording
 from snn.__main__ import app
 from snn.checkpoint import Checkpoint
 from snn.data.bins import BinConfig, bin_recording
-from snn.data.record import FrameSteps
+from snn.data.frame_steps import FrameSteps
 from snn.data.scans import Split
 from snn.exchange.nir_events import load_nir_data, save_nir_data, to_events_array
 from snn.exchange.nir_network import load_nir, save_nir

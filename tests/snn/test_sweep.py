@@ -24,7 +24,7 @@ from model.crew.crew import Local
 from model.errors import InputError
 from snn.__main__ import app
 from snn.commands.sweep import _print_table, parse_points
-from snn.data.record import FrameSteps
+from snn.data.frame_steps import FrameSteps
 from snn.data.scans import ScanData
 from snn.experiments import crossval
 from snn.experiments.experiment import Experiment

@@ -21,7 +21,7 @@ from model.files import write_json
 from snn.__main__ import app
 from snn.checkpoint import Checkpoint
 from snn.commands.options import build_experiment, parse_settings
-from snn.data.record import FrameSteps
+from snn.data.frame_steps import FrameSteps
 from snn.data.scans import ScanData, Split
 from snn.experiments.crossval import check_same, summarise
 from snn.experiments.experiment import Experiment

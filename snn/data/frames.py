@@ -1,0 +1,101 @@
+"""Frames of texture scans as ``ScanData``: samples, their differences, or crossings of levels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.textures.dataset import Dataset
+from model.textures.presets import Scan
+from snn.data.frame_steps import FrameSteps
+from snn.data.scans import ScanData
+
+
+def frame_dataset(
+    dataset: Dataset,
+    scan: Scan,
+    config: ReadoutConfig,
+    frames: FrameSteps,
+    start_rows: Sequence[float] = (0.0,),
+    progress: Callable[[], object] | None = None,
+) -> ScanData:
+    """Return the frames of the same scans; ``config`` gives the array only."""
+    sampled = _sampled(frames, config)
+    scans, images = [], []
+    for number, texture in enumerate(dataset):
+        for start_row in start_rows:
+            codes, _ = scan.samples(sampled, texture.load(), start_row)
+            if len(codes) < frames.frames_per_step:
+                raise InputError(f"image {texture.name} gives {len(codes)} frames, less than one step of them")
+            scans.append(values_of(frames, codes))
+            images.append(number)
+            if progress is not None:
+                progress()
+    values = np.zeros((len(scans), max(map(len, scans)), scans[0].shape[1]), scans[0].dtype)
+    for place, values_of_scan in zip(values, scans, strict=True):
+        place[: len(values_of_scan)] = values_of_scan
+    return ScanData(
+        values=values,
+        labels=dataset.labels[images],
+        images=np.array(images, np.int64),
+        names=tuple(texture.name for texture in dataset),
+        class_names=dataset.class_names,
+        taxels=config.taxels,
+        step_s=frames.step_s,
+        rate_hz=frames.rate_hz * config.taxels,
+    )
+
+
+def _sampled(frames: FrameSteps, config: ReadoutConfig) -> ReadoutConfig:
+    """Return what samples the array of ``config`` at the rate of the frames, with their bits."""
+    return ReadoutConfig(
+        rows=config.rows,
+        columns=config.columns,
+        sample_bits=frames.bits,
+        resolution=1,
+        sample_rate_hz=frames.rate_hz,
+    )
+
+
+def values_of(frames: FrameSteps, codes: NDArray[np.int32]) -> NDArray[Any]:
+    """Return what the network takes of the frames of one scan.
+
+    Parameters
+    ----------
+    frames : FrameSteps
+    codes : int32 array, shape (frames, taxels)
+        Signed; full scale is 2**(bits - 1).
+
+    Returns
+    -------
+    array, shape (steps, channels)
+        float32 of samples, else int32. Frames that do not fill a step are left out.
+    """
+    steps = len(codes) // frames.frames_per_step
+    full_scale = 2 ** (frames.bits - 1)
+    made: NDArray[Any] = codes.astype(np.float32) / np.float32(full_scale)
+    if frames.kind == "frame-diff":
+        made = np.diff(codes, axis=0, prepend=codes[:1])
+    elif frames.kind == "frame-onoff":
+        made = level_crossings(codes, full_scale >> frames.level_bits)
+    made = made[: steps * frames.frames_per_step].reshape(steps, frames.frames_per_step, -1)
+    return made.sum(1, dtype=np.int32) if frames.kind == "frame-onoff" else made.reshape(steps, -1)
+
+
+def level_crossings(codes: NDArray[np.int32], lsb: int) -> NDArray[np.int32]:
+    """Return how many levels each taxel rose and fell by in every frame, shape (frames, 2 * taxels), as LCS counts.
+
+    A reference starts at the first code; it follows by one level for every count, so what is less than a level stays.
+    """
+    counts = np.zeros((len(codes), 2, codes.shape[1]), np.int32)
+    reference = codes[0].copy()
+    for count, code in zip(counts, codes, strict=True):
+        levels = np.sign(code - reference) * (np.abs(code - reference) // lsb)
+        reference += levels * lsb
+        count[0], count[1] = np.maximum(levels, 0), np.maximum(-levels, 0)
+    return counts.reshape(len(codes), -1)
