@@ -93,7 +93,7 @@ def test_the_numbers_found_travel_with_the_weights(tmp_path: Path) -> None:
 
 
 def test_an_offset_of_counts_is_refused() -> None:
-    with pytest.raises(InputError, match="are for frames"):
+    with pytest.raises(InputError, match="are for the kinds rnn, gru and cnn"):
         NetworkConfig.from_dict({"inputs": 1, "classes": 1, "input_center": True})
     with pytest.raises(InputError, match="hidden_rate must be from 0"):
         NetworkConfig.from_dict({"inputs": 1, "classes": 1, "hidden_rate": 1.0})

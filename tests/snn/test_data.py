@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shutil
 import subprocess
 import sys
@@ -21,7 +22,7 @@ from model.textures.physical import PhysicalScan
 from snn.data.augment import AugmentConfig, at_speed, augment
 from snn.data.bins import BinConfig, bin_recording
 from snn.data.frame_steps import FrameSteps
-from snn.data.frames import frame_dataset
+from snn.data.frames import frame_dataset, values_of
 from snn.data.record import record, record_dataset
 from snn.data.scans import collect, load_recordings
 
@@ -134,6 +135,41 @@ def test_frames_come_from_the_same_scans() -> None:
     codes, _ = PhysicalScan().samples(sampled, data[1].load())
     expected = codes[: frames.steps * 5].reshape(frames.steps, 20) / 512
     assert np.array_equal(frames.values[1], expected.astype(np.float32))
+
+
+def test_the_name_of_frames_says_rate_bits_and_what_the_receiver_makes_of_them() -> None:
+    for name, together, step_s in (
+        ("frame:5000:10", 20, 0.004),
+        ("frame-diff:250:8", 1, 0.004),
+        ("frame-diff:62.5:8", 1, 0.016),
+        ("frame-onoff:1000:6:3", 4, 0.004),
+    ):
+        frames = FrameSteps.parse(name, 0.004)
+        assert (frames.name, frames.frames_per_step, frames.step_s) == (name, together, step_s)
+    assert FrameSteps.parse("frame-onoff:250:8:4", 0.004).name == "frame-onoff:250:8"
+    assert FrameSteps(rate_hz=5000.0, bits=10, frames_per_step=20) == FrameSteps(), "as older files have it"
+
+
+def test_differences_and_crossings_by_hand() -> None:
+    codes = np.array([[0, 8], [3, 8], [5, -9], [5, -8]], np.int32)
+    differences = FrameSteps(rate_hz=250.0, bits=5, frames_per_step=2, kind="frame-diff")
+    assert values_of(differences, codes).tolist() == [[0, 0, 3, 0], [2, -17, 0, 1]]
+    crossings = FrameSteps(rate_hz=250.0, bits=5, frames_per_step=1, kind="frame-onoff", level_bits=2)  # 4 codes
+    assert values_of(crossings, codes).tolist() == [[0, 0, 0, 0], [0, 0, 0, 0], [1, 0, 0, 4], [0, 0, 0, 0]]
+    together = dataclasses.replace(crossings, frames_per_step=4)
+    assert values_of(together, codes).tolist() == [[1, 0, 0, 4]], "counts of a step are added up"
+    samples = FrameSteps(rate_hz=250.0, bits=5, frames_per_step=3)
+    assert values_of(samples, codes).tolist() == [[0, 0.5, 3 / 16, 0.5, 5 / 16, -9 / 16]], (
+        "what fills no step is left out"
+    )
+
+
+def test_a_scan_that_has_not_begun_has_no_differences() -> None:
+    data = embedded_dataset().limit(1)
+    frames = frame_dataset(
+        data, PhysicalScan(), ReadoutConfig(rows=1, columns=2), FrameSteps.parse("frame-diff:250:8", 0.004)
+    )
+    assert not frames.frames, "what a shift in time brings in is 0, not the difference at the edge again"
 
 
 # -- augmentation ------------------------------------------------------------------------------------

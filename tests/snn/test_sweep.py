@@ -161,19 +161,16 @@ def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ("--points lcs", "--points takes ENCODER:RESOLUTION with an encoder of lcs, cw-lcs, nlcs, or BASELINE:"),
+        ("--points lcs", "--points takes ENCODER:RESOLUTION with an encoder of lcs, cw-lcs, nlcs, frame|"),
         ("--points lcs:4,,nlcs:6", "--points takes ENCODER:RESOLUTION"),
         ("--points ann:4", "--points takes ENCODER:RESOLUTION"),
         ("--points lcs:4,lcs:04", "--points has lcs:4 twice; leave one out"),
         ("--points lcs:99", "point lcs:99: resolution must be"),
         ("--points rnn:0", "point rnn:0: frames_per_step must be at least 1, not 0"),
         ("--points lcs:4 --tau 0.1", "--tau is the leak of nlcs, but --points has no nlcs point; leave it out"),
-        (
-            "--recipe gru --points lcs:4",
-            "--recipe gru is for frames; leave it out and add the point gru:20 to --points",
-        ),
-        ("--points lcs:4 --set kind=gru", "point lcs:4: a network of kind gru is for frames, not for events"),
-        ("--points gru:20 --bin 0.004", "--bin is for events, but --points has only frames; leave it out"),
+        ("--points frame:250", "point frame:250: frames are given as KIND:RATE:BITS"),
+        ("--points frame-diff:250:8:4", "point frame-diff:250:8:4: frames are given as KIND:RATE:BITS"),
+        ("--points gru:20 --bin 0.004", "--bin has no effect on rnn|gru|cnn:K, which say the frames of a step"),
         ("--workers 2 --scheduler tcp://a:1", "--workers counts processes of this machine"),
     ],
 )
@@ -205,7 +202,12 @@ def test_as_many_processes_as_cores_that_may_be_used(monkeypatch: pytest.MonkeyP
 
 
 def test_points_are_encoder_and_number() -> None:
-    assert parse_points("lcs:2, cw-lcs:4,gru:20") == [("lcs", 2), ("cw-lcs", 4), ("gru", 20)]
+    assert parse_points("lcs:2, cw-lcs:04,gru:20,frame-diff:62.5:8") == [
+        ("lcs", "2"),
+        ("cw-lcs", "4"),
+        ("gru", "20"),
+        ("frame-diff", "62.5:8"),
+    ]
 
 
 # -- a Dask cluster ----------------------------------------------------------------------------------

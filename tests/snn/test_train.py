@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import math
 import subprocess
@@ -18,21 +19,26 @@ from typer.testing import CliRunner
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.files import write_json
+from model.textures.dataset import embedded_dataset
+from model.textures.physical import PhysicalScan
 from snn.__main__ import app
 from snn.checkpoint import Checkpoint
 from snn.commands.options import build_experiment, parse_settings
+from snn.data.bins import BinConfig
 from snn.data.frame_steps import FrameSteps
+from snn.data.frames import frame_dataset
+from snn.data.record import record_dataset
 from snn.data.scans import ScanData, Split
 from snn.experiments.crossval import check_same, summarise
 from snn.experiments.experiment import Experiment
 from snn.experiments.folds import stratified_folds
 from snn.experiments.intervals import bootstrap, wilson
-from snn.experiments.recipes import BASELINES, RECIPES
+from snn.experiments.recipes import RECIPES
 from snn.experiments.sweep import cross_validate
 from snn.flat import hints_of
 from snn.network import build
 from snn.network_config import FIELDS, KINDS, NetworkConfig
-from snn.train import predicted_classes, train
+from snn.train import logits_of, predicted_classes, train
 from snn.training import DivergedError, Epoch, TrainConfig
 from tests.snn.helpers import easy_data, small_network
 
@@ -302,7 +308,6 @@ def test_every_recipe_is_a_valid_experiment(name: str) -> None:
     experiment = Experiment(
         network={key: value for key, value in fields.items() if key not in of_training},
         train=TrainConfig.from_dict({key: value for key, value in fields.items() if key in of_training}),
-        frames=FrameSteps() if name in BASELINES else None,
     )
     assert Experiment.from_dict(json.loads(json.dumps(experiment.to_dict()))) == experiment
 
@@ -323,11 +328,27 @@ def test_a_network_in_a_file_is_one_flat_list_in_a_fixed_order(kind: str) -> Non
         NetworkConfig.from_dict(fields | {"colour": 1})
 
 
-def test_frames_and_the_kind_of_network_belong_together() -> None:
-    with pytest.raises(InputError, match=r"^a network of kind spiking is for events, not for frames; frames need both"):
-        Experiment(frames=FrameSteps())
-    with pytest.raises(InputError, match=r"^a network of kind gru is for frames, not for events; "):
-        Experiment(network={"kind": "gru"})
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("frames", [None, "frame:500:8", "frame-diff:500:8", "frame-onoff:500:8"])
+def test_every_network_learns_from_every_readout(kind: str, frames: str | None) -> None:
+    steps = None if frames is None else FrameSteps.parse(frames, 0.004)
+    readout = ReadoutConfig(rows=1, columns=2, resolution=4)
+    network = {"kind": kind, "hidden": 16, "input_rms": 2.0, "hidden_rate": 0.1}
+    if kind != "spiking":
+        del network["hidden_rate"]
+    data = small_scans(readout, steps)
+    experiment = Experiment(readout=readout, frames=steps, network=network, train=TrainConfig(epochs=2))
+    training = train(Split(data, range(len(data))), experiment.network_config(data), experiment.train, 0)
+    assert training.history[-1].gradient > 0, "what comes in reaches the weights"
+    assert len(set(logits_of(training.network, data)[:, 0].tolist())) == len(data), "and the outputs"
+
+
+@functools.cache
+def small_scans(readout: ReadoutConfig, frames: FrameSteps | None) -> ScanData:
+    textures = embedded_dataset().limit(3)
+    if frames is not None:
+        return frame_dataset(textures, PhysicalScan(), readout, frames)
+    return record_dataset(textures, PhysicalScan(), PhysicalScan().configure(readout), BinConfig())
 
 
 def test_the_leak_of_an_nlcs_experiment() -> None:
@@ -359,7 +380,12 @@ def test_the_leak_of_a_configuration_file_is_kept(
 ) -> None:
     (tmp_path / "nlcs.json").write_text(json.dumps({"encoding": "nlcs"} | fields))
     names = ("preset", "encoding", "resolution", "tau", "dataset", "events", "data", "start_rows", "bin_s", "settings")
-    given = dict.fromkeys(names) | {"config_file": tmp_path / "nlcs.json", "frames": 0, "recipe": "tuned", "epochs": 1}
+    given = dict.fromkeys(names) | {
+        "config_file": tmp_path / "nlcs.json",
+        "frames": None,
+        "recipe": "tuned",
+        "epochs": 1,
+    }
     _, config = build_experiment(given | options).scan_and_config()
     assert config.tau_s == pytest.approx(tau_s, rel=0.01)
     assert "leak_shift" not in fields or options or config.leak_shift == fields["leak_shift"]
@@ -406,14 +432,17 @@ def test_a_network_that_is_too_large_gets_one_sentence() -> None:
         (["--device", "cuda:77"], "device 'cuda:77' is not available here; use cpu"),
         (["--device", "meta"], "device 'meta' is not available here; use cpu"),
         (["--tau", "0", "--encoding", "nlcs"], "tau must be a positive number of seconds, not 0"),
-        (["--frames", "20"], "a network of kind spiking is for events, not for frames; "),
-        (["--recipe", "gru"], "a network of kind gru is for frames, not for events; "),
-        (["--frames", "20", "--recipe", "gru", "--bin", "0.004"], "--bin has no effect with --frames; leave one"),
-        (["--frames", "20", "--recipe", "gru", "--resolution", "4"], "--resolution has no effect with --frames"),
-        (["--frames", "20", "--recipe", "gru", "--encoding", "lcs"], "--encoding has no effect with --frames"),
-        (["--frames", "20", "--recipe", "gru", "--tau", "1"], "--tau has no effect with --frames"),
+        (["--frames", "20"], "frames are given as KIND:RATE:BITS with a kind of frame, frame-diff, frame-onoff"),
+        (["--frames", "frame:250:8:4"], "frames are given as KIND:RATE:BITS"),
+        (["--frames", "frame:fast:8"], "frames are given as KIND:RATE:BITS"),
+        (["--frames", "frame:0:8"], "rate_hz must be a positive number of hertz, not 0.0"),
+        (["--frames", "frame:250:2"], "bits must be at least 3, not 2"),
+        (["--frames", "frame-onoff:250:4:4"], "level_bits must be below the 4 bits of a sample"),
+        (["--frames", "frame:250:8", "--resolution", "4"], "--resolution has no effect with --frames"),
+        (["--frames", "frame:250:8", "--encoding", "lcs"], "--encoding has no effect with --frames"),
+        (["--frames", "frame:250:8", "--tau", "1"], "--tau has no effect with --frames"),
         (
-            ["--frames", "20", "--recipe", "gru", "--set", "decay=0.9"],
+            ["--frames", "frame:250:8", "--recipe", "gru", "--set", "decay=0.9"],
             "--set decay means nothing to a network of kind gru",
         ),
         (["--events", "x", "--dataset", "embedded"], "--dataset has no effect with --events; leave one of the two out"),
