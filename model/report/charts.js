@@ -1,172 +1,56 @@
-"use strict";
-// Draws what report.py has put into the element "data"; all numbers are the model's, none is computed from equations.
-const DATA = JSON.parse(document.getElementById("data").textContent);
-const NAMES = { nlcs: "N-LCS", lcs: "LCS", frame: "frame" };
+// The charts of the page, from what model/report/data.py has put into the element "data"; all numbers are the model's, none
+// is computed from equations.
 const PARTS = { afe: "AFE", converter: "converter", io: "I/O" };
-const SHAPES = {
-  circle: "M-5 0a5 5 0 1 0 10 0a5 5 0 1 0 -10 0z", square: "M-4.5 -4.5h9v9h-9z",
-  triangle: "M0 -6l5.6 10h-11.2z", diamond: "M0 -6.4l5 6.4l-5 6.4l-5 -6.4z",
-};
-const SHAPE_OF = { nlcs: "triangle", lcs: "circle", frame: "square" };
-const byId = (id) => document.getElementById(id);
-
-// -- words -------------------------------------------------------------------------------------------
-
-function si(value, unit) {
-  if (!value) return `0 ${unit}`;
-  const prefixes = ["p", "n", "\u00b5", "m", "", "k", "M", "G"];
-  const step = Math.max(-4, Math.min(3, Math.floor(Math.log10(Math.abs(value) * 1.0005) / 3)));
-  return `${Number((value / 1000 ** step).toPrecision(3))} ${prefixes[step + 4]}${unit}`;
-}
-const exact = (value, unit) => `${si(value, unit)} (${value} ${unit})`;
-const plain = (value) => (value >= 1000 ? Math.round(value).toLocaleString("en") : String(Number(Number(value).toPrecision(3))));
-const tauName = (tau) => `N-LCS, ${si(tau, "s")}`;
-
-// -- SVG ---------------------------------------------------------------------------------------------
-
-function node(parent, tag, attributes = {}, text = "") {
-  const svg = ["svg", "g", "path", "rect", "line", "text", "polyline"].includes(tag);
-  const made = svg ? document.createElementNS("http://www.w3.org/2000/svg", tag) : document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
-  if (text !== "") made.textContent = text;
-  parent.append(made);
-  return made;
-}
-
-// A figure with a heading and an empty drawing; the arrow keys go through its marks.
-function figure(parent, title, soft, width, height, basis) {
-  const box = node(parent, "figure", basis ? { style: `--width: ${basis}` } : {});
-  const caption = node(box, "figcaption", {}, title);
-  if (soft) node(caption, "span", {}, soft);
-  const svg = node(box, "svg", { viewBox: `0 0 ${width} ${height}`, style: `--drawn: ${width}px`, tabindex: 0, role: "group" });
-  svg.setAttribute("aria-label", `${title}. ${soft || ""} Arrow keys read the values.`);
-  return svg;
-}
-
-function decades(low, high) {
-  const found = [];
-  for (let k = Math.ceil(Math.log10(low) - 1e-9); 10 ** k <= high * 1.0001; k++) found.push(10 ** k);
-  return found;
-}
-
-const logScale = (low, high, from, to) => (value) =>
-  from + ((Math.log10(value) - Math.log10(low)) / (Math.log10(high) - Math.log10(low))) * (to - from);
-const ends = (values) => [10 ** Math.floor(Math.log10(Math.min(...values))), 10 ** Math.ceil(Math.log10(Math.max(...values)))];
-
-function logAxis(svg, ticks, scale, left, right, label, unit) {
-  const skip = Math.ceil(ticks.length / 9);
-  ticks.forEach((tick, k) => {
-    node(svg, "line", { class: "grid", x1: left, x2: right, y1: scale(tick), y2: scale(tick) });
-    if (k % skip === 0) {
-      const text = unit ? si(tick, unit) : plain(tick);
-      node(svg, "text", { class: "soft", x: left - 6, y: scale(tick) + 4, "text-anchor": "end" }, text);
-    }
-  });
-  node(svg, "text", { class: "soft", x: 0, y: 12 }, label);
-}
-
-function mark(svg, tag, attributes, tip) {
-  return node(svg, tag, { class: "mark", "data-tip": tip, role: "img", "aria-label": tip, ...attributes });
-}
-
-function point(svg, shape, x, y, colour, tip) {
-  return mark(svg, "path", { d: SHAPES[shape], transform: `translate(${x} ${y})`, fill: `var(--${colour})` }, tip);
-}
-
-function legend(parent, entries) {
-  const box = node(parent, "div", { class: "legend" });
-  for (const [name, colour, shape] of entries) {
-    const item = node(box, "span");
-    if (shape) {
-      const svg = node(item, "svg", { viewBox: "-7 -7 14 14", "aria-hidden": true });
-      node(svg, "path", { d: SHAPES[shape], fill: `var(--${colour})` });
-    } else node(item, "i", { style: `background: var(--${colour})` });
-    item.append(name);
-  }
-}
-
-// -- the hover text ----------------------------------------------------------------------------------
-
-function showTip(text, x, y) {
-  const tip = byId("tip");
-  tip.textContent = text;
-  tip.hidden = false;
-  const box = tip.getBoundingClientRect();
-  tip.style.left = `${Math.max(4, Math.min(x + 14, innerWidth - box.width - 8))}px`;
-  tip.style.top = `${y + 18 + box.height > innerHeight ? y - box.height - 10 : y + 18}px`;
-}
-const hideTip = () => { byId("tip").hidden = true; };
-
-document.addEventListener("pointermove", (event) => {
-  if (event.target.id === "raster") return;
-  const found = event.target.closest && event.target.closest(".mark");
-  if (found) showTip(found.dataset.tip, event.clientX, event.clientY);
-  else hideTip();
-});
-
-function leaveMarks() {
-  document.querySelectorAll(".mark.here").forEach((found) => found.classList.remove("here"));
-  hideTip();
-}
-document.addEventListener("focusout", leaveMarks);
-document.addEventListener("keydown", (event) => {
-  const svg = event.target.closest && event.target.closest(".chart svg");
-  if (event.key === "Escape") leaveMarks();
-  const step = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
-  if (!svg || !step) return;
-  const marks = [...svg.querySelectorAll(".mark")];
-  const here = marks.findIndex((found) => found.classList.contains("here"));
-  const next = marks[here < 0 ? (step > 0 ? 0 : marks.length - 1) : (here + step + marks.length) % marks.length];
-  if (!next) return;
-  event.preventDefault();
-  leaveMarks();
-  next.classList.add("here");
-  const box = next.getBoundingClientRect();
-  showTip(next.dataset.tip, box.left + box.width / 2, box.top + box.height / 2);
-});
 
 // -- charts ------------------------------------------------------------------------------------------
 
-// Stacked bars: groups of {title, bars: [{name, afe, converter, io, total, more}]} on a logarithmic axis in watts.
-function stackedBars(svg, groups, low, high, where) {
-  const [width, height, left, bottom] = [520, 300, 62, 46];
-  const y = logScale(low, high, height - bottom, 24);
-  logAxis(svg, decades(low, high), y, left, width, "power", "W");
-  const count = groups.reduce((sum, group) => sum + group.bars.length, 0);
-  const step = (width - left) / (count + 0.6 * groups.length);
-  let x = left + 0.3 * step;
-  for (const group of groups) {
-    const start = x;
-    for (const bar of group.bars) {
-      let sum = 0;
-      for (const part of ["afe", "converter", "io"]) {
-        const [from, to] = [Math.max(sum, low), Math.max(sum + bar[part], low)];
-        sum += bar[part];
-        const tip = `${bar.name}, ${where}${group.title ? ", " + group.title : ""}\n${PARTS[part]} ${exact(bar[part], "W")}\n` +
-          `total ${exact(bar.total, "W")}${part === "converter" && bar.more ? "\n" + bar.more : ""}`;
-        const box = { x: x + 0.08 * step, width: 0.84 * step, y: y(to), height: Math.max(0, y(from) - y(to)) };
-        const made = mark(svg, "rect", { ...box, fill: `var(--${part})` }, tip);
-        made.dataset.watts = bar[part];
-        made.dataset.bar = bar.name;
-        made.dataset.part = part;
-      }
-      const middle = { x: x + step / 2, "text-anchor": "middle" };
-      const size = step < 45 ? "font-size: 9px" : "";
-      node(svg, "text", { ...middle, class: "soft", style: size, y: y(bar.total) - 5 }, si(bar.total, "W"));
-      const [short, detail] = bar.name.split(", ");
-      node(svg, "text", { ...middle, y: height - bottom + 15 }, short);
-      if (detail && !group.title) node(svg, "text", { ...middle, class: "soft", y: height - bottom + 30 }, detail);
-      x += step;
+// Parts side by side, and their sum: groups of {title, bars: [{name, afe, converter, io, total, more}]} on a logarithmic
+// axis in watts; as many groups in a row as have room.
+function partBars(svg, width, groups, low, high, where) {
+  const [left, tall, top, under] = [52, 230, 30, groups[0].title ? 46 : 40];
+  const most = Math.max(...groups.map((group) => group.bars.length));
+  const inRow = Math.max(1, Math.min(groups.length, Math.floor((width - left) / (43 * (most + 0.3)))));
+  const cell = (width - left) / inRow, step = cell / (most + 0.3);
+  const taken = []; // by the numbers of the sums
+  groups.forEach((group, number) => {
+    const [row, column] = [Math.floor(number / inRow), number % inRow];
+    const above = row * (tall + top + under), bottom = above + top + tall;
+    const y = logScale(low, high, bottom, above + top);
+    if (column === 0) {
+      const axis = node(svg, "g", {});
+      logAxis(axis, decades(low, high), y, left, width, row ? "" : "power", "W");
+      node(svg, "line", { class: "axis", x1: left, x2: width, y1: bottom, y2: bottom });
     }
-    const centre = { x: (start + x) / 2, y: height - 12, "text-anchor": "middle" };
+    group.bars.forEach((bar, k) => {
+      const start = left + column * cell + (0.15 + k) * step, middle = { x: start + step / 2, "text-anchor": "middle" };
+      Object.keys(PARTS).forEach((part, place) => {
+        const tip = `${bar.name}, ${where}${group.title ? ", " + group.title : ""}\n${PARTS[part]} ${fine(bar[part], "W")}\n` +
+          `sum ${fine(bar.total, "W")}${part === "converter" && bar.more ? "\n" + bar.more : ""}`;
+        const end = y(Math.max(bar[part], low));
+        const box = { x: start + (0.09 + 0.28 * place) * step, width: 0.26 * step, y: end, height: bottom - end };
+        const made = mark(svg, "rect", { ...box, fill: `var(--${part})` }, tip, bar[part]);
+        Object.assign(made.dataset, { watts: bar[part], bar: bar.name, part });
+      });
+      const sum = y(bar.total);
+      node(svg, "line", { class: "even", x1: start + 0.07 * step, x2: start + 0.93 * step, y1: sum, y2: sum });
+      const said = node(svg, "text", { ...middle, class: "soft" }, si(bar.total, "W")), half = said.getComputedTextLength() / 2 + 2;
+      let box = [middle.x - half, sum - 16, middle.x + half, sum - 4];
+      while (taken.some((other) => meet(box, other))) box = [box[0], box[1] - 1, box[2], box[3] - 1];
+      taken.push(box);
+      said.setAttribute("y", box[3] - 1);
+      const [short, detail] = bar.name.split(", ");
+      node(svg, "text", { ...middle, y: bottom + 15 }, short);
+      if (detail && !group.title) node(svg, "text", { ...middle, class: "soft", y: bottom + 30 }, detail);
+    });
+    const centre = { x: left + (column + 0.5) * cell, y: bottom + 33, "text-anchor": "middle", class: "soft" };
     if (group.title) node(svg, "text", centre, group.title);
-    x += 0.6 * step;
-  }
-  node(svg, "line", { class: "axis", x1: left, x2: width, y1: height - bottom, y2: height - bottom });
+  });
+  return Math.ceil(groups.length / inRow) * (tall + top + under);
 }
+const partKeys = () => [...Object.entries(PARTS).map(([part, name]) => [name, part]), ["sum", "text", "dash"]];
 
-function lines(svg, xs, series, low, high, label, unit, even) {
-  const [width, height, left, bottom] = [360, 290, 56, 40];
+function lines(svg, width, xs, series, low, high, label, unit, even) {
+  const [height, left, bottom] = [290, 56, 40];
   const y = logScale(low, high, height - bottom, 24);
   const x = (value) => left + 16 + ((value - xs[0]) / (xs[xs.length - 1] - xs[0])) * (width - left - 30);
   logAxis(svg, decades(low, high), y, left, width, label, unit);
@@ -177,55 +61,62 @@ function lines(svg, xs, series, low, high, label, unit, even) {
     const drawn = xs.map((n, k) => [n, line.values[k], line.tips[k]]).filter((found) => found[1] !== null);
     const path = drawn.map(([n, value]) => `${x(n)},${y(value)}`).join(" ");
     node(svg, "polyline", { points: path, fill: "none", stroke: `var(--${line.colour})`, "stroke-width": 1.8 });
-    for (const [n, value, tip] of drawn) point(svg, line.shape, x(n), y(value), line.colour, tip);
+    for (const [n, value, tip] of drawn) point(svg, line.shape, x(n), y(value), line.colour, tip, value);
   }
   node(svg, "line", { class: "axis", x1: left, x2: width, y1: height - bottom, y2: height - bottom });
+  return height;
 }
 
-// Rows of {name, items: [{value, tip, colour, shape, least, most}]} along a logarithmic axis; even marks 1.
-function rows(svg, entries, low, high, left, label, bars) {
-  const [width, step, top] = [860, 19, 24];
-  const x = logScale(low, high, left, width - 30);
-  const bottom = top + step * entries.length;
-  for (const tick of decades(low, high)) {
+// Rows of {name, items: [{value, tip, colour, shape, least, most}]} along a logarithmic axis; even marks 1. Names stand
+// before the rows, or above them where there is no room.
+function rows(svg, width, entries, low, high, label, bars) {
+  const names = entries.map((entry) => node(svg, "text", { x: 0 }, entry.name));
+  const longest = Math.max(...names.map((name) => name.getComputedTextLength()));
+  const above = longest > 0.4 * width, right = width - 24;
+  const [left, step, top] = [above ? 14 : longest + 24, above ? 38 : 19, label ? 40 : 24];
+  const x = logScale(low, high, left, right), bottom = top + step * entries.length;
+  const ticks = decades(low, high), skip = Math.ceil((38 * ticks.length) / (right - left));
+  ticks.forEach((tick, k) => {
     node(svg, "line", { class: tick === 1 ? "even" : "grid", x1: x(tick), x2: x(tick), y1: top - 6, y2: bottom });
+    if (k % skip) return;
     node(svg, "text", { class: "soft", x: x(tick), y: top - 11, "text-anchor": "middle" }, plain(tick));
-  }
-  node(svg, "text", { class: "soft", x: 0, y: top - 11 }, label);
+  });
+  if (label) node(svg, "text", { class: "soft", x: 0, y: 12 }, label);
   entries.forEach((entry, k) => {
-    const y = top + step * (k + 0.5);
-    if (entry.rule) node(svg, "line", { class: "grid", x1: 0, x2: width - 30, y1: y - step / 2, y2: y - step / 2 });
-    node(svg, "text", { x: 0, y: y + 4 }, entry.name);
+    const start = top + step * k, y = above ? start + 28 : start + step / 2;
+    if (entry.rule) node(svg, "line", { class: "grid", x1: 0, x2: right, y1: start, y2: start });
+    names[k].setAttribute("y", above ? start + 15 : y + 4);
+    svg.append(names[k]);
     for (const item of entry.items) {
-      if (!bars) { point(svg, item.shape, x(item.value), y, item.colour, item.tip); continue; }
+      if (!bars) { point(svg, item.shape, x(item.value), y, item.colour, item.tip, item.value); continue; }
       const [from, to] = [x(1), x(item.value)].sort((a, b) => a - b);
       const box = { x: from - 1, width: Math.max(2, to - from + 1), y: y - 6, height: 12, fill: "var(--lcs)" };
-      mark(svg, "rect", box, item.tip);
+      mark(svg, "rect", box, item.tip, item.value);
       if (item.least) node(svg, "line", { class: "even", x1: x(item.least), x2: x(item.most), y1: y, y2: y });
     }
   });
+  return bottom + 4;
 }
-const rowsHeight = (entries) => 24 + 19 * entries.length + 4;
 
 // -- the power figures -------------------------------------------------------------------------------
 
 function fig6() {
   const chart = byId("chart-fig6"), data = DATA.fig6;
-  const totals = Object.values(data.modes).flat().flatMap((entry) => Object.values(entry).map((found) => found.total));
-  const [low, high] = ends(totals);
+  const bars = Object.values(data.modes).flat().flatMap((entry) => Object.values(entry));
+  const [low] = ends(bars.flatMap((bar) => Object.keys(PARTS).map((part) => bar[part])).filter((power) => power > 0));
+  const [, high] = ends(bars.map((bar) => bar.total));
   for (const [mode, entries] of Object.entries(data.modes)) {
-    const svg = figure(chart, `${mode} mode`, "", 520, 300, "26rem");
     const groups = entries.map((entry, k) => ({
       title: `${plain(data.noise_v_rms[k] * 1e3)} mV rms`,
       bars: Object.keys(NAMES).map((readout) => ({ name: NAMES[readout], ...entry[readout] })),
     }));
-    stackedBars(svg, groups, low / 10, high, `${mode} mode`);
+    figure(chart, `${mode} mode`, "", "26rem", (svg, width) => partBars(svg, width, groups, low, high, `${mode} mode`));
   }
-  legend(chart, Object.entries(PARTS).map(([part, name]) => [name, part]));
+  legend(chart, partKeys());
 }
 
 function seriesOf(entry, xs, unit, where) {
-  const tip = (name, n, value) => `${name}, N = ${n}, ${where}\n` + (unit ? exact(value, unit) : `${plain(value)} times (${value})`);
+  const tip = (name, n, value) => `${name}, N = ${n}, ${where}\n` + (unit ? fine(value, unit) : `${plain(value, 4)} times`);
   const taus = Object.keys(entry.nlcs).map((tau, k) => [tauName(Number(tau)), entry.nlcs[tau], `tau${k}`, ["triangle", "square", "diamond"][k]]);
   return [...taus, ["LCS", entry.lcs, "lcs", "circle"]].map(([name, values, colour, shape]) => (
     { name, values, colour, shape, tips: xs.map((n, k) => (values[k] === null ? "" : tip(name, n, values[k]))) }));
@@ -240,17 +131,22 @@ function fig7() {
   for (const [mode, series] of all) {
     const none = series.every((line) => line.values.every((value) => value === null));
     const won = [...new Set(sides(data.modes[mode]))];
-    const soft = none ? "none at any resolution" : `spikes cost less ${won.join(" or ")} ${won.length > 1 ? "(see the table)" : "the line"}`;
-    const svg = figure(chart, `${mode} mode: crossover`, soft, 360, 290);
-    if (!none) { lines(svg, xs, series, ...ends(found), "AFE noise, rms", "V"); continue; }
-    node(svg, "text", { x: 10, y: 40 }, "At any noise less power is drawn by");
-    DATA.fig7_notes[mode].forEach((text, k) => text.split(": ").forEach((half, line) => (
-      node(svg, "text", { x: 10 + 14 * line, y: 70 + 50 * k + 18 * line, class: line ? "" : "soft" }, half))));
+    const soft = `spikes cost less ${won.join(" or ")} ${won.length > 1 ? "(see the table)" : "the line"}`;
+    if (!none) {
+      figure(chart, `${mode} mode: crossover`, soft, "", (svg, width) => (
+        lines(svg, width, xs, series, ...ends(found), "AFE noise, rms", "V")));
+      continue;
+    }
+    const box = node(chart, "div", { class: "words" });
+    node(box, "p", {}, `In ${mode} mode there is no crossover; at any noise less power is drawn by`);
+    const list = node(box, "ul");
+    for (const text of DATA.fig7_notes[mode]) node(list, "li", {}, text);
   }
   const [mode, last] = modes[modes.length - 1];
   const ratios = seriesOf(last.ratio, xs, "", `${mode} mode, ${si(data.ratio_noise_v_rms, "V")}, spiking / frame`);
-  const svg = figure(chart, `${mode} mode: spiking / frame`, `power at ${si(data.ratio_noise_v_rms, "V")}`, 360, 290);
-  lines(svg, xs, ratios, ...ends(ratios.flatMap((line) => line.values).concat(1)), "times the frame readout", "", true);
+  const range = ends(ratios.flatMap((line) => line.values).concat(1));
+  figure(chart, `${mode} mode: spiking / frame`, `power at ${si(data.ratio_noise_v_rms, "V")}`, "", (svg, width) => (
+    lines(svg, width, xs, ratios, ...range, "times the frame readout", "", true)));
   legend(chart, ratios.map((line) => [line.name, line.colour, line.shape]));
 }
 
@@ -261,18 +157,19 @@ function sensitivity() {
   const [low, high] = ends(data.rows.flatMap((row) => Object.values(row.ratio).flat()));
   const draw = () => {
     const k = Number(choice.value);
-    const side = (found) => found.spikes_win + (found.noise_v_rms === null ? "" : ` ${exact(found.noise_v_rms, "V")}`);
+    const side = (found) => found.spikes_win + (found.noise_v_rms === null ? "" : ` ${fine(found.noise_v_rms, "V")}`);
     const entries = data.rows.map((row, number) => ({
       name: row.case, rule: number > 0 && row.group !== data.rows[number - 1].group,
       items: Object.keys(row.ratio).map((readout) => ({
         value: row.ratio[readout][k], colour: readout, shape: SHAPE_OF[readout],
-        tip: `${NAMES[readout]}, ${row.case}\n${plain(row.ratio[readout][k])} times frames (${row.ratio[readout][k]})\n` +
+        tip: `${NAMES[readout]}, ${row.case}\n${plain(row.ratio[readout][k], 4)} times frames\n` +
           `spikes win: ${side(row.crossover[readout])}`,
       })),
     }));
     chart.replaceChildren();
-    const svg = figure(chart, "Spiking / frame power", `at ${exact(data.noise_v_rms[k], "V")} rms`, 860, rowsHeight(entries), "100%");
-    rows(svg, entries, low, high, 240, "corrections made", false);
+    figure(chart, "Spiking / frame power", `at ${si(data.noise_v_rms[k], "V")} rms`, "100%", (svg, width) => (
+      rows(svg, width, entries, low, high, "corrections made", false)));
+    drawAll();
     legend(chart, Object.keys(data.rows[0].ratio).map((readout) => [NAMES[readout], readout, SHAPE_OF[readout]]));
   };
   choice.addEventListener("change", draw);
@@ -306,14 +203,15 @@ function explore() {
         return { name, afe: entry.afe[bits][level], converter: entry.converter[bits], io: entry.io[bits],
           total: entry.total[bits][level], more: `converter: ${parts.join(", ")}` };
       });
-      const svg = figure(chart, `${mode} mode`, "", 520, 300, "26rem");
-      svg.dataset.mode = mode;
-      stackedBars(svg, [{ title: "", bars }], low, high, `${mode} mode, ${grid.resolution[bits]} bit, ${si(grid.noise_v_rms[level], "V")}`);
+      const where = `${mode} mode, ${grid.resolution[bits]} bit, ${si(grid.noise_v_rms[level], "V")}`;
+      figure(chart, `${mode} mode`, "", "26rem", (svg, width) => (
+        partBars(svg, width, [{ title: "", bars }], low / 1e3, high, where))).dataset.mode = mode;
       const least = bars.reduce((best, bar) => (bar.total < best.total ? bar : best));
       const frames = bars[bars.length - 1].total;
       words.push(`${mode} mode: ${least.name.split(",")[0]} draws least; N-LCS ${plain(bars[0].total / frames)} and LCS ${plain(bars[1].total / frames)} times frames.`);
     }
-    legend(chart, Object.entries(PARTS).map(([part, name]) => [name, part]));
+    legend(chart, partKeys());
+    drawAll();
     byId("explore-words").textContent = words.join(" ");
   };
   for (const control of [n, noise, tau]) control.addEventListener("input", draw);
@@ -322,33 +220,88 @@ function explore() {
 
 // -- accuracy, benchmarks, synthesis, downloads ------------------------------------------------------
 
+// One panel for each scan; series of one sweep and readout, of frames of one network. Points of one rate stand side by side.
 function fig9() {
   if (!DATA.fig9) return;
   const points = DATA.fig9.points, chart = byId("chart-fig9");
-  const svg = figure(chart, "Accuracy against data rate", DATA.fig9.source, 860, 320, "100%");
+  const sweeps = [...new Set(points.map((found) => found.title || ""))];
   const [low, high] = ends(points.map((found) => found.data_rate_bps).flatMap((rate) => [rate * 0.99, rate * 1.01]));
-  const x = logScale(low, high, 62, 830);
   const least = Math.floor(10 * Math.min(...points.map((found) => (found.interval || [found.accuracy])[0])) - 1e-9) / 10;
-  const y = (value) => 280 - ((value - least) / (1 - least)) * 256;
-  for (const tick of decades(low, high)) {
-    node(svg, "line", { class: "grid", x1: x(tick), x2: x(tick), y1: 24, y2: 280 });
-    node(svg, "text", { class: "soft", x: x(tick), y: 296, "text-anchor": "middle" }, si(tick, "bit/s"));
+  const frames = points.filter((found) => readoutOf(found) === "frame").map((found) => found.data_rate_bps);
+  for (const preset of new Set(points.map((found) => found.preset || ""))) {
+    const drawn = points.filter((found) => (found.preset || "") === preset);
+    const bare = frames.length && !drawn.some((found) => readoutOf(found) === "frame") ? Math.max(...frames) : 0;
+    figure(chart, preset ? `${preset} scan` : "Accuracy against data rate", "", "26rem", (svg, width) => (
+      accuracyPanel(svg, width, drawn, sweeps, [low, high], least, bare)));
+  }
+  const readouts = [...new Set(points.map(readoutOf))];
+  legend(chart, readouts.map((readout) => [{ ...NAMES, "cw-lcs": "CW-LCS" }[readout] || readout, colourOf(readout), SHAPE_OF[readout] || "diamond"]));
+  if (sweeps.some(Boolean)) legend(chart, sweeps.map((sweep) => [sweep, "soft", "circle", lookOf("soft", sweep, sweeps)]));
+  node(chart, "p", { class: "note" }, DATA.fig9.source);
+}
+const readoutOf = (found) => found.readout.split(",")[0];
+const colourOf = (readout) => (SHAPE_OF[readout] ? readout : "tau2");
+
+// Marks of a sweep: published ones are hollow, those of the others full, light, dotted at the edge.
+function lookOf(colour, sweep, sweeps) {
+  const k = sweeps.filter((name) => name !== "published").indexOf(sweep);
+  const [fill, dash] = k < 0 ? [0, ""] : [[1, ""], [0.35, ""], [0, "2 2"]][k % 3];
+  return { "fill-opacity": fill, stroke: `var(--${colour})`, "stroke-width": 1.4, "stroke-dasharray": dash };
+}
+
+function accuracyPanel(svg, width, points, sweeps, [low, high], least, bare) {
+  const [left, right, top, bottom] = [46, width - 8, 16, 290];
+  const x = logScale(low, high, left, right), y = (value) => bottom - ((value - least) / (1 - least)) * (bottom - top - 12);
+  const ticks = decades(low, high);
+  for (const tick of ticks) {
+    node(svg, "line", { class: "grid", x1: x(tick), x2: x(tick), y1: top, y2: bottom });
+    const anchor = tick === ticks[ticks.length - 1] ? "end" : "middle";
+    node(svg, "text", { class: "soft", x: anchor === "end" ? width : x(tick), y: bottom + 16, "text-anchor": anchor }, si(tick, "bit/s"));
   }
   for (let k = 0; k <= 5; k++) {
     const tick = least + ((1 - least) * k) / 5;
-    node(svg, "line", { class: "grid", x1: 62, x2: 830, y1: y(tick), y2: y(tick) });
-    node(svg, "text", { class: "soft", x: 56, y: y(tick) + 4, "text-anchor": "end" }, `${plain(tick * 100)} %`);
+    node(svg, "line", { class: "grid", x1: left, x2: right, y1: y(tick), y2: y(tick) });
+    node(svg, "text", { class: "soft", x: left - 6, y: y(tick) + 4, "text-anchor": "end" }, `${plain(tick * 100)} %`);
   }
-  const taken = [];  // a label that would lie on another is left to the mark's tip and the table
-  for (const found of [...points].sort((a, b) => Boolean(b.interval) - Boolean(a.interval))) {
-    const known = NAMES[found.readout] ? found.readout : "tau2", place = [x(found.data_rate_bps), y(found.accuracy)];
+  const frame = [left, 0, width, bottom], taken = [], series = {}, named = {};
+  for (const found of [...points].sort((a, b) => a.data_rate_bps - b.data_rate_bps)) {
+    const [at, middle] = [x(found.data_rate_bps), y(found.accuracy)];
+    const [down, up] = (found.interval || [found.accuracy, found.accuracy]).map(y);
+    const boxes = [[at - 6, middle - 6, at + 6, middle + 6], [at - 2, up, at + 2, down]];
+    const move = sideways(boxes, taken);
+    const covered = boxes.map((box) => [box[0] + move, box[1], box[2] + move, box[3]]);
+    taken.push(...covered);
+    const readout = readoutOf(found), network = readout === "frame" ? found.detail : "";
+    const item = { found, at: at + move, middle, down, up, box: [covered[0][0], Math.min(covered[0][1], up), covered[0][2], Math.max(covered[0][3], down)] };
+    (series[[found.title, readout, network]] ||= []).push(item);
+    (named[[readout, found.detail || found.label, readout === "frame" && found.title]] ||= []).push(item);
+  }
+  if (bare) {
+    node(svg, "line", { class: "frames", x1: x(bare), x2: x(bare), y1: top, y2: bottom });
+    taken.push([x(bare) - 1, top, x(bare) + 1, bottom]);
+    const here = [x(bare) - 1, bottom - 40, x(bare) + 1, bottom - 20];
+    label(svg, "rate of frames; none trained here", here, taken, frame, {});
+  }
+  for (const items of Object.values(series)) accuracySeries(svg, items, sweeps);
+  for (const items of Object.values(named)) {
+    const { found, box } = items.reduce((best, item) => (item.box[1] < best.box[1] ? item : best));
+    label(svg, found.detail || found.label, box, taken, frame, { style: `fill: var(--${colourOf(readoutOf(found))})` });
+  }
+  return bottom + 24;
+}
+
+function accuracySeries(svg, items, sweeps) {
+  const { readout, title } = items[0].found, name = readout.split(",")[0], colour = colourOf(name);
+  const look = title === undefined ? {} : lookOf(colour, title, sweeps);
+  const path = items.map((item) => `${item.at},${item.middle}`).join(" ");
+  const thin = title === "published" ? 0.8 : 1.5;
+  if (title !== undefined) node(svg, "polyline", { points: path, fill: "none", stroke: `var(--${colour})`, "stroke-width": thin });
+  for (const { found, at, middle, down, up } of items) {
     const span = found.interval ? `\ninterval ${found.interval.map((end) => `${plain(end * 100)} %`).join(" to ")}` : "";
-    if (found.interval) node(svg, "line", { class: "axis", x1: place[0], x2: place[0], y1: y(found.interval[0]), y2: y(found.interval[1]) });
-    point(svg, SHAPE_OF[found.readout] || "diamond", ...place, known, `${found.label}\naccuracy ${plain(found.accuracy * 100)} % (${found.accuracy})\n${exact(found.data_rate_bps, "bit/s")}${span}`);
-    const box = [place[0] + 9, place[1] - 7, place[0] + 9 + 6.4 * found.label.length, place[1] + 7];
-    if (taken.some((other) => box[0] < other[2] && other[0] < box[2] && box[1] < other[3] && other[1] < box[3])) continue;
-    taken.push(box);
-    node(svg, "text", { class: "soft", x: box[0], y: place[1] + 4 }, found.label);
+    if (found.interval) node(svg, "line", { x1: at, x2: at, y1: down, y2: up, stroke: `var(--${colour})`, "stroke-width": thin });
+    const tip = `${found.label}\naccuracy ${plain(found.accuracy * 100)} %\n${fine(found.data_rate_bps, "bit/s")}${span}`;
+    const made = point(svg, SHAPE_OF[name] || "diamond", at, middle, colour, tip, found.accuracy);
+    for (const [key, value] of Object.entries(look)) made.setAttribute(key, value);
   }
 }
 
@@ -356,12 +309,12 @@ function benchmarks() {
   for (const bench of DATA.benchmarks) {
     const entries = bench.bars.map((bar) => {
       const spread = bar.least ? `\n${plain(bar.least)} to ${plain(bar.most)} over all rounds` : "";
-      return { name: bar.name, items: [{ value: bar.median, least: bar.least, most: bar.most, tip: `${bar.name}\n${plain(bar.median)} times (${bar.median})${spread}` }] };
+      return { name: bar.name, items: [{ value: bar.median, least: bar.least, most: bar.most, tip: `${bar.name}\n${plain(bar.median, 4)} times${spread}` }] };
     });
     const [low, high] = ends(bench.bars.flatMap((bar) => [bar.least || bar.median, bar.most || bar.median, 1.2]));
     const settings = Object.entries(bench.settings).map(([name, value]) => `${plain(value)} ${name.replace(/_/g, " ")}`).join(", ");
-    const svg = figure(byId("chart-benchmarks"), `${bench.name}: ${bench.meaning}`, settings, 860, rowsHeight(entries), "100%");
-    rows(svg, entries, low, high, 240, "times", true);
+    figure(byId("chart-benchmarks"), `${bench.name}: ${bench.meaning}`, settings, "100%", (svg, width) => (
+      rows(svg, width, entries, low, high, "times", true)));
   }
 }
 
@@ -370,10 +323,11 @@ function synthesis() {
   const entries = DATA.synthesis.map((found) => {
     const perTaxel = found.area_um2 / (found.rows * found.columns);
     return { name: `${NAMES[found.readout]}, ${found.rows} x ${found.columns}`, items: [{ value: Math.max(perTaxel, 1e-3),
-      tip: `${NAMES[found.readout]} ${found.process}\n${exact(found.area_um2, "um^2")}, ${plain(perTaxel)} um^2 a taxel` }] };
+      tip: `${NAMES[found.readout]} ${found.process}\n${plain(found.area_um2, 4)} um^2, ${plain(perTaxel)} um^2 a taxel` }] };
   });
-  const svg = figure(byId("chart-synthesis"), "Area of the cells, um^2 a taxel", "", 860, rowsHeight(entries), "100%");
-  rows(svg, entries, ...ends(entries.map((entry) => entry.items[0].value).concat(1.2)), 240, "", true);
+  const range = ends(entries.map((entry) => entry.items[0].value).concat(1.2));
+  figure(byId("chart-synthesis"), "Area of the cells, um^2 a taxel", "", "100%", (svg, width) => (
+    rows(svg, width, entries, ...range, "", true)));
 }
 
 function downloads() {
@@ -392,3 +346,4 @@ function downloads() {
 }
 
 for (const draw of [fig6, fig7, sensitivity, explore, fig9, benchmarks, synthesis, downloads]) draw();
+drawAll();

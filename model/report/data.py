@@ -265,6 +265,7 @@ def _fig9_point(point: Any, where: str) -> Data:
     readout, resolution = str(point.get("readout", "")), point.get("resolution")
     label = READOUT_NAMES.get(readout, readout) + (f" {resolution} b" if resolution is not None else "")
     drawn = {"readout": readout, "label": str(point.get("label", label)), "data_rate_bps": rate, "accuracy": accuracy}
+    drawn |= {key: str(point[key]) for key in ("title", "detail", "preset") if point.get(key) is not None}
     return drawn if interval is None else drawn | {"interval": interval}
 
 

@@ -15,6 +15,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from model.figures.style import OFF_COLOUR, ON_COLOUR, PALETTE, PART_COLOURS, READOUT_COLOURS, TAU_COLOURS
+
 Data = dict[str, Any]
 
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks" / "results"
@@ -24,7 +26,7 @@ ACCURACY = Path(__file__).with_name("fig9.json")
 SIM = Path("out/sim")
 REPLAY = Path("out/replay")
 
-SOURCES = ("page.html", "page.css", "charts.js", "raster.js")
+SOURCES = ("page.html", "page.css", "drawing.js", "charts.js", "raster.js")
 """What the page is made of, beside this module."""
 
 SECTIONS = ("raster", "replay", "fig9", "benchmarks", "synthesis")
@@ -39,7 +41,7 @@ def page(data: Data) -> str:
     from model.power.equations import READOUT_NAMES
 
     folder = resources.files("model.report")
-    template, style, charts, raster = ((folder / name).read_text("utf-8") for name in SOURCES)
+    template, style, *scripts = ((folder / name).read_text("utf-8") for name in SOURCES)
     parts = {f"{section}_missing": _sentences(data["missing"].get(section, [])) for section in SECTIONS}
     tables = {
         "raster_table": _raster_table(data["raster"]),
@@ -56,8 +58,8 @@ def page(data: Data) -> str:
     return string.Template(template).substitute(
         **parts,
         **tables,
-        style=style,
-        script=charts + raster,
+        style=f":root {{ {palette()} }}\n{style}",
+        script="".join(scripts),
         version=html.escape(data["version"]),
         array=f"{fig6['rows']} x {fig6['columns']}",
         rates=html.escape(fig6.get("event_rates", "")),
@@ -66,6 +68,13 @@ def page(data: Data) -> str:
         tau=f"{fig6['tau_s']:g}",
         data=embedded(data),
     )
+
+
+def palette() -> str:
+    """Return the colours of the figures as custom properties of the style sheet; black ones follow the text there."""
+    colours = READOUT_COLOURS | PART_COLOURS | {f"tau{k}": colour for k, colour in enumerate(TAU_COLOURS)}
+    colours |= {"on": ON_COLOUR, "off": OFF_COLOUR}
+    return " ".join(f"--{name}: {colour};" for name, colour in colours.items() if colour != PALETTE["black"])
 
 
 def embedded(data: Any) -> str:

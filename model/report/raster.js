@@ -88,9 +88,9 @@
     if (run.recordings[0].on) {
       ["on", "off"].forEach((name, k) => {
         pen.fillStyle = colour(name);
-        pen.fillRect(width - 110 + 52 * k, 6, 10, 10);
+        pen.fillRect(width - 110 + 52 * k, height - 14, 10, 10);
         pen.fillStyle = colour("text");
-        pen.fillText(name.toUpperCase(), width - 96 + 52 * k, 15);
+        pen.fillText(name.toUpperCase(), width - 96 + 52 * k, height - 5);
       });
     }
     const free = run.shown_clocks - span;

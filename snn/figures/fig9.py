@@ -72,7 +72,9 @@ def fig9_data(sweeps: Sequence[Sweep], reading: str) -> Data:
         | {
             "readout": f"{point['readout']}, {PUBLISHED_NAME}",
             "label": _label(point["readout"], detail(point), PUBLISHED_NAME),
+            "detail": detail(point),
             "sweep": PUBLISHED_NAME,
+            "title": PUBLISHED_NAME,
             "preset": published["preset"],
             "classes": published["classes"],
             "data_rate_bps": point["normalised_rate"] * published["reference_bps"],
@@ -93,7 +95,6 @@ def fig9_data(sweeps: Sequence[Sweep], reading: str) -> Data:
     return {
         "source": f"Published: {published['source']}. Here: {words}; intervals are of 95 %, over images and seeds.",
         "commands": {sweep.name: sweep.command for sweep in sweeps},
-        "titles": {name: title(name) for name in (PUBLISHED_NAME, *(sweep.name for sweep in sweeps))},
         "reading": reading,
         "protocol": list(named),
         "reference_bps": published["reference_bps"],
@@ -114,7 +115,9 @@ def own_point(sweep: Sweep, point: PointSummary, reading: str) -> Data:
     return {
         "readout": point.readout,
         "label": label,
+        "detail": detail(fields),
         "sweep": sweep.name,
+        "title": title(sweep.name),
         "name": point.name,
         "preset": point.preset,
         "resolution": point.resolution,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from model.figures.labels import Box, Taken, in_data, on_page, place_label, side_by_side
 from model.figures.style import GREY, READOUT_COLOURS, READOUT_MARKERS, dress, new_figure, save_figure
 from model.textures.presets import PRESETS
-from snn.figures.fig9 import NAMES, PUBLISHED_NAME, Data, detail, partial
+from snn.figures.fig9 import NAMES, PUBLISHED_NAME, Data, detail, partial, title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -216,7 +216,7 @@ def _keys(data: Data, sweeps: list[str]) -> list[Line2D]:
         if r in there
     ]
     for sweep in (PUBLISHED_NAME, *sweeps):
-        keys.append(Line2D([], [], color=GREY, marker="o", label=data["titles"][sweep], **_style(sweep, sweeps)))
+        keys.append(Line2D([], [], color=GREY, marker="o", label=title(sweep), **_style(sweep, sweeps)))
     if any(partial(point) for point in data["points"]):
         keys.append(Line2D([], [], ls="", marker="o", ms=11, mfc="none", mec=GREY, label="not all cells finished"))
     return keys

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import time
 from collections import Counter
 from pathlib import Path
 
@@ -22,6 +23,8 @@ from tests.fuzz.run import Command, Seen, complaint, run_command, tree
 CASES = int(os.environ.get("ESKIN_FUZZ", "60"))
 COUNTS = "ESKIN_FUZZ_COUNTS"
 """Names the folder for what a campaign counted."""
+LOG = "ESKIN_FUZZ_LOG"
+"""Names the file into which every case is written before it runs."""
 
 campaign = settings(
     max_examples=CASES,
@@ -56,6 +59,13 @@ def clean(root: Path) -> None:
             shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
+def note(command: Command) -> None:
+    """Write down what is to run, so that a case that kills the process is known."""
+    if file := os.environ.get(LOG):
+        with Path(file).open("a") as log:
+            log.write(f"{time.strftime('%H:%M:%S')} {command}"[:2000] + "\n")
+
+
 class Campaign:
     """Runs cases, counts how they ended, and keeps one case for everything that went wrong."""
 
@@ -66,6 +76,7 @@ class Campaign:
 
     def run(self, command: Command) -> None:
         before = tree(self.root)
+        note(command)
         seen = run_command(command)
         self.codes[seen.code] += 1
         if wrong := complaint(command, seen, before, tree(self.root)):

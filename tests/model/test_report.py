@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import html
 import html.parser
 import json
 import os
@@ -19,6 +20,7 @@ from model.config import ReadoutConfig
 from model.errors import InputError
 from model.events.address import Events, make_events
 from model.events.recording import Recording
+from model.figures.style import OFF_COLOUR, ON_COLOUR, PALETTE, PART_COLOURS, READOUT_COLOURS
 from model.power.equations import CORRECTIONS, READOUTS, PowerModel
 from model.power.rates import load_tables, stored_table
 from model.power.study import fig6_data, fig7_data, sensitivity_data, sensitivity_models
@@ -484,14 +486,33 @@ URL.revokeObjectURL = () => {};
 HTMLAnchorElement.prototype.click = function () { found.file = this.download; };
 [...by("downloads").children].find((button) => button.textContent === "fig6.json").click();
 found.wide = document.documentElement.scrollWidth <= innerWidth;
-found.letters = Math.min(...[...document.querySelectorAll(".chart figure > svg text")].map((text) => {
+found.width = innerWidth;
+const texts = [...document.querySelectorAll(".chart figure > svg text")];
+found.letters = Math.min(...texts.map((text) => {
   const svg = text.ownerSVGElement;
   return parseFloat(getComputedStyle(text).fontSize) * svg.getBoundingClientRect().width / svg.viewBox.baseVal.width;
 }));
+const boxes = texts.map((text) => [text, text.getBoundingClientRect()]);
+found.outside = boxes.filter(([, box]) => box.left < 0 || box.right > innerWidth).map(([text]) => text.textContent);
+found.crossed = boxes.flatMap(([text, a], k) => boxes.slice(0, k).filter(([other, b]) => (
+  text.ownerSVGElement === other.ownerSVGElement && Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1 &&
+  Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 4)).map(([other]) => (
+    `${text.textContent} | ${other.textContent}`)));
+const nine = [...document.querySelectorAll("#chart-fig9 svg")].filter((svg) => svg.querySelector(".mark"));
+found.hidden_marks = nine.flatMap((svg) => {
+  const marks = [...svg.querySelectorAll(".mark")].map((mark) => mark.getBoundingClientRect());
+  const labels = [...svg.querySelectorAll(".label")].map((text) => text.getBoundingClientRect());
+  const hit = (a, b) => Math.min(a.right, b.right) - Math.max(a.left, b.left) > 2 &&
+    Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 2;
+  return [...marks.flatMap((a, k) => marks.slice(0, k).filter((b) => hit(a, b))),
+    ...marks.flatMap((a) => labels.filter((b) => hit(a, b)))];
+}).length;
+found.labels = nine.map((svg) => svg.querySelectorAll(".label").length);
+found.legend = [...document.querySelectorAll("#chart-fig9 .legend span")].map((item) => item.textContent);
 const result = document.createElement("script");
 result.type = "application/json"; result.id = "result";
 result.textContent = JSON.stringify(found).replace(/</g, "\\\\u003c");
-document.body.append(result);
+(parent === window ? document : parent.document).body.append(result);
 </script>"""
 
 
@@ -512,17 +533,19 @@ def dump(text: str, folder: Path, *options: str) -> str:
     file.write_text(text)
     command = [chromium(), "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"]
     command += ["--disable-background-networking", "--disable-component-update", "--disable-sync"]
-    command += ["--disable-dev-shm-usage", f"--user-data-dir={folder / 'profile'}", "--window-size=1200,900", *options]
+    command += ["--disable-dev-shm-usage", f"--user-data-dir={folder / 'profile'}", *options]
     done = subprocess.run([*command, "--dump-dom", file.as_uri()], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
 
-def drive(text: str, folder: Path, *options: str) -> Any:
-    """Return what the driver finds when it uses a page."""
+def drive(text: str, folder: Path, width: int = 1200) -> Any:
+    """Return what the driver finds when it uses a page of a width; a narrow one in a frame: windows are wider."""
     driver = DRIVER % (STOP_N, STOP_NOISE, TAU)
     driven = text.replace("<head>", "<head>" + WATCH, 1).replace("</body>", driver + "</body>")
-    found = re.search(r'id="result">(.*?)</script>', dump(driven, folder, *options), re.DOTALL)
+    if width < 500:
+        driven = f'<iframe style="border: 0; width: {width}px; height: 900px" srcdoc="{html.escape(driven)}"></iframe>'
+    found = re.search(r'id="result">(.*?)</script>', dump(driven, folder, f"--window-size={width},900"), re.DOTALL)
     assert found, "the driver did not come to its end"
     return json.loads(found[1])
 
@@ -565,14 +588,13 @@ def test_the_page_works_in_a_browser(full, folder):
     assert found["stops"] == ["9 bit", "100 µV"]
     assert found["words"].startswith("paper mode: ")
     # Values by pointer and by keyboard.
-    afe = data["fig6"]["modes"]["paper"][0]["nlcs"]["afe"]
-    assert found["hover"].startswith("N-LCS, paper mode, 0.1 mV rms\nAFE 26.9 mW (")
-    assert float(re.search(r"\((\S+) W\)", found["hover"])[1]) == afe
+    watts = data["fig6"]["modes"]["paper"][0]["nlcs"]
+    numbers = f"AFE {watts['afe'] * 1e3:.2f} mW\nsum {watts['total'] * 1e3:.2f} mW"
+    assert found["hover"] == f"N-LCS, paper mode, 0.1 mV rms\n{numbers}"
     assert found["hidden"]
     crossover = data["fig7"]["modes"]["paper"]["crossover"]["nlcs"]["2.0"][1]
-    assert found["keys"].startswith("N-LCS, 2 s, N = 2, paper mode, AFE noise\n150 µV (")
-    assert float(re.search(r"\((\S+) V\)", found["keys"])[1]) == crossover
-    assert str(cases[0]["ratio"]["nlcs"][0]) in found["first_case"]
+    assert found["keys"] == f"N-LCS, 2 s, N = 2, paper mode, AFE noise\n{crossover * 1e6:.1f} µV"
+    assert f"\n{cases[0]['ratio']['nlcs'][0]:.4g} times frames\n" in found["first_case"]
     # The raster: slider, reset, wheel (only once it has the focus), keys.
     whole, narrow, moved, reset, unfocused, zoomed, keyed = found["windows"]
     assert whole == reset == unfocused == [600, 0, CLOCKS]
@@ -583,7 +605,8 @@ def test_the_page_works_in_a_browser(full, folder):
     assert keyed[1] > 0
     assert keyed[2] < CLOCKS
     assert re.fullmatch(r"RTL, event \d+\nclock \d+ \([\d.]+ ms\)\nrow [01], column [012], (ON|OFF)", found["event"])
-    assert {"0,114,178", "201,138,0"} <= set(found["colours"])
+    drawn = {",".join(str(int(colour[k : k + 2], 16)) for k in (1, 3, 5)) for colour in (ON_COLOUR, OFF_COLOUR)}
+    assert drawn <= set(found["colours"])
     assert found["verdict"].startswith("RTL DIFFERS from model")
 
 
@@ -597,8 +620,29 @@ def test_the_page_of_the_model_alone_works_in_a_browser(bare, folder):
     assert found["verdict"].startswith("model alone")
 
 
-def test_the_page_fits_a_phone(full, folder):
-    found = drive(full, folder, "--window-size=500,900")
+@pytest.mark.parametrize("width", [400, 1200])
+def test_charts_use_the_width_that_they_have(call, folder, width):
+    """With the points of the project in Fig. 9: nothing is wider than the page, smaller than 11 px or on another."""
+    options = write_everything(folder).replace("--accuracy points.json", "")
+    assert call(f"report -o report.html {options}")[0] == 0
+    found = drive((folder / "report.html").read_text(), folder, width)
     assert found["wrong"] == []
+    assert found["width"] == width
     assert found["wide"]
-    assert found["letters"] >= 7  # pixels of the smallest letter of a chart
+    assert found["letters"] >= 10.99  # pixels of the smallest letter of a chart
+    assert found["outside"] == []
+    assert found["crossed"] == []
+    assert found["hidden_marks"] == 0
+    assert min(found["labels"]) >= 4
+    points = json.loads(ACCURACY.read_text())["points"]
+    assert set(found["legend"]) == {"LCS", "N-LCS", "frame"} | {point["title"] for point in points}
+
+
+def test_the_page_has_the_palette_of_the_figures(full):
+    for name, colour in {**READOUT_COLOURS, **PART_COLOURS, "on": ON_COLOUR, "off": OFF_COLOUR}.items():
+        if colour != PALETTE["black"]:
+            assert f"--{name}: {colour};" in full
+    drawn = re.search(r"<style>(.*?)</style>", full, re.DOTALL)[1]
+    grounds = set(re.findall(r"--(?:page|text|soft|line|panel|link|warn): (#\w+)", drawn))
+    assert set(re.findall(r"#[0-9a-f]{6}", drawn)) - grounds <= set(PALETTE.values())
+    assert not re.search(r"#[0-9a-f]{6}", full[full.rindex("<script>") :])
