@@ -19,6 +19,7 @@ from snn.data.scans import ScanData, Split
 from snn.experiments.experiment import Experiment
 from snn.experiments.folds import INNER_FOLDS, stratified_folds
 from snn.experiments.intervals import bootstrap, wilson
+from snn.experiments.points import as_word
 
 
 def run_cell(
@@ -76,15 +77,20 @@ def summarise(cells: list[dict[str, Any]], images: int, classes: int) -> dict[st
     The patches of a class come from one surface, so both are too narrow for another surface (docs/guide/classifier.md).
     ``sd_over_cells``, over single trainings, is what compares with a published deviation over folds.
     """
-    result: dict[str, Any] = {}
+    true = np.full(images, -1)
+    for cell in cells:
+        true[cell["test_images"]] = cell["labels"]
+    result: dict[str, Any] = {"labels": as_word(true)}
     for reading in ("last", "selected"):
         seeds = sorted({cell["seed"] for cell in cells})
         correct = np.zeros((images, len(seeds)))
+        classified = np.full((len(seeds), images), -1)
         confusion = np.zeros((classes, classes), np.int64)
         by_cell = {}
         for cell in cells:
             labels, predicted = np.array(cell["labels"]), np.array(cell[reading])
             correct[cell["test_images"], seeds.index(cell["seed"])] = labels == predicted
+            classified[seeds.index(cell["seed"]), cell["test_images"]] = predicted
             np.add.at(confusion, (labels, predicted), 1)
             by_cell[cell["fold"], cell["seed"]] = float((labels == predicted).mean())
         folds = sorted({fold for fold, _ in by_cell})
@@ -101,6 +107,7 @@ def summarise(cells: list[dict[str, Any]], images: int, classes: int) -> dict[st
             "images": images,
             "accuracy_of_seeds": [float(value) for value in of_seeds],
             "confusion": confusion.tolist(),
+            "predictions": [as_word(row) for row in classified],
         }
     return result
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+import string
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
@@ -16,6 +17,9 @@ from model.textures.presets import PRESETS
 
 READOUTS = ("nlcs", "lcs", "frame", "cw-lcs")
 assert set(get_args(Encoding)) < set(READOUTS)
+
+DIGITS = string.digits + string.ascii_letters
+"""One for each class, in the predictions of all images as one word."""
 
 READINGS = {"last": "last epoch", "selected": "epoch selected by inner validation"}
 
@@ -34,6 +38,9 @@ class Result:
     accuracy_of_seeds : list of float
     confusion : list of list of int
         Rows are the classes, columns the predictions.
+    predictions : list of str or None
+        One word a seed: the class of every image as a digit of DIGITS, ``.`` where it was no test image; None in files
+        of before.
     """
 
     accuracy: float
@@ -45,6 +52,7 @@ class Result:
     images: int
     accuracy_of_seeds: Sequence[float]
     confusion: Sequence[Sequence[int]]
+    predictions: Sequence[str] | None = None
 
 
 @dataclass(frozen=True)
@@ -76,6 +84,8 @@ class PointSummary:
     cells : Cells
     last, selected : Result or None
         None before the first seed is whole.
+    labels : str or None
+        The true class of every image, as in ``Result.predictions``.
     """
 
     name: str
@@ -90,6 +100,7 @@ class PointSummary:
     cells: Cells
     last: Result | None
     selected: Result | None
+    labels: str | None = None
 
     @property
     def measured(self) -> bool:
@@ -128,7 +139,20 @@ class PointSummary:
             names, classes = get("class_names"), len(made["selected"].confusion)
             good = isinstance(names, list) and len(names) == classes and all(isinstance(name, str) for name in names)
             _need(good, where, f"class_names, {classes} names", names)
+            labels, images = get("labels"), made["last"].images
+            _need(labels is None or _word(labels, images), where, f"labels, a digit for each image ({images})", labels)
         return cls(**made)
+
+
+def as_word(classes: Iterable[int]) -> str:
+    """Return classes of images as one word, ``.`` for what is none; empty if there are more classes than digits."""
+    found = [int(number) for number in classes]
+    return "".join(DIGITS[n] if n >= 0 else "." for n in found) if max(found) < len(DIGITS) else ""
+
+
+def _word(value: Any, images: int) -> bool:
+    """Return whether a value says a class of every image, or nothing as there are too many classes."""
+    return isinstance(value, str) and len(value) in (0, images) and set(value) <= {*DIGITS, "."}
 
 
 def _number(value: Any, low: float, high: float = math.inf) -> bool:
@@ -163,6 +187,9 @@ def _result(found: Any, reading: str, where: str) -> Result:
         isinstance(row, list) and len(row) == len(rows) and all(_number(n, 0) for n in row) for row in rows
     )  # fmt: skip
     _need(square, where, "confusion, a square table of numbers", rows)
+    words = found.get("predictions")
+    good = words is None or (isinstance(words, list) and all(_word(word, found["images"]) for word in words))
+    _need(good, where, f"predictions, a digit for each image ({found['images']}) and seed", words)
     return Result(**{field.name: found.get(field.name) for field in dataclasses.fields(Result)})
 
 

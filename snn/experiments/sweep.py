@@ -185,6 +185,7 @@ class PointRun:
             cells=Cells(len(self.done), len(self.paths), len(whole)),
             last=Result(**readings["last"]) if readings else None,
             selected=Result(**readings["selected"]) if readings else None,
+            labels=readings["labels"] if readings else None,
         )
 
 

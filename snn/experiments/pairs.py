@@ -1,0 +1,111 @@
+"""Two points on the same images, image by image: which was right where the other was wrong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import InputError
+from snn.experiments.intervals import BOOTSTRAPS
+from snn.experiments.points import PointSummary, load_sweep
+
+
+@dataclass(frozen=True)
+class Pair:
+    """What the networks of two points say about the same images.
+
+    Attributes
+    ----------
+    first, second : [float, ...]
+        Accuracy of every seed that both have.
+    only_first, only_second : [int, ...]
+        Images of a seed that one of the two alone classifies rightly.
+    p : [float, ...]
+        Of every seed: McNemar's exact test, two-sided (Q. McNemar, Psychometrika 12, 1947), the probability of
+        numbers at least as unequal if an image that parts the two falls to either with probability 1/2.
+    difference : float
+        Second minus first, mean over images and seeds.
+    interval : [float, float]
+        Its 95 % bootstrap interval over images, which are drawn in pairs; the seeds stay.
+    images : int
+    """
+
+    first: list[float]
+    second: list[float]
+    only_first: list[int]
+    only_second: list[int]
+    p: list[float]
+    difference: float
+    interval: tuple[float, float]
+    images: int
+
+
+def find_point(text: str, kept: Path) -> PointSummary:
+    """Return the point of ``SWEEP:POINT``, where SWEEP is a file, a folder or the name of a sweep in ``kept``.
+
+    Raises
+    ------
+    InputError
+        If there is no such sweep or point, or it has no predictions.
+    """
+    name, colon, wanted = text.rpartition(":")
+    if not colon:
+        raise InputError(f"a point is SWEEP:POINT, as rates-cnn:lcs-4, not {text!r}")
+    own = kept / f"{name}.json"
+    sweep = load_sweep(own if own.is_file() else Path(name))
+    points = {point.name: point for point in sweep.points}
+    if wanted not in points:
+        raise InputError(f"sweep {name} has no point {wanted!r}; it has {', '.join(points)}")
+    point = points[wanted]
+    if point.last is None or not point.labels or not point.last.predictions:
+        raise InputError(f"{text} has no predictions of single images; run its sweep again")
+    return point
+
+
+def pair(first: PointSummary, second: PointSummary, reading: str) -> Pair:
+    """Return the comparison over the seeds that both points have.
+
+    Raises
+    ------
+    InputError
+        If the two were not tested on the same images.
+    """
+    if first.labels != second.labels or first.class_names != second.class_names:
+        raise InputError(f"{first.name} and {second.name} have other images or classes and cannot be paired")
+    of_first, of_second = _correct(first, reading), _correct(second, reading)
+    seeds = min(len(of_first), len(of_second))
+    of_first, of_second = of_first[:seeds], of_second[:seeds]
+    only_first = (of_first & ~of_second).sum(1).tolist()
+    only_second = (of_second & ~of_first).sum(1).tolist()
+    gains = (of_second.astype(float) - of_first).mean(0)
+    images = len(gains)
+    draws = np.random.default_rng(0).multinomial(images, np.full(images, 1 / images), BOOTSTRAPS)
+    low, high = np.percentile(draws @ gains / images, [2.5, 97.5])
+    return Pair(
+        first=of_first.mean(1).tolist(),
+        second=of_second.mean(1).tolist(),
+        only_first=only_first,
+        only_second=only_second,
+        p=[mcnemar(a, b) for a, b in zip(only_first, only_second, strict=True)],
+        difference=float(gains.mean()),
+        interval=(float(low), float(high)),
+        images=images,
+    )
+
+
+def mcnemar(only_first: int, only_second: int) -> float:
+    """Return the two-sided p of McNemar's exact test; 1 if nothing parts the two."""
+    from scipy.stats import binomtest
+
+    parted = only_first + only_second
+    return float(binomtest(only_first, parted).pvalue) if parted else 1.0
+
+
+def _correct(point: PointSummary, reading: str) -> NDArray[np.bool_]:
+    """Return which images the network of every seed classifies rightly, shape (seeds, images)."""
+    assert point.labels is not None
+    labels, predictions = point.labels, point.result(reading).predictions or ()
+    return np.array([[a == b for a, b in zip(word, labels, strict=True)] for word in predictions], bool)

@@ -1,0 +1,112 @@
+"""Paired comparison of two points from the predictions that a sweep keeps."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from math import comb
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from model.crew.crew import Local
+from model.errors import InputError
+from snn.__main__ import app
+from snn.experiments.crossval import read_cell
+from snn.experiments.experiment import Experiment
+from snn.experiments.pairs import find_point, mcnemar, pair
+from snn.experiments.points import Cells, PointSummary, Result, as_word, load_sweep
+from snn.experiments.sweep import SweepPoint, sweep
+from snn.training import TrainConfig
+from tests.snn.helpers import easy_data
+
+
+def point(name: str, *predictions: str, labels: str = "00112") -> PointSummary:
+    right = [sum(map(str.__eq__, word, labels)) / len(labels) for word in predictions]
+    result = Result(
+        sum(right) / len(right), None, None, None, [0, 1], [0, 1], len(labels), right, [[1]] * 3, predictions
+    )
+    counts = Cells(1, 1, len(predictions))
+    return PointSummary(name, "lcs", 4, "paper", 1.0, 7, 7.0, 0.1, ["a", "b", "c"], counts, result, result, labels)
+
+
+def test_the_exact_test_by_hand() -> None:
+    assert mcnemar(0, 0) == 1.0
+    assert mcnemar(0, 6) == pytest.approx(2 / 2**6)
+    assert mcnemar(2, 8) == pytest.approx(2 * sum(comb(10, k) for k in range(3)) / 2**10)
+
+
+def test_two_points_are_compared_image_by_image() -> None:
+    found = pair(point("a", "00110", "00000"), point("b", "10112", "00112", "00112"), "last")
+    assert (found.only_first, found.only_second) == ([1, 0], [1, 3]), "seeds that one alone has do not count"
+    assert found.p == [1.0, pytest.approx(0.25)]
+    assert (found.first, found.second) == ([0.8, 0.4], [0.8, 1.0])
+    assert found.difference == pytest.approx(0.3)
+    assert found.interval[0] < 0.3 < found.interval[1]
+    same = pair(point("a", "00110"), point("b", "00110"), "selected")
+    assert (same.difference, same.interval, same.p) == (0.0, (0.0, 0.0), [1.0])
+    with pytest.raises(InputError, match="a and b have other images or classes and cannot be paired"):
+        pair(point("a", "00110"), point("b", "00110", labels="00111"), "last")
+
+
+def test_a_sweep_keeps_every_prediction_and_pairs_are_made_from_its_file(tmp_path: Path) -> None:
+    made = [
+        SweepPoint(f"hidden-{hidden}", Experiment(network={"hidden": hidden}, train=TrainConfig(epochs=1)), easy_data())
+        for hidden in (8, 16)
+    ]
+    sweep(made, tmp_path, crew=Local(1), folds=2, seeds=2)
+    data = easy_data()
+    (first, _) = load_sweep(tmp_path).points
+    assert first.labels == as_word(data.image_labels)
+    for reading in ("last", "selected"):
+        words = first.result(reading).predictions
+        assert words is not None
+        for fold, seed in ((0, 0), (1, 0), (0, 1), (1, 1)):
+            _, cell = read_cell(tmp_path / "hidden-8" / f"fold-{fold}-seed-{seed}.json")
+            assert [int(words[seed][image]) for image in cell["test_images"]] == cell[reading]
+    out = tmp_path / "pair.json"
+    arguments = ["pair", f"{tmp_path}:hidden-8", f"{tmp_path}:hidden-16", "--out", str(out)]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    expected = pair(find_point(arguments[1], tmp_path), find_point(arguments[2], tmp_path), "last")
+    written = json.loads(out.read_text())
+    assert written["only_first"] == expected.only_first
+    assert written["difference"] == expected.difference
+    assert f"only B right {expected.only_second[1]}" in result.output
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (["lcs-4", "x:y"], "a point is SWEEP:POINT, as rates-cnn:lcs-4, not 'lcs-4'"),
+        (["tuned:lcs-5", "x:y"], "sweep tuned has no point 'lcs-5'; it has lcs-2, lcs-3"),
+        (["tuned:lcs-4", "x:y"], "tuned:lcs-4 has no predictions of single images; run its sweep again"),
+        (["nowhere:lcs-4", "x:y"], "cannot read the sweep nowhere: "),
+        (["a:b", "x:y", "--reading", "best"], "reading must be one of last, selected, not 'best'"),
+    ],
+)
+def test_bad_names_get_one_sentence(names: list[str], message: str) -> None:
+    result = CliRunner().invoke(app, ["pair", *names])
+    assert isinstance(result.exception, InputError)
+    assert str(result.exception).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"labels": "001"}, "labels, a digit for each image"),
+        ({"labels": 5}, "labels, a digit for each image"),
+        ({"last": {"predictions": ["00"]}}, "predictions, a digit for each image"),
+        ({"last": {"predictions": "00112"}}, "predictions, a digit for each image"),
+    ],
+)
+def test_predictions_of_a_damaged_file_are_refused(change: dict[str, object], message: str) -> None:
+    fields = json.loads(json.dumps(dataclasses.asdict(point("a", "00110"))))
+    good = {"confusion": [[1] * 3] * 3}
+    fields |= {"last": fields["last"] | good, "selected": fields["selected"] | good}
+    assert PointSummary.from_dict(fields, "x").labels == "00112"
+    for name, value in change.items():
+        fields[name] = fields[name] | value if isinstance(value, dict) else value
+    with pytest.raises(InputError, match=message):
+        PointSummary.from_dict(fields, "x")
