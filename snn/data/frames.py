@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from model.config import ReadoutConfig
 from model.errors import InputError
-from model.textures.dataset import Dataset
+from model.textures.dataset import Dataset, Texture
 from model.textures.presets import Scan
 from snn.data.frame_steps import FrameSteps
 from snn.data.scans import ScanData
@@ -25,11 +25,10 @@ def frame_dataset(
     progress: Callable[[], object] | None = None,
 ) -> ScanData:
     """Return the frames of the same scans; ``config`` gives the array only."""
-    sampled = _sampled(frames, config)
     scans, images = [], []
     for number, texture in enumerate(dataset):
         for start_row in start_rows:
-            codes, _ = scan.samples(sampled, texture.load(), start_row)
+            codes = codes_of(frames, texture, scan, config, start_row)
             if len(codes) < frames.frames_per_step:
                 raise InputError(f"image {texture.name} gives {len(codes)} frames, less than one step of them")
             scans.append(values_of(frames, codes))
@@ -51,15 +50,19 @@ def frame_dataset(
     )
 
 
-def _sampled(frames: FrameSteps, config: ReadoutConfig) -> ReadoutConfig:
-    """Return what samples the array of ``config`` at the rate of the frames, with their bits."""
-    return ReadoutConfig(
+def codes_of(
+    frames: FrameSteps, texture: Texture, scan: Scan, config: ReadoutConfig, start_row: float = 0.0
+) -> NDArray[np.int32]:
+    """Return the frames of one scan as they are sent, shape (frames, taxels); ``config`` gives the array only."""
+    sampled = ReadoutConfig(
         rows=config.rows,
         columns=config.columns,
         sample_bits=frames.bits,
         resolution=1,
         sample_rate_hz=frames.rate_hz,
     )
+    codes, _ = scan.samples(sampled, texture.load(), start_row)
+    return codes
 
 
 def values_of(frames: FrameSteps, codes: NDArray[np.int32]) -> NDArray[Any]:

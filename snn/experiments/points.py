@@ -18,6 +18,9 @@ from model.textures.presets import PRESETS
 READOUTS = ("nlcs", "lcs", "frame", "cw-lcs")
 assert set(get_args(Encoding)) < set(READOUTS)
 
+LATER = ("labels", "predictions", "coded_bps")
+"""Fields that older files do not have."""
+
 DIGITS = string.digits + string.ascii_letters
 """One for each class, in the predictions of all images as one word."""
 
@@ -86,6 +89,8 @@ class PointSummary:
         None before the first seed is whole.
     labels : str or None
         The true class of every image, as in ``Result.predictions``.
+    coded_bps : dict or None
+        Bits per second after lossless coding, by what is coded (``snn.data.coding``); None before the scans are made.
     """
 
     name: str
@@ -101,6 +106,7 @@ class PointSummary:
     last: Result | None
     selected: Result | None
     labels: str | None = None
+    coded_bps: dict[str, float] | None = None
 
     @property
     def measured(self) -> bool:
@@ -139,6 +145,9 @@ class PointSummary:
             names, classes = get("class_names"), len(made["selected"].confusion)
             good = isinstance(names, list) and len(names) == classes and all(isinstance(name, str) for name in names)
             _need(good, where, f"class_names, {classes} names", names)
+            coded = get("coded_bps")
+            good = coded is None or (isinstance(coded, dict) and all(_number(value, 0) for value in coded.values()))
+            _need(good, where, "coded_bps, numbers by name", coded)
             labels, images = get("labels"), made["last"].images
             _need(labels is None or _word(labels, images), where, f"labels, a digit for each image ({images})", labels)
         return cls(**made)
@@ -215,8 +224,13 @@ class Sweep:
 
 
 def write_sweep(path: Path, command: str | None, points: Sequence[PointSummary]) -> None:
-    """Write ``sweep.json``, whole or not at all."""
-    write_json(path, {"command": command, "points": [dataclasses.asdict(point) for point in points]})
+    """Write ``sweep.json``, whole or not at all; what files of before have not is left out where it is not known."""
+    write_json(path, {"command": command, "points": [_without_unknown(dataclasses.asdict(point)) for point in points]})
+
+
+def _without_unknown(fields: dict[str, Any]) -> dict[str, Any]:
+    found = {name: value for name, value in fields.items() if value is not None or name not in LATER}
+    return {name: _without_unknown(value) if name in READINGS and value else value for name, value in found.items()}
 
 
 def load_sweep(path: Path) -> Sweep:

@@ -19,6 +19,7 @@ from model.errors import InputError
 from model.files import check_writable, write_json
 from snn.checkpoint import digest
 from snn.data.scans import ScanData
+from snn.experiments.coded import coded_bps
 from snn.experiments.crossval import check_same, read_cell, run_alone, summarise
 from snn.experiments.experiment import Experiment
 from snn.experiments.folds import check_folds
@@ -104,6 +105,7 @@ class PointRun:
         self.report: dict[str, Any] | None = None
         self.shared: Shared | None = None
         self.rate_hz: float | None = None
+        self.coded_bps: dict[str, float] | None = None
         self._partial: tuple[int, dict[str, Any]] = (0, {})
         self._key = point.experiment.to_dict() | {"folds": folds, "fold_seed": fold_seed}
         self._found = {cell: read_cell(path) for cell, path in self.paths.items() if path.exists()}
@@ -134,6 +136,8 @@ class PointRun:
         self._found = {}
         self._images, self._class_names = len(data.names), list(data.class_names)
         self.rate_hz = data.rate_hz
+        if self.point.data is None:
+            self.coded_bps = coded_bps(self.point.experiment)
         if len(self.done) < len(self.paths):
             self.shared = Shared.of(self.point.name, data)
         self._conclude()
@@ -186,6 +190,7 @@ class PointRun:
             last=Result(**readings["last"]) if readings else None,
             selected=Result(**readings["selected"]) if readings else None,
             labels=readings["labels"] if readings else None,
+            coded_bps=self.coded_bps,
         )
 
 

@@ -1,0 +1,75 @@
+"""How small a stream of events or frames becomes when it is coded without loss, by the standard library's coders.
+
+The streams of several scans are laid one after the other, as an array that goes on scanning would send them. The
+smallest of zlib, bz2 and LZMA counts, so a number here is what anyone can have, not a bound: a coder that knows the
+signal does better.
+"""
+
+from __future__ import annotations
+
+import bz2
+import lzma
+import zlib
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.events.address import taxel_of
+from model.events.recording import Recording
+from snn.data.bins import _counted_from
+
+Parts = dict[str, int]
+"""Bits by what is coded."""
+
+
+def coded_bits(words: NDArray[np.unsignedinteger]) -> int:
+    """Return the bits of a stream of words after coding; bytes of equal weight stand together."""
+    planes = words.astype(f"<u{words.dtype.itemsize}").view(np.uint8).reshape(len(words), -1).T
+    stream = planes.tobytes()
+    filters = [{"id": lzma.FILTER_LZMA2, "preset": 9}]
+    sizes = [
+        len(zlib.compress(stream, 9)),
+        len(bz2.compress(stream, 9)),
+        len(lzma.compress(stream, lzma.FORMAT_RAW, filters=filters)),
+    ]
+    return 8 * min(sizes)
+
+
+def coded_events(recordings: Sequence[Recording]) -> Parts:
+    """Return the bits of the events of some recordings that count in their preset.
+
+    ``addresses``: polarity and address of every event in the order sent; like the words on an AER link they have no
+    time stamps. ``events``: these, and the sample ticks since the event before.
+    """
+    addresses, ticks = [], []
+    for recording in recordings:
+        config = recording.config
+        events = recording.events[recording.events["t"] >= _counted_from(recording)]
+        off = np.where(events["p"], 0, config.taxels) if config.has_polarity else 0
+        addresses.append((taxel_of(events, config) + off).astype(np.uint16))
+        ticks.append(np.diff(events["t"].astype(np.int64) // config.clocks_per_sample, prepend=0).astype(np.uint32))
+    bits = coded_bits(np.concatenate(addresses))
+    return {"addresses": bits, "events": bits + coded_bits(np.concatenate(ticks))}
+
+
+def coded_frames(frames: Sequence[NDArray[np.int32]], bits: int) -> Parts:
+    """Return the bits of the frames of some scans, taxel by taxel and frame by frame.
+
+    ``samples``: the words as they are sent. ``differences``: to the frame before, modulo 2**bits, small ones of either
+    sign as small words.
+
+    Parameters
+    ----------
+    frames : sequence of int32 arrays, shape (frames, taxels)
+    bits : int
+        Of a word.
+    """
+    mask = 2**bits - 1
+    kind = np.min_scalar_type(mask)
+    samples = [(codes & mask).astype(kind).ravel() for codes in frames]
+    changes = []
+    for codes in frames:
+        change = ((np.diff(codes, axis=0, prepend=0) + mask // 2 + 1) & mask) - mask // 2 - 1
+        changes.append(((change << 1 ^ change >> 31) & mask).astype(kind).ravel())
+    return {"samples": coded_bits(np.concatenate(samples)), "differences": coded_bits(np.concatenate(changes))}

@@ -1,0 +1,37 @@
+"""Bits per second of an experiment's readout after lossless coding (``snn.data.coding``)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from model.events.recording import Recording
+from model.textures.dataset import open_dataset
+from snn.data.coding import coded_events, coded_frames
+from snn.data.frames import codes_of
+from snn.data.record import record
+from snn.data.recordings import event_files, read_recordings
+from snn.experiments.experiment import Experiment
+
+SCANS = 24
+"""So many scans, evenly spread over the images, are coded; their streams lie one after the other."""
+
+
+def coded_bps(experiment: Experiment) -> dict[str, float]:
+    """Return bits per second by what is coded: of events ``addresses`` and ``events``, of frames ``samples`` and
+    ``differences``."""
+    if experiment.events is not None:
+        files = event_files([Path(experiment.events)])
+        return _of_events(read_recordings(files[:: -(-len(files) // SCANS)]))
+    scan, config = experiment.scan_and_config()
+    textures = open_dataset(experiment.dataset).limit(SCANS)
+    frames = experiment.frames
+    if frames is None:
+        return _of_events([record(texture, textures.name, scan, config) for texture in textures])
+    codes = [codes_of(frames, texture, scan, config) for texture in textures]
+    seconds = sum(map(len, codes)) / frames.rate_hz
+    return {name: bits / seconds for name, bits in coded_frames(codes, frames.bits).items()}
+
+
+def _of_events(recordings: list[Recording]) -> dict[str, float]:
+    seconds = sum(recording.duration_s for recording in recordings)
+    return {name: bits / seconds for name, bits in coded_events(recordings).items()}

@@ -1,0 +1,72 @@
+"""Coded rates: what is counted can be decoded again, and says what the stream is."""
+
+from __future__ import annotations
+
+import lzma
+
+import numpy as np
+import pytest
+
+from model.config import ReadoutConfig
+from model.events.address import make_events
+from model.events.recording import Recording
+from snn.data.coding import coded_bits, coded_events, coded_frames
+from snn.data.frame_steps import FrameSteps
+from snn.experiments.coded import coded_bps
+from snn.experiments.experiment import Experiment
+
+
+def test_noise_stays_as_large_as_it_is_and_a_constant_costs_nothing() -> None:
+    noise = np.random.default_rng(0).integers(0, 256, 50_000).astype(np.uint8)
+    assert 8 * 50_000 <= coded_bits(noise) < 8 * 50_300
+    assert coded_bits(np.zeros(50_000, np.uint16)) < 1000
+    wide = noise.astype(np.uint32)
+    assert coded_bits(wide) < 1.02 * coded_bits(noise), "the planes of high bytes are zeros"
+
+
+def test_the_size_is_that_of_a_stream_which_decodes_to_the_words() -> None:
+    words = (np.arange(40_000) // 7 % 97).astype(np.uint8)
+    filters = [{"id": lzma.FILTER_LZMA2, "preset": 9}]
+    stream = lzma.compress(words.tobytes(), lzma.FORMAT_RAW, filters=filters)
+    assert lzma.decompress(stream, lzma.FORMAT_RAW, filters=filters) == words.tobytes()
+    assert coded_bits(words) <= 8 * len(stream)
+
+
+def test_every_event_and_its_time_are_in_the_bits() -> None:
+    config = ReadoutConfig(rows=2, columns=2, resolution=4)
+    generator = np.random.default_rng(1)
+    count, clocks = 20_000, config.clocks_per_sample
+    ticks = np.cumsum(generator.integers(0, 4, count))
+
+    def bits_of(x: np.ndarray, p: np.ndarray, t: np.ndarray) -> dict[str, int]:
+        events = make_events(t * clocks, x, np.zeros(count, int), p)
+        return coded_events([Recording(events, config, int(t[-1] + 1) * clocks)])
+
+    alike = bits_of(np.zeros(count, int), np.ones(count, int), np.arange(count))
+    assert alike["events"] < 2000
+    columns = bits_of(generator.integers(0, 2, count), np.ones(count, int), np.arange(count))
+    assert columns["addresses"] > count, "a bit each"
+    polarities = bits_of(np.zeros(count, int), generator.integers(0, 2, count), np.arange(count))
+    assert polarities["addresses"] > count
+    timed = bits_of(np.zeros(count, int), np.ones(count, int), ticks)
+    assert timed["addresses"] == alike["addresses"]
+    assert timed["events"] - timed["addresses"] > 2 * count, "two bits each"
+
+
+@pytest.mark.parametrize("bits", [6, 10, 18])
+def test_differences_cost_what_they_say_whatever_the_width_of_a_word(bits: int) -> None:
+    steps = np.random.default_rng(2).integers(-1, 2, (10_000, 4))
+    full_scale = 2 ** (bits - 1)
+    walk = ((np.cumsum(steps, axis=0) + full_scale) % 2**bits - full_scale).astype(np.int32)  # over the edge too
+    found = coded_frames([walk[:, :2], walk[:, 2:]], bits)
+    assert np.log2(3) * walk.size < found["differences"] < 1.25 * np.log2(3) * walk.size
+    assert found["samples"] > found["differences"]
+
+
+def test_a_readout_has_coded_rates_below_its_own() -> None:
+    readout = ReadoutConfig(rows=2, columns=2, resolution=4)
+    events = coded_bps(Experiment(dataset="embedded", readout=readout))
+    assert 0 < events["addresses"] < events["events"]
+    frames = coded_bps(Experiment(dataset="embedded", readout=readout, frames=FrameSteps.parse("frame:250:8", 0.004)))
+    assert 0 < frames["differences"] < 250 * 4 * 8
+    assert 0 < frames["samples"] < 250 * 4 * 8
