@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from model.cli.app import printable
+from model.cli.progress import bar
 from model.errors import InputError
 from model.files import check_writable
 
 if TYPE_CHECKING:
     from model.events.recording import Recording
+    from snn.exchange.weights import Weights
 
 
 def export(
@@ -37,6 +39,38 @@ def export(
     print(
         printable(f"{out}: {len(loaded.class_names)} classes, {loaded.step_s:g} s per step, {out.stat().st_size} bytes")
     )
+    if out.suffix == ".nir":
+        _tell_lacks(weights, loaded)
+
+
+def _tell_lacks(path: Path, weights: Weights) -> None:
+    """Print what snnTorch and Norse lack of a network, and what that costs on its test images."""
+    from snn.exchange.portable import lacks
+    from snn.exchange.weights import config_of
+
+    if (scale := config_of(weights.network).input_scale) != 1:
+        print(f"input scale {scale:.4g}: in the weights of hidden_in, since snnTorch and Norse know no Scale")
+    found = lacks(weights.network)
+    if not found:
+        print("snnTorch and Norse have all of it: docs/guide/exchange.md shows how they run it")
+        return
+    for lack in found:
+        print(lack.text)
+    print("python -m snn train --recipe portable makes networks without these")
+    from snn.experiments.trained import load_test_scans
+    from snn.train import predicted_classes
+
+    try:
+        with bar("recording scans") as step:
+            _, data, test = load_test_scans(path, weights, step)
+    except InputError as error:
+        print(printable(f"what that costs was not measured: {error}"))
+        return
+    labels = data.image_labels[test]
+    parts = []
+    for words, network in [("here", weights.network), *((f"without {lack.name}", lack.network) for lack in found)]:
+        parts.append(f"{(predicted_classes(network, data, test) == labels).mean():.1%} {words}")
+    print(f"accuracy of the {len(test)} test images: {', then '.join(parts)}")
 
 
 def import_(

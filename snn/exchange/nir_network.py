@@ -6,7 +6,9 @@ snnTorch they are solved by the forward Euler method, the input current I being 
     LI, LIF   tau dv/dt = v_leak - v + r I   v <- (1 - dt / tau) v + dt / tau (v_leak + r I)
     I, IF     dv/dt = r I                    v <- v + r I         r per step, as snnTorch reads it
 
-so that a membrane which keeps the part ``decay`` of its potential has tau = dt / (1 - decay) and r = tau / dt.
+so that a membrane which keeps the part ``decay`` of its potential has tau = dt / (1 - decay). The file has r = 1 and
+no scale of the inputs: both are multiplied into the weights and biases in front, in float64, since other programs
+leave r out or know no node for a scale. Divided again in float64, the float32 weights come back bit for bit.
 """
 
 from __future__ import annotations
@@ -42,7 +44,10 @@ SMALLEST_LOSS = 2.0**-60
 MAX_DECAY_ERROR = 1e-6
 """Largest difference between the decay of a time constant and the one in the metadata."""
 
-INPUT, SCALE, HIDDEN_IN, HIDDEN = "input", "input_scale", "hidden_in", "hidden"
+FOLDED = "input_scale"
+"""Metadata of the first linear node: the scale of the inputs that its weights hold."""
+
+INPUT, HIDDEN_IN, HIDDEN = "input", "hidden_in", "hidden"
 RECURRENT, READOUT_IN, READOUT, OUTPUT = "recurrent", "readout_in", "readout", "output"
 
 
@@ -67,24 +72,24 @@ def to_nir(weights: Weights) -> nir.NIRGraph:
         raise InputError(f"a time step of {weights.step_s:g} s has no time constants that NIR can hold; export .npz")
     arrays = {name: tensor.detach().cpu().numpy() for name, tensor in network.state_dict().items()}
     decay, output_decay = (tensor.detach().cpu().numpy() for tensor in network.decays())
+    gain, output_gain = _gain(decay), _gain(output_decay)
     neuron = {"floor": config.neurons.rule.floor, "reset": config.neurons.rule.reset}
     fires = config.neurons.readout == "spikes"
-    nodes: dict[str, nir.NIRNode] = {INPUT: nir.Input(input_type={"input": np.array([config.inputs])})}
-    chain = [INPUT]
-    if config.input_scale != 1:
-        nodes[SCALE] = nir.Scale(scale=np.full(config.inputs, config.input_scale))
-        chain.append(SCALE)
-    nodes |= {
-        HIDDEN_IN: nir.Affine(weight=arrays["w_in"], bias=arrays["b_hidden"]),
+    nodes: dict[str, nir.NIRNode] = {
+        INPUT: nir.Input(input_type={"input": np.array([config.inputs])}),
+        HIDDEN_IN: nir.Affine(
+            weight=arrays["w_in"] * (config.input_scale * gain[:, None]),
+            bias=arrays["b_hidden"] * gain,
+            metadata={FOLDED: config.input_scale},
+        ),
         HIDDEN: _neurons(decay, weights.step_s, True, neuron | _raw(arrays, "raw_decay")),
-        RECURRENT: nir.Linear(weight=arrays["w_rec"]),
-        READOUT_IN: nir.Affine(weight=arrays["w_out"], bias=arrays["b_out"]),
+        RECURRENT: nir.Linear(weight=arrays["w_rec"] * gain[:, None]),
+        READOUT_IN: nir.Affine(weight=arrays["w_out"] * output_gain[:, None], bias=arrays["b_out"] * output_gain),
         READOUT: _neurons(
             output_decay, weights.step_s, fires, (neuron if fires else {}) | _raw(arrays, "raw_output_decay")
         ),
         OUTPUT: nir.Output(output_type={"output": np.array([config.classes])}),
     }
-    chain += [HIDDEN_IN, HIDDEN, READOUT_IN, READOUT, OUTPUT]
     header = {"network": config.to_dict(), "class_names": list(weights.class_names), "step_s": weights.step_s}
     metadata = {
         "format": FORMAT_NAME,
@@ -94,6 +99,7 @@ def to_nir(weights: Weights) -> nir.NIRGraph:
         "logits": f"output_scale * {'sum' if fires else 'mean'} over time of node {READOUT}",
         "header": json.dumps(header),
     }
+    chain = [INPUT, HIDDEN_IN, HIDDEN, READOUT_IN, READOUT, OUTPUT]
     edges = [*itertools.pairwise(chain), (HIDDEN, RECURRENT), (RECURRENT, HIDDEN)]
     return nir.NIRGraph(nodes, edges, metadata)
 
@@ -121,11 +127,17 @@ def _neurons(decay: NDArray[Any], step_s: float, fires: bool, metadata: dict[str
         if not fires:
             return nir.I(r=one, metadata=metadata)
         return nir.IF(r=one, v_threshold=one, v_reset=zero, metadata=metadata)
-    r = 1.0 / np.maximum(1.0 - decay.astype(np.float64), SMALLEST_LOSS)
-    leak = {"tau": step_s * r, "r": r, "v_leak": zero}
+    leak = {"tau": step_s * _gain(decay), "r": one, "v_leak": zero}
     if not fires:
         return nir.LI(**leak, metadata=metadata)
     return nir.LIF(**leak, v_threshold=one, v_reset=zero, metadata=metadata)
+
+
+def _gain(decay: NDArray[Any]) -> NDArray[np.float64]:
+    """Return what the currents of neurons are multiplied by, since the leak takes (1 - decay) of them."""
+    if (decay == 1).all():
+        return np.ones(len(decay))
+    return 1.0 / np.maximum(1.0 - decay.astype(np.float64), SMALLEST_LOSS)
 
 
 def _raw(arrays: dict[str, NDArray[Any]], name: str) -> dict[str, NDArray[Any]]:
@@ -239,11 +251,12 @@ class _Parts:
                 raise InputError(
                     f"node {name!r} has weights of shape {weight.shape}, node {hidden.name!r} {hidden.size} neurons"
                 )
-        input_scale = 1.0
+        input_scale = _folded(graph.nodes[chain.hidden_in])
+        w_in = w_in / input_scale
         if chain.scale is not None:
             scale = broadcast(chain.scale, graph.nodes[chain.scale].scale, w_in.shape[1])
             if scale[0] > 0 and (scale == scale[0]).all():
-                input_scale = float(scale[0])
+                input_scale *= float(scale[0])
             else:
                 w_in = w_in * scale
         if readout.fires and (readout.floor, readout.reset) != (hidden.floor, hidden.reset):
@@ -263,6 +276,16 @@ class _Parts:
         if learned:
             state |= {"raw_decay": hidden.logits(), "raw_output_decay": readout.logits()}
         return state
+
+
+def _folded(node: nir.NIRNode) -> float:
+    """Return the scale of the inputs that the weights of the first node hold, 1 unless its metadata say more."""
+    value = node.metadata.get(FOLDED, 1.0)
+    if isinstance(value, np.generic):
+        value = value.item()
+    if type(value) not in (int, float) or not (math.isfinite(value) and value > 0):
+        raise InputError(f"the weights of the first node hold an {FOLDED} of {value!r}, which is no positive number")
+    return float(value)
 
 
 def _config_of(parts: _Parts, header: dict[str, Any] | None) -> tuple[NetworkConfig, Sequence[str]]:

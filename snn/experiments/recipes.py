@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 BASELINES = ("rnn", "gru", "cnn")
@@ -29,9 +30,21 @@ RECIPES: dict[str, dict[str, Any]] = {
         "cosine": True,
         "shift_steps": 10,
     },
+    "portable": {
+        "input_rms": 2.0,
+        "hidden_rate": 0.1,
+        "output_rate": 0.1,
+        "decay": 0.5,
+        "output_decay": 0.75,
+        "floor": -math.inf,
+        "output_scale": 0.1,
+        "dropout": 0.3,
+        "cosine": True,
+        "shift_steps": 10,
+    },
     "rnn": {"kind": "rnn", **_FRAMES},
     "gru": {"kind": "gru", "dropout": 0.3, "weight_decay": 0.01, **_FRAMES},
     "cnn": {"kind": "cnn", "dropout": 0.3, "weight_decay": 0.01, **_FRAMES},
 }
 """Fields of NetworkConfig and TrainConfig by name of the recipe: the paper's network without and with what helps its
-training; a leaky variant whose outputs do not fire; and three baselines for frames."""
+training; a leaky variant whose outputs do not fire; one that other libraries hold whole; and baselines for frames."""

@@ -15,7 +15,8 @@ from model.errors import InputError
 from model.events.recording import Recording
 from model.textures.dataset import open_dataset
 from snn.data.bins import BinConfig
-from snn.data.scans import load_recordings
+from snn.data.record import Tick
+from snn.data.scans import ScanData, load_recordings
 from snn.exchange.weights import Weights, check_class_names, load_weights
 from snn.experiments.experiment import Experiment
 from snn.experiments.folds import stratified_folds
@@ -155,6 +156,26 @@ def load_trained(path: Path) -> Trained:
         return Trained(weights, experiment.bins, unknown=str(error), readout=readout)
     parts = {name: TEST if number in tested else TRAINING for number, name in enumerate(names)}
     return Trained(weights, experiment.bins, parts, dataset, readout=readout)
+
+
+def load_test_scans(
+    path: Path, weights: Weights, progress: Tick | None = None
+) -> tuple[TrainingResult, ScanData, NDArray[np.int64]]:
+    """Return what ``result.json`` beside a weight file says, the scans of its training, and the test images among them.
+
+    Raises
+    ------
+    InputError
+        If there is no such result, or the images of the training are not there.
+    """
+    note = path.parent / "result.json"
+    if not note.exists():
+        raise InputError(f"there is no {note.name} of the training beside {path.name}")
+    result = read_result(note, path, weights)
+    data = result.experiment.data(progress)
+    if data.class_names != result.class_names:
+        raise InputError("the images found here are not those of the training; give its textures with --dataset")
+    return result, data, result.test_images(data.image_labels)
 
 
 def _images_of(experiment: Experiment, classes: Sequence[str]) -> tuple[Sequence[str], NDArray[np.int64], str | None]:

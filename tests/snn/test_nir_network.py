@@ -20,6 +20,7 @@ from model.cli.app import run as run_app
 from model.errors import InputError
 from snn.commands.exchange import export, import_
 from snn.exchange.nir_network import from_nir, load_nir, save_nir, to_nir
+from snn.exchange.portable import lacks
 from snn.exchange.weights import Weights, load_weights, save_weights
 from snn.network import SpikingNetwork, build
 from snn.network_config import NetworkConfig
@@ -156,7 +157,6 @@ def test_the_nodes_are_those_of_the_document() -> None:
     kinds = {name: type(node).__name__ for name, node in tuned.nodes.items()}
     assert kinds == {
         "input": "Input",
-        "input_scale": "Scale",
         "hidden_in": "Affine",
         "hidden": "LIF",
         "recurrent": "Linear",
@@ -167,7 +167,14 @@ def test_the_nodes_are_those_of_the_document() -> None:
     assert [type(plain.nodes[name]).__name__ for name in ("hidden", "readout")] == ["IF", "IF"]
     assert type(to_nir(made(readout="membrane")).nodes["readout"]).__name__ == "I"
     np.testing.assert_allclose(tuned.nodes["hidden"].tau, STEP_S / 0.2, rtol=1e-6)
-    np.testing.assert_allclose(tuned.nodes["hidden"].r, 1 / 0.2, rtol=1e-6)
+    assert (tuned.nodes["hidden"].r == 1).all()
+    state = made(**VARIANTS["tuned"]).network.state_dict()
+    for name, array, factor in (
+        ("hidden_in", "w_in", 0.4 / 0.2),
+        ("recurrent", "w_rec", 1 / 0.2),
+        ("readout_in", "w_out", 1 / 0.05),
+    ):
+        np.testing.assert_allclose(tuned.nodes[name].weight, factor * state[array].numpy(), rtol=1e-6)
     assert tuned.metadata["dt"] == STEP_S
 
 
@@ -327,6 +334,10 @@ def test_metadata_that_contradict_the_nodes_are_refused() -> None:
     with pytest.raises(InputError, match=r"a time step of 0\.002 s, not 0\.001 s"):
         from_nir(to_nir(made()), step_s=0.001)
     graph = to_nir(made())
+    graph.nodes["hidden_in"].metadata["input_scale"] = 0.0
+    with pytest.raises(InputError, match=r"hold an input_scale of 0\.0, which is no positive number"):
+        from_nir(graph)
+    graph = to_nir(made())
     graph.metadata["header"] = "{"
     with pytest.raises(InputError, match="the metadata of the graph are damaged"):
         from_nir(graph)
@@ -365,6 +376,36 @@ def test_networks_go_out_and_come_back(
     nir.write("other.nir", foreign())
     assert call("import other.nir -o other.npz --step 0.001 --classes x,y", capsys)[0] == 0
     assert load_weights(Path("other.npz")).class_names == ("x", "y")
+
+
+def test_an_export_says_what_other_libraries_lack(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    save_weights(Path("w.npz"), made(**VARIANTS["tuned"], reset="subtract"))
+    code, text = call("export w.npz -o net.nir", capsys)
+    assert code == 0
+    for line in (
+        "input scale 0.4: in the weights of hidden_in",
+        "floor -1: NIR, snnTorch and Norse have none",
+        "reset by subtraction: NIR has reset to a value only",
+        "readout LI: snnTorch and Norse read no such node",
+        "what that costs was not measured: there is no result.json of the training beside w.npz",
+    ):
+        assert line in text
+    save_weights(Path("w.npz"), made(**VARIANTS["no floor"]))
+    assert "snnTorch and Norse have all of it" in call("export w.npz -o net.nir", capsys)[1]
+
+
+def test_what_is_lacking_is_taken_away_one_after_the_other() -> None:
+    found = lacks(made(**VARIANTS["tuned"]).network)
+    assert [lack.name for lack in found] == ["the floor", "LI"]
+    state = made(**VARIANTS["tuned"]).network.state_dict()
+    for lack, readout in zip(found, ("membrane", "spikes"), strict=True):
+        config = lack.network.config
+        assert isinstance(config, NetworkConfig)
+        assert (config.neurons.rule.floor, config.neurons.readout) == (float("-inf"), readout)
+        assert all(torch.equal(tensor, state[name]) for name, tensor in lack.network.state_dict().items())
 
 
 @pytest.fixture(scope="module")

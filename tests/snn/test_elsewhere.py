@@ -1,0 +1,186 @@
+"""The lines of docs/guide/exchange.md run exported networks in snnTorch and Norse, and theirs run here."""
+
+from __future__ import annotations
+
+import os
+import re
+import warnings
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import nir
+import numpy as np
+import pytest
+import torch
+
+from snn.data.scans import ScanData, Split
+from snn.exchange.nir_network import save_nir
+from snn.exchange.weights import Weights, load_weights, save_weights
+from snn.experiments.recipes import RECIPES
+from snn.flat import hints_of
+from snn.network import SpikingNetwork
+from snn.network_config import NetworkConfig
+from snn.train import predicted_classes, train
+from snn.training import TrainConfig
+from tests.snn.helpers import easy_data
+from tests.snn.test_nir_network import call, made, scans
+
+if missing := [name for name in ("snntorch", "norse", "nirtorch") if find_spec(name) is None]:
+    REASON = f"{', '.join(missing)} not installed: pip install -c constraints.txt -e '.[exchange]'"
+    assert not os.environ.get("CI"), f"the gate runs exports in other libraries; {REASON}"
+    pytest.skip(REASON, allow_module_level=True)
+
+PAGE = Path(__file__).parents[2] / "docs" / "guide" / "exchange.md"
+LINES = dict(re.findall(r"<!-- test: ([a-z ]+) -->\n```python\n(.*?)```", PAGE.read_text(), re.DOTALL))
+LIBRARIES = ("snntorch", "norse")
+
+NO_FLOOR = {"floor": float("-inf")}
+WHOLE: dict[str, dict[str, Any]] = {
+    "portable": {"decay": 0.5, "output_decay": 0.75, "input_scale": 0.5, **NO_FLOOR},
+    "other decays": {"decay": 0.8, "output_decay": 0.95, "input_scale": 0.7, **NO_FLOOR},
+    "learned decays": {"decay": 0.9, "output_decay": 0.8, "learn_decay": True, **NO_FLOOR},
+    "no leak": NO_FLOOR,
+}
+
+
+def there(library: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """Return the names that the page's lines give, run in the folder of ``net.nir``."""
+    monkeypatch.chdir(folder)
+    names: dict[str, Any] = {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        exec(LINES["both"] + LINES[library], names)
+    return names
+
+
+def hidden_spikes(net: Any) -> list[torch.Tensor]:
+    """Return the list that the hidden spikes of every step will be put into."""
+    seen: list[torch.Tensor] = []
+    net.hidden.register_forward_hook(lambda _, __, out: seen.append(out[0] if isinstance(out, tuple) else out))
+    return seen
+
+
+@pytest.mark.parametrize("library", LIBRARIES)
+@pytest.mark.parametrize("name", WHOLE)
+def test_an_export_spikes_in_a_library_as_it_does_here(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, library: str
+) -> None:
+    weights, x = made(**WHOLE[name]), scans()
+    save_nir(tmp_path / "net.nir", weights)
+    found = there(library, tmp_path, monkeypatch)
+    seen = hidden_spikes(found["net"])
+    classes = found["classify"](found["net"], x)
+    network = weights.network.eval()
+    assert isinstance(network, SpikingNetwork)
+    with torch.no_grad():
+        spikes, logits = network.spikes(x), network(x).logits
+    assert 0.05 < float(spikes.mean()) < 0.9
+    assert torch.equal(torch.stack(seen), spikes)
+    assert classes.tolist() == logits.argmax(1).tolist()
+    assert len(set(classes.tolist())) > 1
+
+
+@pytest.fixture(scope="module")
+def trained() -> tuple[Weights, ScanData]:
+    data = easy_data(steps=40)
+    of_training = hints_of(TrainConfig)
+    fields = RECIPES["portable"] | {"epochs": 20, "batch": 8}
+    config = {"inputs": 8, "classes": 3, "hidden": 32} | {k: v for k, v in fields.items() if k not in of_training}
+    training = TrainConfig.from_dict({k: v for k, v in fields.items() if k in of_training})
+    split = Split(data, np.arange(len(data.names)))
+    network = train(split, NetworkConfig.from_dict(config), training, seed=0).network
+    return Weights(network, data.class_names, data.step_s), data
+
+
+@pytest.mark.parametrize("library", LIBRARIES)
+def test_a_trained_portable_network_classifies_every_image_alike(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    trained: tuple[Weights, ScanData],
+    library: str,
+) -> None:
+    weights, data = trained
+    images = np.arange(len(data.names))
+    here = predicted_classes(weights.network, data, images)
+    assert (here == data.image_labels).mean() > 0.8
+    monkeypatch.chdir(tmp_path)
+    save_weights(Path("w.npz"), weights)
+    code, text = call("export w.npz -o net.nir", capsys)
+    assert (code, "snnTorch and Norse have all of it" in text) == (0, True), text
+    found = there(library, tmp_path, monkeypatch)
+    assert found["classify"](found["net"], data.batch(images)).tolist() == here.tolist()
+
+
+def test_what_a_library_lacks_is_another_network_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    weights, x = made(decay=0.5, output_decay=0.75), scans()
+    save_nir(tmp_path / "net.nir", weights)
+    found = there("snntorch", tmp_path, monkeypatch)
+    seen = hidden_spikes(found["net"])
+    found["classify"](found["net"], x)
+    network = weights.network
+    assert isinstance(network, SpikingNetwork)
+    assert not torch.equal(torch.stack(seen), network.spikes(x))
+    without = made(decay=0.5, output_decay=0.75, **NO_FLOOR).network
+    assert isinstance(without, SpikingNetwork)
+    assert torch.equal(torch.stack(seen), without.spikes(x))
+
+
+# -- theirs ------------------------------------------------------------------------------------------
+
+STEP_S = 0.004
+
+
+def snntorch_network(recurrent: bool) -> torch.nn.Sequential:
+    import snntorch
+
+    rule: dict[str, Any] = {"reset_mechanism": "zero", "reset_delay": False, "init_hidden": True}
+    hidden: dict[str, Any] = {"beta": torch.full((20,), 0.8), "threshold": torch.full((20,), 0.7)} | rule
+    return torch.nn.Sequential(
+        torch.nn.Linear(6, 20),
+        snntorch.RLeaky(linear_features=20, **hidden) if recurrent else snntorch.Leaky(**hidden),
+        torch.nn.Linear(20, 3),
+        snntorch.Leaky(beta=torch.full((3,), 0.9), threshold=torch.full((3,), 0.6), **rule),
+    )
+
+
+def norse_network() -> torch.nn.Module:
+    import norse.torch as norse
+
+    def cell(size: int, tau_s: float) -> torch.nn.Module:
+        of_all = torch.ones(size)
+        parameters = norse.LIFBoxParameters(tau_mem_inv=of_all / tau_s, v_th=0.1 * of_all, v_leak=0 * of_all)
+        return norse.LIFBoxCell(parameters, dt=STEP_S)
+
+    return norse.SequentialState(torch.nn.Linear(6, 20), cell(20, 0.016), torch.nn.Linear(20, 3), cell(3, 0.02))
+
+
+@pytest.mark.parametrize("kind", ["snntorch", "snntorch, recurrent", "norse"])
+def test_their_networks_come_here_and_classify_alike(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], kind: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    library = kind.split(",")[0]
+    torch.manual_seed(1)
+    net = norse_network() if library == "norse" else snntorch_network(recurrent=kind != library)
+    with torch.no_grad():
+        for parameter in net.parameters():
+            parameter.mul_(2.0)
+    names = {"net": net, "inputs": 6, "step_s": STEP_S, "torch": torch, "nir": nir}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        exec(LINES[f"from {library}"], names)
+    x = scans()
+    state, total = None, torch.zeros(())
+    with torch.no_grad():
+        for step in x:
+            out, state = net(step, state) if library == "norse" else (net(step), None)
+            total = total + out
+    assert call(f"import theirs.nir -o ours.npz --step {STEP_S}", capsys)[0] == 0
+    loaded = load_weights(Path("ours.npz"))
+    assert loaded.step_s == STEP_S
+    logits = loaded.network.eval()(x).logits.detach()
+    assert float(total.mean()) > 0.5
+    assert torch.equal(logits, total)
+    assert len(set(logits.argmax(1).tolist())) > 1
