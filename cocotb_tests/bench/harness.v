@@ -66,6 +66,9 @@ module harness;
 `ifdef CLOSES
   localparam WIDTH_BITS = $clog2(STEP) + 1;
   wire [TAXELS*WIDTH_BITS-1:0] half_width;
+`else
+  localparam WIDTH_BITS = 1;
+  wire [TAXELS-1:0] half_width = 0;  // stands still
 `endif
   // The comparator macros of the taxels: they look at the signal that the last sample tick brought, and settle in the
   // middle of a clock.
@@ -75,31 +78,54 @@ module harness;
   reg [31:0] comparators [0:3+2*TAXELS];
   reg [31:0] dice = 1;
   integer i, code, width, signal;
+  // Without noise a comparator finds the same while its signal and its thresholds stand still: only the others look.
+  reg everyone = 1;
+  reg [TAXELS*SIGNAL_BITS-1:0] held_before = 0, held_moves = 0;
+  reg [TAXELS*SAMPLE_BITS-1:0] code_before = 0, code_moves = 0;
+  reg [TAXELS*WIDTH_BITS-1:0] width_before = 0, width_moves = 0;
 
   always @(posedge clk)
     if (rst) held <= 0;
     else if (sample_valid) held <= sample;
 
   always @(negedge clk)
-    for (i = 0; i < TAXELS; i = i + 1)
-      if (!running) begin
-        above[i] = 0;
-        below[i] = 0;
-      end else begin
-        code = $signed(reference_code[i*SAMPLE_BITS+:SAMPLE_BITS]);
-        signal = $signed(held[i*SIGNAL_BITS+:SIGNAL_BITS]);
+    if (!running) begin
+      above = 0;
+      below = 0;
+      everyone = 1;
+    end else begin
+      if (comparators[0] != 0) everyone = 1;
+      held_moves = held ^ held_before;
+      code_moves = reference_code ^ code_before;
+      width_moves = half_width ^ width_before;
+      held_before = held;
+      code_before = reference_code;
+      width_before = half_width;
+      if (everyone || held_moves !== 0 || code_moves !== 0 || width_moves !== 0)
+        for (i = 0; i < TAXELS; i = i + 1)
+          if (everyone || held_moves[i*SIGNAL_BITS+:SIGNAL_BITS] !== 0
+              || code_moves[i*SAMPLE_BITS+:SAMPLE_BITS] !== 0 || width_moves[i*WIDTH_BITS+:WIDTH_BITS] !== 0)
+            look;
+      everyone = 0;
+    end
+
+  task look;
+    begin
+      code = $signed(reference_code[i*SAMPLE_BITS+:SAMPLE_BITS]);
+      signal = $signed(held[i*SIGNAL_BITS+:SIGNAL_BITS]);
 `ifdef CLOSES
-        width = {1'b0, half_width[i*WIDTH_BITS+:WIDTH_BITS]};
+      width = {1'b0, half_width[i*WIDTH_BITS+:WIDTH_BITS]};
 `else
-        width = STEP;
+      width = STEP;
 `endif
 `ifdef POLARITY
-        above[i] = seen(signal, 4 + i, above[i]) >= (code + width) * (1 << FRACTION_BITS);
-        below[i] = -seen(-signal, 4 + TAXELS + i, below[i]) < (code - width) * (1 << FRACTION_BITS);
+      above[i] = seen(signal, 4 + i, above[i]) >= (code + width) * (1 << FRACTION_BITS);
+      below[i] = -seen(-signal, 4 + TAXELS + i, below[i]) < (code - width) * (1 << FRACTION_BITS);
 `else
-        above[i] = seen(signal, 4 + i, above[i]) >= (code + width + 1) * (1 << FRACTION_BITS);
+      above[i] = seen(signal, 4 + i, above[i]) >= (code + width + 1) * (1 << FRACTION_BITS);
 `endif
-      end
+    end
+  endtask
 
   // What a comparator makes of a signal: offset, hysteresis and noise added.
   function automatic signed [31:0] seen(input signed [31:0] level, input integer number, input high);

@@ -7,7 +7,7 @@ import os
 import re
 import shutil
 import subprocess
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal, TextIO
@@ -32,7 +32,10 @@ VERILATOR_FLAGS = [
     "--no-assert",
     "-Wno-fatal",
 ]
-MAKE_FLAGS = "CFG_CXXFLAGS_PCH_I=-include PYTHON3=python3 PERL=perl CXX=g++ LINK=g++ AR=ar OPT_FAST=-O2"
+MAKE_FLAGS = "CFG_CXXFLAGS_PCH_I=-include PYTHON3=python3 PERL=perl CXX=g++ LINK=g++ AR=ar"
+OPTIMISE = "-O2"
+"""How the compiler optimises what Verilator made of a design."""
+
 WATCHED = 'exec 3<&0 </dev/null; (read -r _ <&3; kill -KILL 0) >/dev/null 2>&1 & exec 3<&-; "$@"'
 """Runs a command; all processes of its group are killed when what writes to its standard input ends."""
 
@@ -67,11 +70,8 @@ class CachingVerilator(VerilatorRunner):
 
         verilate, make = cmds
         run(verilate)
-        with _library(Path(cwd)) as complete:
-            if not complete:
-                run(make)
-        if complete:
-            run(make)
+        _bring_library(Path(cwd), lambda objects: run([*make, f"-j{os.cpu_count() or 1}", *objects]))
+        run(make)
 
 
 class FastVerilator(CachingVerilator):
@@ -81,30 +81,30 @@ class FastVerilator(CachingVerilator):
         return [[word for word in command if word != "--public-flat-rw"] for command in super()._build_command()]
 
 
-@contextmanager
-def _library(folder: Path) -> Iterator[bool]:
-    """Bring the objects of Verilator's library into a folder that has been verilated, and yield whether there are any.
+def _bring_library(folder: Path, compile_objects: Callable[[list[str]], None]) -> None:
+    """Bring the objects that know nothing of a design into its folder, which has been verilated.
 
-    Copies are newer than their sources, so make takes them. If there are none, the caller shall make them, while
-    others wait; they are kept for the next.
+    They are compiled by whoever needs them first, while others wait, and kept for the next. Copies are newer than
+    their sources, so make takes them. Of cocotb's main program there is one for every header of the top.
     """
-    switches = re.findall(r"^VM_\w+ = \d$", (folder / "Vtop_classes.mk").read_text(), re.MULTILINE)
-    recipe = [versions("verilator"), version_of("g++", "--version"), VERILATOR_FLAGS, MAKE_FLAGS, switches]
+    made = (folder / "Vtop_classes.mk").read_text()
+    switches = re.findall(r"^VM_(?:COVERAGE|TRACE)\w* = \d$", made, re.MULTILINE)  # no source asks for VM_TIMING
+    recipe = [versions("verilator", "cocotb"), version_of("g++", "--version"), VERILATOR_FLAGS, MAKE_FLAGS, switches]
     library = BUILD / "sim" / f"library-{digest(recipe)}"
     library.mkdir(parents=True, exist_ok=True)
+    names = {f"{name}.o": f"{name}.o" for name in re.findall(r"^  (verilated\w*) \\$", made, re.MULTILINE)}
+    names["verilator.o"] = f"verilator-{digest((folder / 'Vtop.h').read_text())}.o"
     with locked(library):
-        complete = (library / "built").exists()
-        if complete:
-            (library / "built").touch()
-            for compiled in library.glob("*.o"):
-                shutil.copy(compiled, folder)
-        else:
-            yield False
-            for compiled in folder.glob("verilated*.o"):
-                shutil.copy(compiled, library)
-            (library / "built").touch()
-    if complete:
-        yield True
+        missing = [name for name, kept in names.items() if not (library / kept).exists()]
+        if missing:
+            compile_objects(missing)
+        for name, kept in names.items():
+            if name in missing:
+                shutil.copy(folder / name, library / f".{kept}")
+                (library / f".{kept}").rename(library / kept)
+            else:
+                shutil.copy(library / kept, folder / name)
+        (library / "built").touch()
 
 
 def runner(simulator: Simulator, fast: bool = False) -> Runner:
@@ -128,7 +128,7 @@ def build_environment() -> Iterator[None]:
     changes = {
         "PATH": f"{root / 'bin'}{os.pathsep}{os.environ['PATH']}",
         "VERILATOR_ROOT": str(root),
-        "MAKEFLAGS": MAKE_FLAGS,
+        "MAKEFLAGS": f"{MAKE_FLAGS} OPT_FAST={OPTIMISE}",
     }
     saved = {name: os.environ.get(name) for name in changes}
     os.environ.update(changes)
