@@ -48,6 +48,10 @@ Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="field of NetworkConfig or TrainConfig, repeatable"),
 ]
+Grid = Annotated[
+    list[str] | None,
+    typer.Option("--grid", metavar="NAME=VALUE,...", help="values to try, chosen by inner validation; repeatable"),
+]
 Recipe = Annotated[str, typer.Option(metavar="|".join(RECIPES), help="fields to start from: docs/guide/classifier.md")]
 Folds = Annotated[int, typer.Option(min=2, help="stratified folds")]
 Seeds = Annotated[int, typer.Option(min=1, help="seeds per fold")]
@@ -83,6 +87,7 @@ def _options(
     recipe: Recipe = "tuned",
     epochs: Epochs = 60,
     settings: Settings = None,
+    grid: Grid = None,
 ) -> None:
     """Have the options that describe an experiment beside those of the readout, in their order; never called."""
 
@@ -113,8 +118,10 @@ def _made(values: dict[str, Any]) -> dict[str, Any]:
     made = build_experiment(values)
     config = NetworkConfig.from_dict({"inputs": 1, "classes": 1} | made.network)
     known = {*hints_of(NetworkConfig), *hints_of(type(config.units)), *hints_of(TrainConfig), "kind"}
-    if idle := [name for name in parse_settings(values["settings"] or []) if name not in known]:
-        raise InputError(f"--set {idle[0]} means nothing to a network of kind {config.kind}; leave it out")
+    given = [("--set", name) for name in parse_settings(values["settings"] or [])]
+    given += [("--grid", name) for name in made.grid or {}]
+    if idle := [f"{option} {name}" for option, name in given if name not in known]:
+        raise InputError(f"{idle[0]} means nothing to a network of kind {config.kind}; leave it out")
     return {"made": made}
 
 
@@ -168,12 +175,13 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
         bins=bins if frames is None else BinConfig(),
         network={name: value for name, value in fields.items() if name not in of_training},
         train=TrainConfig.from_dict(training | {"epochs": options["epochs"]}),
+        grid=parse_grid(options["grid"]) if options.get("grid") else None,
         **{name: options[name] for name in ("preset", "start_rows") if options[name] is not None},
     )
 
 
-def parse_settings(texts: list[str]) -> dict[str, Any]:
-    """Return fields of NetworkConfig and TrainConfig from ``name=value`` texts."""
+def parse_settings(texts: list[str], option: str = "--set") -> dict[str, Any]:
+    """Return fields of NetworkConfig and TrainConfig from the ``name=value`` texts of an option."""
     from snn.flat import hints_of
     from snn.network_config import HINTS
     from snn.training import TrainConfig
@@ -185,7 +193,7 @@ def parse_settings(texts: list[str]) -> dict[str, Any]:
     for text in texts:
         name, equals, value = text.partition("=")
         if not equals or name not in hints:
-            raise InputError(f"--set takes NAME=VALUE with a name of {', '.join(sorted(hints))}, not {text!r}")
+            raise InputError(f"{option} takes NAME=VALUE with a name of {', '.join(sorted(hints))}, not {text!r}")
         hint = hints[name]
         try:
             if hint is bool:
@@ -194,7 +202,18 @@ def parse_settings(texts: list[str]) -> dict[str, Any]:
                 found[name] = value if get_args(hint) else hint(value)
         except (KeyError, ValueError):
             noun = {bool: "true or false", int: "a whole number", float: "a number"}.get(hint, "a word")
-            raise InputError(f"--set {name} takes {noun}, not {value!r}") from None
+            raise InputError(f"{option} {name} takes {noun}, not {value!r}") from None
+    return found
+
+
+def parse_grid(texts: list[str]) -> dict[str, list[Any]]:
+    """Return the values to try from ``name=value,value`` texts."""
+    found: dict[str, list[Any]] = {}
+    for text in texts:
+        name, _, values = text.partition("=")
+        if name in found:
+            raise InputError(f"--grid has {name} twice; give its values with commas between")
+        found[name] = [parse_settings([f"{name}={value}"], "--grid")[name] for value in values.split(",")]
     return found
 
 

@@ -36,6 +36,8 @@ def train(
     import numpy as np
 
     check_device(device, threads)
+    if made.grid is not None:
+        raise InputError("train takes one setting; give it with --set, or the grid to crossval or sweep")
     if fold >= folds:
         raise InputError(f"fold must be in 0..{folds - 1}, not {fold}")
     output_folder(out, "checkpoint.pt", "result.json", "weights.npz")

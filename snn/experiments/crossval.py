@@ -2,7 +2,8 @@
 
 Protocol: folds are stratified and fixed by a seed. Every cell trains twice with the same budget of epochs: on all its
 training images, of which the last epoch counts; and on those without an inner validation part, which selects the
-epoch that counts. Test images select nothing.
+epoch that counts. With a grid the second is done for every setting; the one that the inner validation part likes best
+is that of the cell, for both. Test images select nothing.
 """
 
 from __future__ import annotations
@@ -31,12 +32,16 @@ def run_cell(
     labels = data.image_labels
     test = stratified_folds(labels, folds, fold_seed)[fold]
     images = np.setdiff1d(np.arange(len(labels)), test)
-    network = experiment.network_config(data)
     inner = stratified_folds(labels[images], INNER_FOLDS, fold_seed + 1)[seed % INNER_FOLDS]
-    whole = train(Split(data, images), network, experiment.train, seed)
     held_out = images[inner]
     split = Split(data, np.setdiff1d(images, held_out), held_out, test)
-    part = train(split, network, experiment.train, seed)
+    tried = [
+        (train(split, made.network_config(data), made.train, seed), setting, made)
+        for setting, made in experiment.settings()
+    ]
+    part, setting, made = max(tried, key=lambda one: float(one[0].best["held_out"]))  # the first among equals
+    whole = train(Split(data, images), made.network_config(data), made.train, seed)
+    grid = {"setting": setting, "inner_accuracies": [one[0].best["held_out"] for one in tried]}
     return {
         "fold": fold,
         "seed": seed,
@@ -49,6 +54,7 @@ def run_cell(
         "loss": whole.history[-1].loss,
         "train_accuracy": whole.history[-1].accuracy,
         "spikes_per_step": whole.history[-1].rate,
+        **(grid if experiment.grid else {}),
     }
 
 

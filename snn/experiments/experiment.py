@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ from snn.data.frames import frame_dataset
 from snn.data.record import Tick, record_dataset
 from snn.data.recordings import event_files, read_recordings
 from snn.data.scans import ScanData, load_recordings
-from snn.flat import refuse_unknown
+from snn.flat import hints_of, refuse_unknown
 from snn.network_config import FIELDS, HINTS, NetworkConfig
 from snn.training import TrainConfig
 
@@ -52,6 +53,9 @@ class Experiment:
     network : dict
         Fields of NetworkConfig but inputs and classes, which follow from the data.
     train : TrainConfig
+    grid : dict or None
+        Values to try by name of a network or training field; inner validation chooses among all their combinations
+        (``snn.experiments.crossval``).
     """
 
     dataset: str | None = None
@@ -65,6 +69,7 @@ class Experiment:
     bins: BinConfig = field(default_factory=BinConfig)
     network: dict[str, Any] = field(default_factory=dict)
     train: TrainConfig = field(default_factory=TrainConfig)
+    grid: dict[str, list[Any]] | None = None
 
     def __post_init__(self) -> None:
         refuse_unknown(self.network, set(FIELDS) - {"inputs", "classes"}, "network")
@@ -74,6 +79,8 @@ class Experiment:
             raise InputError("speed_spread moves events in time and cannot be used for frames; set it to 0")
         self._network(1, 1)
         self._settle_leak()
+        if self.grid is not None:
+            self.settings()
 
     def _settle_leak(self) -> None:
         """Keep a leak that files could not tell from none by its time constant; refuse one that would be forgotten."""
@@ -83,6 +90,25 @@ class Experiment:
         elif self.given_leak:
             object.__setattr__(self, "tau_s", self.readout.tau_s if self.tau_s is None else self.tau_s)
             object.__setattr__(self, "given_leak", False)
+
+    def settings(self) -> list[tuple[dict[str, Any], Experiment]]:
+        """Return every setting of the grid and the experiment that it makes; without a grid this one alone.
+
+        Raises
+        ------
+        InputError
+            If a field is unknown or a value out of range.
+        """
+        grid, of_training = self.grid or {}, hints_of(TrainConfig)
+        found = []
+        for values in itertools.product(*grid.values()):
+            setting = dict(zip(grid, values, strict=True))
+            training = {name: value for name, value in setting.items() if name in of_training}
+            network = {name: value for name, value in setting.items() if name not in of_training}
+            train = TrainConfig.from_dict(self.train.to_dict() | training)
+            made = dataclasses.replace(self, network=self.network | network, train=train, grid=None)
+            found.append((setting, made if grid else self))
+        return found
 
     def data(self, progress: Tick | None = None) -> ScanData:
         """Return the scans; the model's take a few hundredths of a second each, and are kept for the next time."""

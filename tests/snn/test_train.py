@@ -29,7 +29,7 @@ from snn.data.frame_steps import FrameSteps
 from snn.data.frames import frame_dataset
 from snn.data.record import record_dataset
 from snn.data.scans import ScanData, Split
-from snn.experiments.crossval import check_same, summarise
+from snn.experiments.crossval import check_same, run_cell, summarise
 from snn.experiments.experiment import Experiment
 from snn.experiments.folds import stratified_folds
 from snn.experiments.intervals import bootstrap, wilson
@@ -419,6 +419,24 @@ def test_too_few_images_or_folds_are_refused_before_any_training(tmp_path: Path)
     cross_validate(experiment, tmp_path / "c", folds=3, seeds=1, data=easy_data(24))
 
 
+def test_a_grid_is_chosen_by_inner_validation_in_each_cell_and_counts_for_both_readings() -> None:
+    data = easy_data()
+    fixed = {rate: Experiment(network=small, train=TrainConfig(epochs=4, learning_rate=rate)) for rate in (1e-6, 5e-3)}
+    both = Experiment(network=small, train=TrainConfig(epochs=4), grid={"learning_rate": [1e-6, 5e-3]})
+    cells = {rate: run_cell(experiment, data, 0, 0, 2, 0) for rate, experiment in fixed.items()}
+    found = run_cell(both, data, 0, 0, 2, 0)
+    assert found.pop("inner_accuracies") == [cell["inner_accuracy"] for cell in cells.values()]
+    assert found.pop("setting") == {"learning_rate": 5e-3}
+    assert found == cells[5e-3] != cells[1e-6]
+    assert Experiment.from_dict(json.loads(json.dumps(both.to_dict()))) == both
+    assert len(Experiment(grid={"learning_rate": [1e-3, 2e-3], "input_rms": [1.0, 2.0, 4.0]}).settings()) == 6
+    with pytest.raises(InputError, match="dropout must be a probability below 1, not 2"):
+        Experiment(grid={"dropout": [0.1, 2.0]})
+
+
+small = {"hidden": 16, "input_rms": 2.0, "hidden_rate": 0.1, "readout": "membrane"}
+
+
 def test_a_network_that_is_too_large_gets_one_sentence() -> None:
     with pytest.raises(MemoryError, match="hidden=2000000000 is too large; take fewer"):
         build(NetworkConfig.from_dict({"inputs": 8, "classes": 3, "hidden": 2_000_000_000}), 0)
@@ -452,6 +470,10 @@ def test_a_network_that_is_too_large_gets_one_sentence() -> None:
         (["--events", "x", "--config", "c.json"], "--config has no effect with --events"),
         (["--fold", "6"], "fold must be in 0..5, not 6"),
         (["--events", "nowhere"], "event folder nowhere does not exist; make one with python -m cocotb_tests replay"),
+        (["--grid", "dropout=0,0.3"], "train takes one setting; give it with --set, or the grid to crossval or sweep"),
+        (["--recipe", "gru", "--grid", "decay=0.9"], "--grid decay means nothing to a network of kind gru"),
+        (["--grid", "dropout=0,fast"], "--grid dropout takes a number, not 'fast'"),
+        (["--grid", "dropout=0", "--grid", "dropout=0.3"], "--grid has dropout twice; give its values with commas"),
         (["--preset", "paper", "--start-rows", "2"], "the paper preset has one start row; use the physical preset"),
     ],
 )
