@@ -15,7 +15,7 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("model", "rtl", "snn", "cocotb_tests")
+PACKAGES = ("model", "rtl", "flow", "snn", "cocotb_tests")
 COMMANDS = ("commands", "cli")
 AT_THE_TOP = ("CONTRIBUTING.md", "CHANGELOG.md")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import typer
 
-PACKAGES = ("model", "rtl", "cocotb_tests", "snn")
+PACKAGES = ("model", "rtl", "flow", "cocotb_tests", "snn")
 PAGE = Path(__file__).parent / "reference" / "commands.md"
 WIDTH = 100
 HEAD = """# Commands

@@ -39,6 +39,7 @@ COMMANDS = {
     "model report": "tests/model/test_report.py::test_text_from_files_cannot_leave_its_place",
     "rtl verilog": "cocotb_tests/test_frame_verilog.py::test_command_writes_the_text_of_the_library",
     "rtl gates": "tests/rtl/test_gates.py::test_command_compares_the_readouts_of_one_array",
+    "flow formal": "tests/flow/test_formal.py::test_the_command_ends_with_its_one_line",
     "cocotb_tests sim": "cocotb_tests/test_commands.py::test_sim_ends_with_its_one_line",
     "cocotb_tests replay": "cocotb_tests/test_commands.py::test_a_missing_dataset_is_one_sentence",
     "snn train": "tests/snn/test_train.py::test_an_output_that_cannot_be_written_is_refused_before_the_scans",

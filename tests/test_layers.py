@@ -38,6 +38,14 @@ LAYERS = {
         "gates",
         "__main__",
     ),
+    "flow": (
+        "formal.checker",
+        "formal.blocks formal.bench",
+        "formal.plan formal.engine",
+        "formal.run",
+        "formal.report",
+        "__main__",
+    ),
     "snn": (
         "flat cache",
         "kernels",
@@ -59,6 +67,7 @@ LAYERS = {
 MAY_USE = {
     "model": {"model"},
     "rtl": {"model", "rtl"},
+    "flow": {"model", "rtl", "flow"},
     "snn": {"model", "snn"},
     "cocotb_tests": {"model", "rtl", "cocotb_tests"},
 }

@@ -9,6 +9,7 @@ import pytest
 import typer
 
 from cocotb_tests.__main__ import app as cocotb_tests
+from flow.__main__ import app as flow
 from model.__main__ import app as model
 from rtl.__main__ import app as rtl
 from snn.__main__ import app as snn
@@ -23,7 +24,7 @@ def test_every_block_has_a_quick_test() -> None:
 
 
 def test_every_command_has_a_quick_test() -> None:
-    apps = {"model": model, "rtl": rtl, "cocotb_tests": cocotb_tests, "snn": snn}
+    apps = {"model": model, "rtl": rtl, "flow": flow, "cocotb_tests": cocotb_tests, "snn": snn}
     names = {
         f"{package} {name}"
         for package, app in apps.items()

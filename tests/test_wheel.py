@@ -15,7 +15,7 @@ import pytest
 from tests.quick import COMMANDS
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("model", "rtl", "snn", "cocotb_tests")
+PACKAGES = ("model", "rtl", "flow", "snn", "cocotb_tests")
 
 
 @pytest.fixture(scope="module")

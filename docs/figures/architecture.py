@@ -162,12 +162,14 @@ def draw_signal_path(data: dict[str, Any], path: Path) -> None:
     save_figure(figure, path)
 
 
-COLOURS = {"model": "blue", "rtl": "green", "snn": "vermilion", "cocotb_tests": "purple"}
-PLACES = {"rtl": (0.2, 0.0), "model": (8.2, 0.0), "snn": (16.2, 0.0), "cocotb_tests": (0.2, 8.6)}
+COLOURS = {"model": "blue", "rtl": "green", "flow": "orange", "snn": "vermilion", "cocotb_tests": "purple"}
+PLACES = {"rtl": (0.2, 0.0), "model": (8.2, 0.0), "snn": (16.2, 0.0), "cocotb_tests": (0.2, 8.6), "flow": (8.2, 13.9)}
 WAYS = {
     ("rtl", "model"): ((5.7, 2.6), (8.1, 2.6)),
     ("snn", "model"): ((16.1, 4.6), (13.7, 4.6)),
     ("cocotb_tests", "model"): ((5.7, 9.4), (8.1, 8.4)),
+    ("flow", "model"): ((10.9, 13.8), (10.9, 12.4)),
+    ("flow", "rtl"): ((8.1, 15.6), (6.0, 6.3)),
     ("cocotb_tests", "rtl"): ((2.9, 8.5), (2.9, 6.6)),
 }
 
@@ -175,10 +177,10 @@ WAYS = {
 def draw_packages(data: dict[str, Any], path: Path) -> None:
     """Draw every package with its layers, ground at the bottom, and what it uses of the others."""
     figure = new_figure(
-        11, 7.2, "Packages: a file imports from its own layer, from those below it, and along the arrows"
+        11, 10.4, "Packages: a file imports from its own layer, from those below it, and along the arrows"
     )
     axis = figure.add_subplot()
-    axis.set(xlim=(0, 21.8), ylim=(-0.2, 13.5))
+    axis.set(xlim=(0, 21.8), ylim=(-0.2, 19.5))
     axis.axis("off")
     for package, (x, y) in PLACES.items():
         for number, rooms in enumerate(data["layers"][package]):
@@ -193,8 +195,10 @@ def draw_packages(data: dict[str, Any], path: Path) -> None:
             start, end = WAYS[package, other]
             arrow(axis, start, end, lw=2.2, mutation_scale=16)
             x, y = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2
-            if other == "rtl":
+            if start[0] == end[0]:
                 axis.text(x + 0.2, y, ", ".join(rooms), ha="left", va="center", fontsize=7.5)
+            elif other == "rtl":
+                axis.text(x - 0.1, y + 1.6, "\n".join(rooms), ha="right", va="center", fontsize=7.5)
             else:
                 axis.text(x, y - 0.5, "\n".join(rooms), ha="center", va="top", fontsize=7.5)
     save_figure(figure, path)

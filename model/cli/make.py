@@ -75,6 +75,11 @@ TARGETS = {
         defaults={"OUT": "out/verilog"},
     ),
     "gates": Target("gates and flops of both readouts after synthesis [LIBERTY=cells.lib]", "rtl gates"),
+    "formal": Target(
+        "prove what the RTL promises, block by block [BLOCK= SMALL=1 OUT=]",
+        "flow formal",
+        ("formal",),
+    ),
     "rates": Target("mean population event rate over a dataset [DATASET= PRESET= LIMIT=]", "model rates"),
     "train": Target(
         'train one network [DATA=my_skin/ RECIPE= FRAMES= SET="NAME=VALUE ..." EPOCHS= FOLD= OUT=]', "snn train", SNN
@@ -283,7 +288,7 @@ def print_help() -> None:
         print(f"  {name:<{width}}{target.help}")
     print(
         "\nA variable is an option of the target's command: ROWS=12 is --rows 12, WAVES=1 is --waves. Every option\n"
-        "has one; a wrong name is refused. python -m model|rtl|cocotb_tests|snn COMMAND --help lists them.\n"
+        "has one; a wrong name is refused. python -m model|rtl|flow|cocotb_tests|snn COMMAND --help lists them.\n"
         "Example: make sim ROWS=12 COLUMNS=16 ENCODING=nlcs RESOLUTION=6 SIM=icarus WAVES=1"
     )
 

@@ -24,7 +24,7 @@ Make = Callable[..., subprocess.CompletedProcess[str]]
 @pytest.fixture
 def checkout(tmp_path: Path) -> Path:
     """Return a folder like the checkout, whose environment is complete."""
-    for name in ("Makefile", "pyproject.toml", "constraints.txt", "model", "rtl", "snn", "cocotb_tests"):
+    for name in ("Makefile", "pyproject.toml", "constraints.txt", "model", "rtl", "flow", "snn", "cocotb_tests"):
         (tmp_path / name).symlink_to(ROOT / name)
     venv = tmp_path / ".venv"
     venv.mkdir()

@@ -56,7 +56,7 @@ def test_the_pictures_of_the_architecture_are_those_of_the_code() -> None:
 
 
 def test_every_file_that_the_documents_name_is_there() -> None:
-    named = re.compile(r"`((?:model|rtl|snn|cocotb_tests|tests|benchmarks|docs)/[\w./-]*)`")
+    named = re.compile(r"`((?:model|rtl|flow|snn|cocotb_tests|tests|benchmarks|docs)/[\w./-]*)`")
     for page in [*tables.PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]:
         for name in named.findall(page.read_text()):
             assert (ROOT / name).exists(), f"{page.name} names {name}"

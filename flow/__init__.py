@@ -1,0 +1,1 @@
+"""Design flow of the readout: its proofs."""

@@ -1,0 +1,96 @@
+"""Which block is proved in which configurations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from flow.formal.blocks.arbiter import ArbiterChecker
+from flow.formal.blocks.link import LinkChecker
+from flow.formal.blocks.taxel import TaxelChecker
+from flow.formal.blocks.window import WindowChecker
+from flow.formal.checker import Checker
+from model.config import ReadoutConfig
+
+
+@dataclass(frozen=True)
+class Proof:
+    """One block in one configuration.
+
+    Parameters
+    ----------
+    checker : type of Checker
+        Block and properties.
+    config : ReadoutConfig or FrameConfig
+    depth : int
+        Clocks of the search for failures, and for what the properties speak of.
+    small : bool
+        Part of the gate; a second solver looks at it too.
+    """
+
+    checker: type[Checker[Any]]
+    config: Any
+    depth: int
+    small: bool = False
+
+    @property
+    def block(self) -> str:
+        """Name of the block."""
+        return self.checker.block.module_name.removeprefix("eskin_")
+
+    @property
+    def size(self) -> str:
+        """What distinguishes the configuration, for a table."""
+        config = self.config
+        if self.block in ("arbiter", "link"):
+            return f"{config.rows} x {config.columns}{'' if config.has_polarity else ' unipolar'}"
+        what = f"{config.encoding} {config.frontend} {config.sample_bits} bits"
+        return what + (" by the tick" if config.decide_every == "sample" else "")
+
+
+SMALL = ReadoutConfig(sample_bits=6, resolution=2, window_period=2, leak_shift=2, fraction_bits=2)
+"""Few bits, in which every end of the scale is near and every counter soon full."""
+
+NEAR_THE_END = ReadoutConfig(reference_reset=2048 - 2 * 16)
+"""The default widths, with a reference that starts two steps below the top."""
+
+
+def arbiters() -> list[Proof]:
+    """Return the proofs of the arbiter; the depth reaches the bound on waiting."""
+    sizes = [(1, 1, "lcs"), (2, 2, "lcs"), (1, 4, "lcs"), (4, 1, "lcs"), (3, 5, "lcs"), (3, 5, "nlcs")]
+    configs = [ReadoutConfig(rows=rows, columns=columns, encoding=encoding) for rows, columns, encoding in sizes]  # type: ignore[arg-type]
+    return [Proof(ArbiterChecker, c, (c.rows + 1) * c.columns + 2, c.rows == c.columns == 2) for c in configs]
+
+
+def links() -> list[Proof]:
+    """Return the proofs of the link: no address at all, the smallest, and more bits."""
+    configs = [
+        ReadoutConfig(rows=1, columns=1, encoding="nlcs", link="four_phase"),
+        ReadoutConfig(rows=2, columns=2, link="four_phase"),
+        ReadoutConfig(rows=3, columns=5, link="four_phase"),
+    ]
+    return [Proof(LinkChecker, c, 16, c.rows == 2) for c in configs]
+
+
+def taxels() -> list[Proof]:
+    """Return the proofs of the taxel and its window: both front ends, both paces, few bits and the default widths."""
+    ends: tuple[Any, ...] = ("digital", "analog")
+    codes: tuple[Any, ...] = ("lcs", "cw-lcs", "nlcs")
+    windows = [
+        Proof(WindowChecker, SMALL.replace(encoding="cw-lcs", frontend=end, sample_bits=8), 12, end == "digital")
+        for end in ends
+    ]
+    few = [SMALL.replace(encoding=code, frontend=end) for code in codes for end in ends]
+    by_tick = [c.replace(decide_every="sample") for c in few]
+    wide = [NEAR_THE_END.replace(encoding=code, frontend=end) for code in codes for end in ends]
+    return [
+        *windows,
+        *(Proof(TaxelChecker, c, 14, c.encoding == "lcs" and c.frontend == "digital") for c in few),
+        *(Proof(TaxelChecker, c, 14) for c in by_tick),
+        *(Proof(TaxelChecker, c, 6) for c in wide),
+    ]
+
+
+def proofs() -> list[Proof]:
+    """Return all proofs, in the order in which they run."""
+    return [*arbiters(), *links(), *taxels()]
