@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import io
 import json
 import os
 import re
@@ -18,11 +20,13 @@ import pytest
 from PIL import Image
 
 import cocotb_tests.session.simulator as simulator
+from cocotb_tests.__main__ import app
 from cocotb_tests.bench.stimuli import settled
 from cocotb_tests.session.again import reproduce
 from cocotb_tests.session.player import Job
 from cocotb_tests.session.session import MismatchFound, run_job
 from cocotb_tests.session.store import ROOT
+from model.cli.app import run
 from model.config import ReadoutConfig
 from model.events.recording import Recording
 from model.readout import simulate
@@ -35,9 +39,13 @@ COMMAND = [sys.executable, "-m", "cocotb_tests"]
 
 
 def call(*arguments: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*COMMAND, *map(str, arguments)], capture_output=True, text=True, check=False, env=os.environ | OURS
-    )
+    """Run a command as ``python -m cocotb_tests`` does, but in this process, which has loaded everything already."""
+    words = [str(argument) for argument in arguments]
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), pytest.raises(SystemExit) as left:
+        run(app, "python -m cocotb_tests", words)
+    assert isinstance(left.value.code, int)
+    return subprocess.CompletedProcess(words, left.value.code, out.getvalue(), err.getvalue())
 
 
 def test_sim_ends_with_its_one_line_and_leaves_picture_and_event_files(tmp_path: Path) -> None:
@@ -79,11 +87,15 @@ def test_bad_input_is_one_sentence(arguments: list[str], sentence: str, tmp_path
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("command", ["sim", "replay"])
-def test_a_damaged_image_is_one_sentence(command: str, tmp_path: Path) -> None:
+SMALL = ["sim", "--rows", "1", "--columns", "1", "--encoding", "lcs", "--sim", "icarus", "--ticks", "40"]
+REPLAY = ["replay", "--dataset", "embedded", "--rows", "2", "--columns", "2", "--encoding", "nlcs"]
+
+
+@pytest.mark.parametrize("command", [SMALL, REPLAY], ids=["sim", "replay"])
+def test_a_damaged_image_is_one_sentence(command: list[str], tmp_path: Path) -> None:
     (tmp_path / "textures" / "brick").mkdir(parents=True)
     (tmp_path / "textures" / "brick" / "half.png").write_bytes(b"\x89PNG\r\n\x1a\n half")
-    done = call(command, "--dataset", tmp_path / "textures", "-o", tmp_path / "out")
+    done = call(*command, "--dataset", tmp_path / "textures", "-o", tmp_path / "out")
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
     assert done.stderr.splitlines()[-1].startswith("error: image ")
@@ -92,10 +104,11 @@ def test_a_damaged_image_is_one_sentence(command: str, tmp_path: Path) -> None:
 def test_an_array_too_large_for_an_image_is_one_sentence(tmp_path: Path) -> None:
     picture = tmp_path / "textures" / "grey" / "small.png"
     picture.parent.mkdir(parents=True)
-    Image.fromarray(np.arange(64 * 200, dtype=np.uint8).reshape(64, 200)).save(picture)
-    done = call("replay", "--dataset", tmp_path / "textures", "--rows", 30, "--columns", 1, "-o", tmp_path / "out")
+    Image.fromarray(np.arange(4 * 200, dtype=np.uint8).reshape(4, 200)).save(picture)
+    done = call(*REPLAY, "--dataset", tmp_path / "textures", "-o", tmp_path / "out")
     assert done.returncode == 2
-    assert done.stderr.splitlines()[-1].startswith("error: an image 200 pixels wide and 64 high is too small")
+    sentence = "error: an image 200 pixels wide and 4 high is too small for 2 x 2 taxels"
+    assert done.stderr.splitlines()[-1].startswith(sentence)
 
 
 def test_a_missing_dataset_is_one_sentence(tmp_path: Path) -> None:
@@ -103,10 +116,6 @@ def test_a_missing_dataset_is_one_sentence(tmp_path: Path) -> None:
     assert done.returncode == 2
     assert done.stderr.startswith("error: ")
     assert done.stderr.count("\n") == 1
-
-
-SMALL = ["sim", "--rows", "1", "--columns", "1", "--encoding", "lcs", "--sim", "icarus", "--ticks", "40"]
-REPLAY = ["replay", "--dataset", "embedded", "--rows", "2", "--columns", "2", "--encoding", "nlcs"]
 
 
 def test_replay_is_bit_exact_and_does_only_what_is_missing(tmp_path: Path) -> None:
@@ -137,7 +146,7 @@ def test_replay_finds_a_dataset_by_a_relative_place(tmp_path: Path, monkeypatch:
         picture.parent.mkdir(parents=True)
         Image.fromarray(texture.load()).save(picture)
     monkeypatch.chdir(tmp_path)
-    done = call("replay", "--dataset", "textures", "--rows", 1, "--columns", 1, "-o", "out")
+    done = call(*REPLAY, "--dataset", "textures", "-o", "out")
     assert done.returncode == 0, done.stderr
     line = BIT_EXACT.fullmatch(done.stdout.strip().splitlines()[-1])
     assert line is not None

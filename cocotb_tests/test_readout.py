@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from cocotb_tests.session import runners
 from cocotb_tests.session.again import reproduce
 from cocotb_tests.session.player import Job
 from cocotb_tests.session.runners import Simulator
@@ -93,5 +94,9 @@ def test_rtl_equals_model_in_long_rows_long_columns_and_wide_words(config: Reado
     ],
     ids=name,
 )
-def test_verilator_sees_the_same_as_icarus(config: ReadoutConfig, tmp_path: Path) -> None:
+def test_verilator_sees_the_same_as_icarus(
+    config: ReadoutConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Runs this short take less time than optimising them; replays in other tests are of optimised programs.
+    monkeypatch.setattr(runners, "OPTIMISE", "-O0")
     play(config, "verilator", tmp_path)
