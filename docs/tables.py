@@ -156,6 +156,41 @@ def accuracy_frames() -> str:
 
 
 @table
+def accuracy_rates() -> str:
+    """Readouts at equal data rate, by network."""
+    data = read("docs/data/fig9_rates.json")
+    networks = data["networks"]
+    rows = [
+        [
+            networks[p["sweep"]],
+            p["label"].split(", rates-")[0],
+            f"{digits(p['normalised_rate'], 3)} ({digits(p['coded_rate'], 3)})",
+            f"{100 * p['accuracy']:.1f} % ({100 * p['interval'][0]:.1f} to {100 * p['interval'][1]:.1f})",
+            f"{p['seeds']} x 6",
+        ]
+        for p in sorted(data["points"], key=lambda p: (list(networks).index(p["sweep"]), p["normalised_rate"]))
+    ]
+    return markdown(["network", "readout", "normalised rate (coded)", "last epoch", "seeds x folds"], rows)
+
+
+@table
+def rates_pairs() -> str:
+    """Frames against events of about the same rate, the same network, image by image."""
+    rows = [
+        [
+            f"`{p['first']}`",
+            f"`{p['second'].split(':')[1]}`",
+            f"{100 * p['difference']:+.1f} ({100 * p['interval'][0]:+.1f} to {100 * p['interval'][1]:+.1f})",
+            f"{sum(p['only_first'])}, {sum(p['only_second'])}",
+            ", ".join(digits(value, 2) for value in p["p"]),
+        ]
+        for p in read("docs/data/fig9_rates.json")["pairs"]
+    ]
+    head = ["A: events", "B: frames", "B - A, points", "only A right, only B right", "McNemar p by seed"]
+    return markdown(head, rows)
+
+
+@table
 def results() -> str:
     """What a reader of the README wants to know first."""
     lcs, nlcs = ({p["resolution"]: p for p in sweep("paper-network") if p["readout"] == r} for r in ("lcs", "nlcs"))

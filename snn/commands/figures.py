@@ -25,11 +25,12 @@ def fig9(
     out: OutOption = DEFAULT_OUT,
     data_out: DataOption = None,
 ) -> None:
-    """Draw figure 9, accuracy against data rate beside the published points, and confusion matrices."""
-    from snn.experiments.points import READINGS
+    """Draw figure 9, accuracy against data rate beside the published points; confusion matrices; equal rates."""
+    from snn.experiments.points import READINGS, load_sweep
     from snn.figures.confusion import confusion_data, plot_confusion
-    from snn.figures.fig9 import fig9_data, load_sweeps
+    from snn.figures.fig9 import fig9_data, kept_rates, load_sweeps
     from snn.figures.fig9_plot import plot_fig9
+    from snn.figures.fig9_rates import plot_rates, rates_data
 
     if reading not in READINGS:
         raise InputError(f"reading must be one of {', '.join(READINGS)}, not {reading!r}")
@@ -39,6 +40,9 @@ def fig9(
     print(printable(write_results(out, "fig9", data, plot_fig9, data_out)))
     if matrices["points"]:
         print(printable(write_results(out, "confusion", matrices, plot_confusion, data_out)))
+    if not sweep and (kept := kept_rates()):
+        rates = rates_data([load_sweep(path) for path in kept], reading)
+        print(printable(write_results(out, "fig9_rates", rates, plot_rates, data_out)))
     for point in data["left_out"]:
         print(printable(f"left out, as no seed is finished: {point}"))
 

@@ -31,7 +31,7 @@ def pair(
         raise InputError(f"reading must be one of {', '.join(READINGS)}, not {reading!r}")
     found = compare(find_point(first, KEPT), find_point(second, KEPT), reading)
     print(printable(f"A: {first}, B: {second}, {READINGS[reading]}, {found.images} images"))
-    rows = zip(found.first, found.second, found.only_first, found.only_second, found.p, strict=True)
+    rows = zip(found.accuracy_first, found.accuracy_second, found.only_first, found.only_second, found.p, strict=True)
     for seed, (a, b, only_a, only_b, p) in enumerate(rows):
         print(f"seed {seed}: A {a:.1%}, B {b:.1%}; only A right {only_a}, only B right {only_b}, McNemar p {p:.2g}")
     low, high = found.interval

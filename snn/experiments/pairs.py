@@ -19,7 +19,7 @@ class Pair:
 
     Attributes
     ----------
-    first, second : [float, ...]
+    accuracy_first, accuracy_second : [float, ...]
         Accuracy of every seed that both have.
     only_first, only_second : [int, ...]
         Images of a seed that one of the two alone classifies rightly.
@@ -33,8 +33,8 @@ class Pair:
     images : int
     """
 
-    first: list[float]
-    second: list[float]
+    accuracy_first: list[float]
+    accuracy_second: list[float]
     only_first: list[int]
     only_second: list[int]
     p: list[float]
@@ -85,8 +85,8 @@ def pair(first: PointSummary, second: PointSummary, reading: str) -> Pair:
     draws = np.random.default_rng(0).multinomial(images, np.full(images, 1 / images), BOOTSTRAPS)
     low, high = np.percentile(draws @ gains / images, [2.5, 97.5])
     return Pair(
-        first=of_first.mean(1).tolist(),
-        second=of_second.mean(1).tolist(),
+        accuracy_first=of_first.mean(1).tolist(),
+        accuracy_second=of_second.mean(1).tolist(),
         only_first=only_first,
         only_second=only_second,
         p=[mcnemar(a, b) for a, b in zip(only_first, only_second, strict=True)],

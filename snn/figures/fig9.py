@@ -35,6 +35,12 @@ TITLES = {
 FRAME_NETWORKS = {"rnn": "ReLU units", "cnn": "convolutions", "gru": "gated units"}
 """Networks on frames in words, by the recipe, which is the beginning of a point's name."""
 
+RECEIVED = {"diff": "differences ", "onoff": "ON/OFF "}
+"""What the receiver makes of frames, by the second word of a point's name (``snn.data.frame_steps``)."""
+
+RATES = "rates-"
+"""Names of the sweeps at equal data rate begin with it."""
+
 PUBLISHED_NAME = "published"
 
 
@@ -54,8 +60,13 @@ def load_sweeps(paths: Sequence[Path]) -> list[Sweep]:
 
 
 def kept_sweeps() -> list[Path]:
-    """Return the files of the sweeps that come with the project."""
-    return sorted(KEPT.glob("*.json"))
+    """Return the files of the sweeps that come with the project, without those of ``kept_rates``."""
+    return [path for path in sorted(KEPT.glob("*.json")) if not path.name.startswith(RATES)]
+
+
+def kept_rates() -> list[Path]:
+    """Return the files of the sweeps that compare readouts at equal data rate (``snn.figures.fig9_rates``)."""
+    return sorted(KEPT.glob(f"{RATES}*.json"))
 
 
 # -- Fig. 9, data ------------------------------------------------------------------------------------
@@ -143,11 +154,17 @@ def title(sweep: str) -> str:
 
 
 def detail(point: Data) -> str:
-    """Return what tells the points of a readout apart: the resolution, or of frames the network."""
+    """Return what tells the points of a readout apart: the resolution, or of frames the network, or rate and bits."""
     words = str(point.get("name", "")).removeprefix("frame").strip("-").split("-")
-    if point["readout"].startswith("frame") and words != [""]:
-        return " ".join([FRAME_NETWORKS.get(words[0], words[0]), *([] if words[0] in FRAME_NETWORKS else words[1:])])
-    return f"{point['resolution']} b"
+    if not point["readout"].startswith("frame") or words == [""]:
+        return f"{point['resolution']} b"
+    if words[0] in FRAME_NETWORKS:
+        return FRAME_NETWORKS[words[0]]
+    kind = RECEIVED.get(words[0])
+    rate, bits, *levels = [*words[kind is not None :], "", ""][:3]
+    if not bits:
+        return " ".join(words)
+    return f"{kind or ''}{rate} Hz {bits} b{f', levels of {levels[0]} b' if levels[0] else ''}"
 
 
 def _label(readout: str, point_detail: str, sweep: str) -> str:

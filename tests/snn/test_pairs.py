@@ -41,7 +41,7 @@ def test_two_points_are_compared_image_by_image() -> None:
     found = pair(point("a", "00110", "00000"), point("b", "10112", "00112", "00112"), "last")
     assert (found.only_first, found.only_second) == ([1, 0], [1, 3]), "seeds that one alone has do not count"
     assert found.p == [1.0, pytest.approx(0.25)]
-    assert (found.first, found.second) == ([0.8, 0.4], [0.8, 1.0])
+    assert (found.accuracy_first, found.accuracy_second) == ([0.8, 0.4], [0.8, 1.0])
     assert found.difference == pytest.approx(0.3)
     assert found.interval[0] < 0.3 < found.interval[1]
     same = pair(point("a", "00110"), point("b", "00110"), "selected")
@@ -73,6 +73,7 @@ def test_a_sweep_keeps_every_prediction_and_pairs_are_made_from_its_file(tmp_pat
     written = json.loads(out.read_text())
     assert written["only_first"] == expected.only_first
     assert written["difference"] == expected.difference
+    assert (written["first"], written["second"]) == tuple(arguments[1:3])
     assert f"only B right {expected.only_second[1]}" in result.output
 
 
