@@ -24,14 +24,27 @@ READOUTS = ("spiking", "frame")
 @with_fields(FrameConfig, OWN_FIELDS, "own")
 def verilog(
     config: ReadoutConfig,
+    given: frozenset[str],
     own: dict[str, Any],
     out: Annotated[Path, typer.Option("-o", "--out", help="folder to write to, made if need be")],
     readout: Annotated[str, typer.Option(metavar="|".join(READOUTS), help="which readout")] = "spiking",
+    classifier: Annotated[
+        Path | None, typer.Option(metavar="INTEGER.npz", help="the classifier of such a file instead, eskin_classifier")
+    ] = None,
 ) -> None:
     """Write eskin_readout.v or eskin_frame_readout.v, .sdc, .json (configuration and ports) and .core (FuseSoC)."""
     from rtl.delivery import write
     from rtl.verilog import Config
 
+    if classifier is not None:
+        from model.classifier.file import IntegerWeights
+
+        if idle := sorted({*given, *own} - {"reset"}) or ["readout"] * (readout != "spiking"):
+            raise InputError(f"--{idle[0].replace('_', '-')} has no effect with --classifier; leave one of the two out")
+        found = IntegerWeights.load(classifier).network.config
+        for path in write(found.replace(reset=config.reset) if "reset" in given else found, out):
+            print(path)
+        return
     if readout not in READOUTS:
         raise InputError(f"--readout must be one of {', '.join(READOUTS)}, not {readout!r}")
     if own and readout != "frame":

@@ -11,14 +11,16 @@ from amaranth.hdl import Shape
 from amaranth.lib import wiring
 
 from model import __version__
+from model.classifier.config import ClassifierConfig
 from model.config import ReadoutConfig
 from model.files import atomic_write
 from model.frame_config import FrameConfig
-from rtl.verilog import Config, header, top_block, verilog
+from rtl.classifier.ports import CLASSIFIER_PORTS
+from rtl.verilog import Config, header, top_block, verilog, what_is
 
-PORTS = {
-    "clk": "clock, rising edge",
-    "rst": "reset, active high, {reset}",
+PORTS_OF_ALL = {"clk": "clock, rising edge", "rst": "reset, active high, {reset}"}
+
+PORTS = PORTS_OF_ALL | {
     "taxel_enable": "mask, bit r * columns + c for taxel (r, c); 0 silences a taxel",
     "sample": "codes of all taxels, signed, {sample_bits} bits each, taxel 0 in the least significant bits",
     "sample_valid": "sample tick",
@@ -37,9 +39,7 @@ PORTS = {
 }
 """What every port of the spiking readout means; fields in braces are those of the configuration."""
 
-FRAME_PORTS = {
-    "clk": PORTS["clk"],
-    "rst": PORTS["rst"],
+FRAME_PORTS = PORTS_OF_ALL | {
     "frame_start": "scan the array once; not heard during a scan",
     "row_select": "row at the converter, one-hot, 0 between frames",
     "column_select": "column at the converter, one-hot, 0 between frames",
@@ -59,7 +59,9 @@ def ports(config: Config) -> Iterator[dict[str, Any]]:
     """Yield the ports of the top module as dictionaries: name, direction, width in bits, meaning."""
     members = top_block(config).signature.members
     fields, meanings = config.to_dict(), FRAME_PORTS
-    if isinstance(config, ReadoutConfig):
+    if isinstance(config, ClassifierConfig):
+        meanings = PORTS_OF_ALL | CLASSIFIER_PORTS
+    elif isinstance(config, ReadoutConfig):
         half_width = "half_width" if config.closes else str(config.step)
         decisions = {
             "above": f"x >= reference_code + {half_width + (' + 1' if config.encoding == 'nlcs' else '')}",
@@ -104,10 +106,13 @@ def constraints(config: Config) -> str:
         )
         for way in ("input", "output")
     }
-    frame = isinstance(config, FrameConfig)
     # With the delay on rst, recovery and removal of the flops' asynchronous resets are checked.
     reset = ["# rst is asserted at any time and released in step with the clock."] if config.reset == "async" else []
-    base = "frame rate times clocks per frame" if frame else "sample rate times clocks per sample"
+    base = "sample rate times clocks per sample"
+    if isinstance(config, FrameConfig):
+        base = "frame rate times clocks per frame"
+    elif isinstance(config, ClassifierConfig):
+        base = "clocks of a time bin, and its length"
     lines = [
         f"# Clock: {base}. Tighten it to what the technology should reach.",
         f"set period_ns {period_ns:.6g}",
@@ -130,14 +135,12 @@ def constraints(config: Config) -> str:
 def core(config: Config) -> str:
     """Return the FuseSoC core file (CAPI2)."""
     top = top_block(config).module_name
-    kind = "Frame-based" if isinstance(config, FrameConfig) else "Spiking"
-    encoding = "" if isinstance(config, FrameConfig) else f"{config.encoding}, "
     return (
         "CAPI=2:\n"
         + header(config, "#")
         + f"""
 name: ::{top}:{__version__.split("+")[0]}
-description: {kind} e-skin readout, {config.rows} x {config.columns} taxels, {encoding}{config.resolution} b
+description: {_summary(config)}
 filesets:
   rtl:
     files: [{top}.v]
@@ -159,6 +162,16 @@ targets:
         verilator_options: [-Wall]
 """
     )
+
+
+def _summary(config: Config) -> str:
+    """Return one line on a design."""
+    what = what_is(config)
+    what = what[0].upper() + what[1:]
+    if isinstance(config, ClassifierConfig):
+        return f"{what}, {config.inputs} inputs, {config.hidden} neurons, {config.classes} classes"
+    encoding = "" if isinstance(config, FrameConfig) else f"{config.encoding}, "
+    return f"{what}, {config.rows} x {config.columns} taxels, {encoding}{config.resolution} b"
 
 
 def write(config: Config, folder: Path) -> list[Path]:

@@ -5,20 +5,23 @@ from __future__ import annotations
 from typing import Any
 
 from model import __version__
+from model.classifier.config import ClassifierConfig
 from model.config import ReadoutConfig
 from model.frame_config import FrameConfig
 from rtl import yosys
 from rtl.block import Block, Netlist
+from rtl.classifier.core import Classifier
 from rtl.frame import FrameReadout
 from rtl.readout import Readout
 
-Config = ReadoutConfig | FrameConfig
-"""The configuration says which readout is meant: ``eskin_readout`` or ``eskin_frame_readout``."""
+Config = ReadoutConfig | FrameConfig | ClassifierConfig
+"""The configuration says what is meant: ``eskin_readout``, ``eskin_frame_readout`` or ``eskin_classifier``."""
 
 # Amaranth's RTLIL to readable Verilog: one always block per register with its reset and enable, no initial values.
 # The order matters: Amaranth's own wires must be gone before opt_dff looks for the reset and enable of a register.
 YOSYS_SCRIPT = (
-    "read_rtlil readout.il; hierarchy -check -top {top}; proc -norom; opt_expr; opt_merge; opt_clean; opt_dff; "
+    "read_rtlil readout.il; delete t:$meminit_v2; hierarchy -check -top {top}; "
+    "proc -norom; opt_expr; opt_merge; opt_clean; opt_dff; "
     "opt_expr -mux_undef; wreduce; splitnets -driver; opt_clean -purge; setattr -unset init w:*; check -assert; "
     "autoname; write_verilog -noattr readout.v"
 )
@@ -31,11 +34,19 @@ WAIVERS = {
 
 FRAME_WAIVERS = WAIVERS | {"WIDTHEXPAND": "a narrower operand is extended by zeros: all numbers are unsigned"}
 
+CLASSIFIER_WAIVERS = WAIVERS | {"CASEOVERLAP": "each condition of a case compares one state: at most one of them holds"}
+
+MEMORIES_WITHOUT_RESET = ("eskin_weights", "eskin_neuron_weights", "eskin_lane")
+
+UNUSED_RESET = "a memory has no reset"
+
 UNUSED_SAMPLE_BITS = "bits below the encoder's step can never change a decision: the taxel keeps the others"
 
 
 def top_block(config: Config) -> Block[Any]:
     """Return the top module of a configuration."""
+    if isinstance(config, ClassifierConfig):
+        return Classifier(config)
     return FrameReadout(config) if isinstance(config, FrameConfig) else Readout(config)
 
 
@@ -56,11 +67,17 @@ def rtlil(config: Config) -> str:
     return netlist.text
 
 
+def what_is(config: Config) -> str:
+    """Return what a configuration describes, in a few words."""
+    if isinstance(config, ClassifierConfig):
+        return "classifier of a spiking e-skin readout"
+    return f"{'frame-based' if isinstance(config, FrameConfig) else 'spiking'} e-skin readout"
+
+
 def header(config: Config, comment: str) -> str:
     """Return the head of a generated file as comment lines: what it is, its licence and configuration."""
-    kind = "frame-based" if isinstance(config, FrameConfig) else "spiking"
     lines = [
-        f"{top_block(config).module_name}: {kind} e-skin readout, version {__version__}",
+        f"{top_block(config).module_name}: {what_is(config)}, version {__version__}",
         "SPDX-License-Identifier: Apache-2.0",
         "Generated; do not edit. Configuration:",
         *(f"  {name} = {value}" for name, value in config.to_dict().items()),
@@ -71,8 +88,13 @@ def header(config: Config, comment: str) -> str:
 def _waive(text: str, config: Config) -> str:
     """Return the text with lint waivers, each with its reason."""
     waivers = FRAME_WAIVERS if isinstance(config, FrameConfig) else WAIVERS
+    if isinstance(config, ClassifierConfig):
+        waivers = CLASSIFIER_WAIVERS
     for warning, reason in reversed(waivers.items()):
         text = yosys.waive(text, warning, reason)
     if isinstance(config, ReadoutConfig) and config.frontend == "digital" and config.grid > 1:
         text = yosys.waive_input(text, "eskin_taxel", "sample", "UNUSEDSIGNAL", UNUSED_SAMPLE_BITS)
+    if isinstance(config, ClassifierConfig):
+        for module in MEMORIES_WITHOUT_RESET:
+            text = yosys.waive_input(text, module, "rst", "UNUSEDSIGNAL", UNUSED_RESET)
     return text

@@ -115,8 +115,8 @@ def waive(verilog: str, warning: str, reason: str) -> str:
 
 
 def waive_input(verilog: str, module: str, port: str, warning: str, reason: str) -> str:
-    """Return a text in which a lint warning is waived for one signed input of a module, with the reason."""
+    """Return a text in which a lint warning is waived for one input of a module, with the reason."""
     head, mark, body = verilog.partition(f"module {module}(")
-    declaration = re.compile(rf"^  input wire signed [^;]* {port};$", re.MULTILINE)
+    declaration = re.compile(rf"^  input wire (?:[^;]* )?{port};$", re.MULTILINE)
     off, on = f"  /* verilator lint_off {warning} */\n", f"\n  /* verilator lint_on {warning} */"
     return head + mark + declaration.sub(rf"  // {reason}\n{off}\g<0>{on}", body, count=1)

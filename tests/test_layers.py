@@ -19,7 +19,7 @@ LAYERS = {
         "crew",
         "config",
         "events.address window decay arbiter link taxel_kernels frame_config frame_words",
-        "taxel readout frame",
+        "taxel readout frame classifier",
         "events textures",
         "recordings",
         "figures",
@@ -31,7 +31,7 @@ LAYERS = {
     ),
     "rtl": (
         "block logic yosys",
-        "window decay taxel arbiter link frame",
+        "window decay taxel arbiter link frame classifier",
         "readout",
         "verilog",
         "delivery",

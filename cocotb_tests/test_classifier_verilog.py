@@ -1,0 +1,62 @@
+"""The Verilog of the classifier: lint, resets, memories, and what lies beside it."""
+
+from __future__ import annotations
+
+import json
+import random
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cocotb_tests.test_classifier import CONFIGS, name, random_network
+from cocotb_tests.test_verilog import lint
+from model.classifier.config import ClassifierConfig
+from model.classifier.file import IntegerWeights
+from rtl.delivery import ports, write
+
+TOP = "eskin_classifier"
+PAPERS = ClassifierConfig(floor=-256, out_floor=-256)
+
+
+@pytest.mark.parametrize("config", [*CONFIGS, PAPERS], ids=name)
+def test_files_are_clean_complete_and_agree(config: ClassifierConfig, tmp_path: Path) -> None:
+    write(config, tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [f"{TOP}.{s}" for s in ("core", "json", "sdc", "v")]
+    assert lint(tmp_path / f"{TOP}.v") == ""
+    text = (tmp_path / f"{TOP}.v").read_text()
+    assert "initial" not in text
+    assert not re.search(r"'[bh][0-9a-f]*x", text)
+    memories = re.findall(r"^  reg \[(\d+):0\] memory \[(\d+):0\];", text, re.MULTILINE)
+    assert sum((int(high) + 1) * (int(last) + 1) for high, last in memories[-2:]) == config.memory_bits
+    described = json.loads((tmp_path / f"{TOP}.json").read_text())
+    assert ClassifierConfig.from_dict(described["configuration"]) == config
+    assert described["clock_hz"] == config.clock_hz
+    constraints = (tmp_path / f"{TOP}.sdc").read_text()
+    assert all(port["name"] in constraints for port in described["ports"] if port["name"] != "rst")
+
+
+def test_ports_are_those_of_the_contract() -> None:
+    widths = {port["name"]: port["width"] for port in ports(PAPERS)}
+    loading = {"load_valid": 1, "load_neurons": 1, "load_address": 13, "load_data": 128}
+    events = {"event_valid": 1, "event_ready": 1, "event_channel": 7, "bin_end": 1, "scan_start": 1}
+    classes = {"class_valid": 1, "class_index": 3, "evidence": 6 * 24, "overrun": 1, "stall_count": 24}
+    hidden = {"hidden_valid": 1, "hidden_index": 8, "hidden_potential": 24, "hidden_spike": 1}
+    outputs = {"output_valid": 1, "output_index": 3, "output_potential": 20, "output_spike": 1}
+    assert widths == {"clk": 1, "rst": 1} | loading | events | classes | hidden | outputs
+
+
+def test_command_writes_the_classifier_of_a_file(tmp_path: Path) -> None:
+    config = CONFIGS[0]
+    weights = IntegerWeights(random_network(config, random.Random(1)), ("a", "b", "c"))
+    weights.save(tmp_path / "integer.npz")
+    command = [sys.executable, "-m", "rtl", "verilog", "--classifier", str(tmp_path / "integer.npz"), "-o"]
+    subprocess.run([*command, str(tmp_path / "out"), "--reset", "async"], check=True, capture_output=True)
+    described = json.loads((tmp_path / "out" / f"{TOP}.json").read_text())
+    assert ClassifierConfig.from_dict(described["configuration"]) == config.replace(reset="async")
+    done = subprocess.run([*command, str(tmp_path / "no"), "--rows", "3"], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "--rows has no effect with --classifier" in done.stderr
+    assert not (tmp_path / "no").exists()

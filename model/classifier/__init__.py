@@ -1,0 +1,1 @@
+"""The classifier in whole numbers: its parameters, its arithmetic, its clocks, its file."""

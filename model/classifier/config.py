@@ -1,0 +1,299 @@
+"""The parameter object of the classifier in hardware (docs/reference/classifier.md)."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from dataclasses import dataclass
+from typing import Any, Literal, get_args, get_type_hints
+
+from model.config import Reset, parameter
+from model.errors import InputError
+
+NeuronReset = Literal["zero", "subtract"]
+OutputMode = Literal["spikes", "membrane"]
+
+MAX_INPUTS = 2 * 64 * 64
+MAX_HIDDEN = 4096
+MAX_CLASSES = 64
+MAX_BITS = 32
+"""Of a potential."""
+
+CLASSIFIER = "docs/reference/classifier.md"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClassifierConfig:
+    """All parameters of one integer network but its weights. Immutable, validated on construction.
+
+    Hidden and output potentials have units of their own; a weight counts ``2**shift`` of them. What is added to a
+    potential stays within its bits: where ``saturates`` says that it could leave them, it stops at their end.
+
+    Parameters
+    ----------
+    inputs, hidden, classes : int
+    lanes : int
+        Neurons to which a weight is added in one clock, a power of two from 1 to 64.
+    clocks_per_bin, bin_s : int, float
+        Clocks of a time bin at most, and its seconds.
+    in_bits, rec_bits, out_bits, bias_bits : int
+        Bits of a weight, 2..8, and of a bias, 2..16, signed.
+    in_shift, rec_shift, bias_shift, out_shift, out_bias_shift : int
+        A weight of 1 counts 2**shift units of the potential that it is added to, 0..16.
+    membrane_bits, output_bits, evidence_bits : int
+        Bits of a hidden potential, of an output potential, and of the evidence, signed, up to 32.
+    threshold, floor, neuron_reset, leak_shift
+        Hidden neurons: a spike where v > threshold; v is held from the floor on (None: no floor); what the spike
+        does to v; after a bin v - (v >> leak_shift) is left (0: all).
+    readout : "spikes" or "membrane"
+        The outputs fire and their spikes are the evidence, or they do not fire and the sum of their potentials is it.
+    out_threshold, out_floor, out_leak_shift
+        Output neurons; threshold and floor count where they fire.
+    reset : "sync" or "async"
+        Style of the flops' reset, active high.
+
+    Raises
+    ------
+    InputError
+        If a value is of the wrong type, out of range, or does not fit another.
+    """
+
+    inputs: int = parameter(128, "", CLASSIFIER, "channels: taxels, twice where ON and OFF are two")
+    hidden: int = parameter(256, "", CLASSIFIER, "recurrent neurons")
+    classes: int = parameter(6, "", CLASSIFIER, "output neurons")
+    lanes: int = parameter(16, "", CLASSIFIER, "weights added in one clock, a power of two")
+    clocks_per_bin: int = parameter(200_000, "", CLASSIFIER, "clocks of a time bin at most")
+    bin_s: float = parameter(0.004, "s", CLASSIFIER, "time bin")
+    in_bits: int = parameter(8, "", CLASSIFIER, "bits of an input weight, 2..8")
+    rec_bits: int = parameter(8, "", CLASSIFIER, "bits of a recurrent weight, 2..8")
+    out_bits: int = parameter(8, "", CLASSIFIER, "bits of an output weight, 2..8")
+    bias_bits: int = parameter(9, "", CLASSIFIER, "bits of a bias, 2..16")
+    in_shift: int = parameter(0, "", CLASSIFIER, "an input weight of 1 counts 2**shift")
+    rec_shift: int = parameter(0, "", CLASSIFIER, "a recurrent weight of 1 counts 2**shift")
+    bias_shift: int = parameter(0, "", CLASSIFIER, "a bias of 1 counts 2**shift")
+    out_shift: int = parameter(0, "", CLASSIFIER, "an output weight of 1 counts 2**shift")
+    out_bias_shift: int = parameter(0, "", CLASSIFIER, "the bias of an output of 1 counts 2**shift")
+    membrane_bits: int = parameter(24, "", CLASSIFIER, "bits of a hidden potential")
+    output_bits: int = parameter(20, "", CLASSIFIER, "bits of an output potential")
+    evidence_bits: int = parameter(24, "", CLASSIFIER, "bits of the evidence for a class")
+    threshold: int = parameter(256, "", CLASSIFIER, "a hidden neuron fires above it")
+    floor: int | None = parameter(None, "", CLASSIFIER, "a hidden potential is held from it on [no floor]")
+    neuron_reset: NeuronReset = parameter("zero", "", CLASSIFIER, "what a spike does to the potential")
+    leak_shift: int = parameter(0, "", CLASSIFIER, "v - (v >> shift) is left after a bin; 0: all")
+    readout: OutputMode = parameter("spikes", "", CLASSIFIER, "what is the evidence")
+    out_threshold: int = parameter(256, "", CLASSIFIER, "an output fires above it")
+    out_floor: int | None = parameter(None, "", CLASSIFIER, "an output potential is held from it on [no floor]")
+    out_leak_shift: int = parameter(0, "", CLASSIFIER, "leak of the outputs")
+    reset: Reset = parameter("sync", "", CLASSIFIER, "reset style of the flops")
+
+    def __post_init__(self) -> None:
+        for name, hint in get_type_hints(type(self)).items():
+            self._check_type(name, hint)
+        ranges = {"inputs": (1, MAX_INPUTS), "hidden": (1, MAX_HIDDEN), "classes": (1, MAX_CLASSES)}
+        ranges |= {"lanes": (1, 64), "clocks_per_bin": (1, 2**30), "bias_bits": (2, 16)}
+        ranges |= dict.fromkeys(("in_bits", "rec_bits", "out_bits"), (2, 8))
+        ranges |= dict.fromkeys(("membrane_bits", "output_bits", "evidence_bits"), (4, MAX_BITS))
+        ranges |= dict.fromkeys(SHIFTS, (0, 16))
+        for name, (low, high) in ranges.items():
+            if not low <= getattr(self, name) <= high:
+                raise InputError(f"{name} must be in {low}..{high}, not {getattr(self, name)}")
+        if self.lanes & (self.lanes - 1):
+            raise InputError(f"lanes must be a power of two, not {self.lanes}")
+        if not (math.isfinite(self.bin_s) and self.bin_s > 0):
+            raise InputError(f"bin_s must be a positive number of seconds, not {self.bin_s!r}")
+        for threshold, floor, bits in (
+            ("threshold", "floor", "membrane_bits"),
+            ("out_threshold", "out_floor", "output_bits"),
+        ):
+            most = 2 ** (getattr(self, bits) - 1) - 1
+            if not 1 <= getattr(self, threshold) <= most:
+                raise InputError(
+                    f"{threshold} must be in 1..{most} ({bits} {getattr(self, bits)}), not {getattr(self, threshold)}"
+                )
+            if getattr(self, floor) is not None and not -most - 1 <= getattr(self, floor) <= 0:
+                raise InputError(f"{floor} must be in {-most - 1}..0 or none, not {getattr(self, floor)}")
+
+    def _check_type(self, name: str, hint: Any) -> None:
+        value = getattr(self, name)
+        if (choices := get_args(hint)) and str in map(type, choices):
+            if value not in choices:
+                raise InputError(f"{name} must be one of {', '.join(choices)}, not {value!r}")
+        elif hint is float and type(value) is int and abs(value) < 2**53:
+            object.__setattr__(self, name, float(value))
+        elif type(value) not in (choices or (hint,)):
+            raise InputError(f"{name} must be of type {getattr(hint, '__name__', 'int or None')}, not {value!r}")
+
+    # -- derived numbers -------------------------------------------------------------------------
+
+    @property
+    def groups(self) -> int:
+        """Words of weights in a row: clocks of an event."""
+        return -(-self.hidden // self.lanes)
+
+    @property
+    def weight_bits(self) -> int:
+        """Bits of a weight in the memory of rows, which holds input and recurrent weights."""
+        return max(self.in_bits, self.rec_bits)
+
+    @property
+    def row_bits(self) -> int:
+        """Bits of the address of a word within a row."""
+        return (self.groups - 1).bit_length()
+
+    @property
+    def weight_words(self) -> int:
+        """Words of ``lanes`` weights: a row per hidden neuron, then one per input, filled up to a power of two."""
+        return (self.hidden + self.inputs) << self.row_bits
+
+    @property
+    def neuron_row_bits(self) -> int:
+        """Bits of the address of a word within the row of a neuron: outputs, its bias, the bias of an output."""
+        return (self.classes + 1).bit_length()
+
+    @property
+    def neuron_words(self) -> int:
+        """Words of the memory of output weights and biases."""
+        return max(self.hidden, self.classes) << self.neuron_row_bits
+
+    @property
+    def neuron_bits(self) -> int:
+        """Bits of a word of that memory."""
+        return max(self.out_bits, self.bias_bits)
+
+    @property
+    def memory_bits(self) -> int:
+        """Bits of both memories."""
+        return self.weight_words * self.lanes * self.weight_bits + self.neuron_words * self.neuron_bits
+
+    @property
+    def channel_bits(self) -> int:
+        """Bits of the channel of an event; 0 for one input."""
+        return (self.inputs - 1).bit_length()
+
+    @property
+    def class_bits(self) -> int:
+        """Bits of a class; 1 for a single one."""
+        return max((self.classes - 1).bit_length(), 1)
+
+    @property
+    def events_per_bin(self) -> int:
+        """Events that a bin can take at most: one in ``groups`` clocks."""
+        return -(-self.clocks_per_bin // self.groups)
+
+    @property
+    def clock_hz(self) -> float:
+        """Clock frequency in hertz."""
+        return self.clocks_per_bin / self.bin_s
+
+    @property
+    def hidden_range(self) -> tuple[int, int] | None:
+        """Ends between which every hidden potential stays with any weights, None where there are none."""
+        low = self.events_per_bin * lowest(self.in_bits, self.in_shift)
+        low += self.hidden * lowest(self.rec_bits, self.rec_shift) + lowest(self.bias_bits, self.bias_shift)
+        high = self.events_per_bin * highest(self.in_bits, self.in_shift)
+        high += self.hidden * highest(self.rec_bits, self.rec_shift) + highest(self.bias_bits, self.bias_shift)
+        return self.hidden_ends(low, high)
+
+    @property
+    def output_range(self) -> tuple[int, int] | None:
+        """Ends between which every output potential stays with any weights, None where there are none."""
+        low = self.hidden * lowest(self.out_bits, self.out_shift) + lowest(self.bias_bits, self.out_bias_shift)
+        high = self.hidden * highest(self.out_bits, self.out_shift) + highest(self.bias_bits, self.out_bias_shift)
+        return self.output_ends(low, high)
+
+    def hidden_ends(self, low: int, high: int) -> tuple[int, int] | None:
+        """Return the ends of the hidden potentials where a bin adds from ``low`` to ``high`` to them."""
+        return ends(low, high, self.threshold, self.floor, self.neuron_reset, self.leak_shift)
+
+    def output_ends(self, low: int, high: int) -> tuple[int, int] | None:
+        """Return the ends of the output potentials where a bin adds from ``low`` to ``high`` to them."""
+        if self.readout == "membrane":
+            return ends(low, high, None, None, "zero", self.out_leak_shift)
+        return ends(low, high, self.out_threshold, self.out_floor, self.neuron_reset, self.out_leak_shift)
+
+    @property
+    def saturates(self) -> bool:
+        """Whether a hidden potential could leave its bits, with some weights: then it stops at their end."""
+        return bits_of(self.hidden_range) > self.membrane_bits
+
+    @property
+    def output_saturates(self) -> bool:
+        """Whether an output potential could leave its bits."""
+        return bits_of(self.output_range) > self.output_bits
+
+    # -- construction and exchange ---------------------------------------------------------------
+
+    def replace(self, **changes: Any) -> ClassifierConfig:
+        """Return a copy with some fields changed, validated again."""
+        return self.from_dict(self.to_dict() | changes)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as a plain dictionary."""
+        return dataclasses.asdict(self)
+
+    def to_json(self) -> str:
+        """Return the configuration as JSON text, keys in the order of the fields."""
+        return json.dumps(self.to_dict(), indent=2)
+
+    @classmethod
+    def from_dict(cls, fields: Any) -> ClassifierConfig:
+        """Return the configuration of a dictionary; absent fields take their defaults, unknown ones are refused."""
+        if not isinstance(fields, dict):
+            raise InputError(f"a classifier's configuration must be a JSON object, not {type(fields).__name__}")
+        known = {field.name for field in dataclasses.fields(cls)}
+        if unknown := sorted(set(fields) - known):
+            raise InputError(f"unknown classifier field {unknown[0]!r}; known are {', '.join(sorted(known))}")
+        return cls(**fields)
+
+
+SHIFTS = ("in_shift", "rec_shift", "bias_shift", "out_shift", "out_bias_shift", "leak_shift", "out_leak_shift")
+
+
+def lowest(bits: int, shift: int = 0) -> int:
+    """Return the lowest signed number of some bits, shifted."""
+    return -(1 << bits - 1 + shift)
+
+
+def highest(bits: int, shift: int = 0) -> int:
+    """Return the highest signed number of some bits, shifted."""
+    return (1 << bits - 1) - 1 << shift
+
+
+def bits_of(ends: tuple[int, int] | None) -> float:
+    """Return the bits of a signed number that holds all from one end to the other; infinite for no ends."""
+    if ends is None:
+        return math.inf
+    low, high = ends
+    return max((~low if low < 0 else low).bit_length(), high.bit_length()) + 1
+
+
+def ends(
+    low: int, high: int, threshold: int | None, floor: int | None, reset: NeuronReset, leak_shift: int
+) -> tuple[int, int] | None:
+    """Return ends that a potential never leaves, whatever the order of additions; None where there are none.
+
+    ``x - (x >> k)`` rises with x, and with A = high its value at X = ((A + 1) << k) - 1 is X - A: a potential that is
+    at most X in one bin is so in the next. Below it is the same with X = low << k. A reset to zero leaves at most
+    the threshold, and so does one by subtraction where a bin adds no more than that.
+
+    Parameters
+    ----------
+    low, high : int
+        What a bin adds: all that is negative (at most 0), and all that is positive (at least 0).
+    threshold : int or None
+        None for a neuron that does not fire.
+    floor : int or None
+    reset : "zero" or "subtract"
+    leak_shift : int
+        0 for none.
+    """
+    if floor is not None:
+        least: int | None = floor + low
+    else:
+        least = low << leak_shift if leak_shift or low == 0 else None
+    if threshold is not None and (reset == "zero" or high <= threshold):
+        most: int | None = threshold + high
+    else:
+        most = (high + 1 << leak_shift) - 1 if leak_shift else (0 if high == 0 else None)
+    return None if least is None or most is None else (least, most)

@@ -1,0 +1,167 @@
+"""The file of an integer network, and the memory images that hold its weights (docs/reference/classifier.md)."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.classifier.config import ClassifierConfig
+from model.classifier.network import IntegerNetwork
+from model.errors import InputError
+from model.files import atomic_write, check_unpacked, check_writable
+
+FORMAT_NAME = "spiking-eskin-readout integer network"
+FORMAT_VERSION = 1
+ARRAYS = {"w_in": np.int8, "w_rec": np.int8, "w_out": np.int8, "b_hidden": np.int16, "b_out": np.int16}
+
+
+@dataclass(frozen=True)
+class IntegerWeights:
+    """An integer network with what is needed to use it.
+
+    Attributes
+    ----------
+    network : IntegerNetwork
+    class_names : tuple of str
+        Of the outputs, in their order.
+    notes : dict
+        What the quantiser says: the float value of a weight of 1 for each matrix, and the errors.
+    """
+
+    network: IntegerNetwork
+    class_names: tuple[str, ...]
+    notes: dict[str, Any] = field(default_factory=dict)
+
+    def save(self, path: Path) -> None:
+        """Write an ``.npz`` file, whole or not at all; equal networks give equal bytes."""
+        if path.suffix != ".npz":
+            raise InputError(f"integer networks end in .npz, {path.name} does not; rename the output")
+        header = {
+            "format": FORMAT_NAME,
+            "format_version": FORMAT_VERSION,
+            "classifier": self.network.config.to_dict(),
+            "class_names": list(self.class_names),
+            "notes": self.notes,
+        }
+        arrays: dict[str, NDArray[Any]] = {n: getattr(self.network, n).astype(kind) for n, kind in ARRAYS.items()}
+        arrays["metadata"] = np.array(json.dumps(header))
+        with atomic_write(path) as file, zipfile.ZipFile(file, "w") as archive:
+            for name, values in arrays.items():
+                data = io.BytesIO()
+                np.lib.format.write_array(data, values, allow_pickle=False)
+                archive.writestr(zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0)), data.getvalue())
+
+    @classmethod
+    def load(cls, path: Path) -> IntegerWeights:
+        """Return the network of a file that ``save`` wrote.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read, is damaged, or is something else.
+        """
+        if not path.exists():
+            raise InputError(f"integer network {path} does not exist; make one with python -m snn quantise")
+        try:
+            with zipfile.ZipFile(path) as archive:
+                check_unpacked(archive)
+            with np.load(path, allow_pickle=False) as file:
+                arrays = {name: file[name] for name in file.files}
+        except InputError as error:
+            raise InputError(f"{path} {error}") from None
+        except OSError as error:
+            if error.strerror:
+                raise InputError(f"cannot read {path}: {error.strerror}") from None
+            raise InputError(f"{path} is damaged or no integer network; quantise again") from None
+        except Exception:  # a damaged archive makes zipfile, zlib and NumPy raise almost any type
+            raise InputError(f"{path} is damaged or no integer network; quantise again") from None
+        try:
+            return cls._from_arrays(arrays)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+        except (KeyError, TypeError, ValueError, RecursionError):
+            raise InputError(
+                f"{path} is an archive, but no integer network; make one with python -m snn quantise"
+            ) from None
+
+    @classmethod
+    def _from_arrays(cls, arrays: dict[str, NDArray[Any]]) -> IntegerWeights:
+        header = json.loads(str(arrays["metadata"]))
+        if header["format"] != FORMAT_NAME or header["format_version"] != FORMAT_VERSION:
+            raise InputError(f"it has format version {header['format_version']!r}, this program reads 1")
+        config = ClassifierConfig.from_dict(header["classifier"])
+        names, notes = header["class_names"], header["notes"]
+        if not isinstance(names, list) or len(names) != config.classes or not all(isinstance(n, str) for n in names):
+            raise InputError(f"it must name its {config.classes} classes, not {names!r}")
+        if not isinstance(notes, dict):
+            raise InputError(f"its notes must be an object, not {notes!r}")
+        network = IntegerNetwork(config, **{name: arrays[name] for name in ARRAYS})
+        return cls(network, tuple(names), notes)
+
+
+# -- memory images -----------------------------------------------------------------------------------
+
+
+def weight_image(network: IntegerNetwork) -> list[int]:
+    """Return the words of the memory of rows: word g of row r stands at ``r << row_bits | g``.
+
+    Row n belongs to the hidden neuron n, row ``hidden`` + c to channel c; word g holds the weights to the neurons
+    from ``g * lanes`` on, the first in the least significant bits.
+    """
+    config = network.config
+    rows = np.concatenate([network.w_rec, network.w_in])
+    full = np.zeros((len(rows), config.groups * config.lanes), np.int64)
+    full[:, : config.hidden] = rows
+    image = [0] * config.weight_words
+    for number, row in enumerate(full.reshape(len(rows), config.groups, config.lanes).tolist()):
+        for group, weights in enumerate(row):
+            image[number << config.row_bits | group] = _packed(weights, config.weight_bits)
+    return image
+
+
+def neuron_image(network: IntegerNetwork) -> list[int]:
+    """Return the words of the memory of neurons: word k of neuron n stands at ``n << neuron_row_bits | k``.
+
+    Words 0 to ``classes`` - 1 are its weights to the outputs, the next is its bias, and the one behind it the bias of
+    output n.
+    """
+    config = network.config
+    image = [0] * config.neuron_words
+    for neuron in range(max(config.hidden, config.classes)):
+        words = [0] * (config.classes + 2)
+        if neuron < config.hidden:
+            words[: config.classes + 1] = [*network.w_out[neuron].tolist(), int(network.b_hidden[neuron])]
+        if neuron < config.classes:
+            words[-1] = int(network.b_out[neuron])
+        for number, word in enumerate(words):
+            image[neuron << config.neuron_row_bits | number] = _packed([word], config.neuron_bits)
+    return image
+
+
+def write_images(network: IntegerNetwork, folder: Path, name: str) -> list[Path]:
+    """Write both memory images as texts for ``$readmemh``, a word on each line, and return their paths."""
+    config, paths = network.config, []
+    images = {
+        "weights": (weight_image(network), config.lanes * config.weight_bits),
+        "neurons": (neuron_image(network), config.neuron_bits),
+    }
+    for kind, (image, bits) in images.items():
+        paths.append(folder / f"{name}.{kind}.hex")
+        check_writable(paths[-1])
+        digits = -(-bits // 4)
+        with atomic_write(paths[-1]) as file:
+            file.write("".join(f"{word:0{digits}x}\n" for word in image).encode())
+    return paths
+
+
+def _packed(values: list[int], bits: int) -> int:
+    """Return signed numbers as one word, the first in the least significant bits."""
+    mask = (1 << bits) - 1
+    return sum((value & mask) << number * bits for number, value in enumerate(values))

@@ -1,0 +1,285 @@
+"""The integer network, exact in every potential and spike of every bin (docs/reference/classifier.md).
+
+This is the golden model that ``rtl/classifier`` is held to; it knows no lanes and no words, only numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.classifier.config import ClassifierConfig, bits_of, highest, lowest
+from model.errors import InputError
+
+Whole = NDArray[np.int64]
+
+
+class Bin(NamedTuple):
+    """What a bin ends with.
+
+    Attributes
+    ----------
+    potential, spikes : shape (hidden,)
+        Potentials as they were compared with the threshold, and who fired (0 or 1).
+    output, output_spikes : shape (classes,)
+        The same of the outputs; no spikes where these do not fire.
+    evidence : shape (classes,)
+        Since the scan began.
+    winner : int
+        The class: the first of those with the most evidence.
+    """
+
+    potential: Whole
+    spikes: Whole
+    output: Whole
+    output_spikes: Whole
+    evidence: Whole
+    winner: int
+
+
+@dataclass(frozen=True, eq=False)
+class IntegerNetwork:
+    """A network of whole numbers.
+
+    Parameters
+    ----------
+    config : ClassifierConfig
+    w_in : shape (inputs, hidden)
+    w_rec : shape (hidden, hidden)
+        From the first index to the second.
+    w_out : shape (hidden, classes)
+    b_hidden, b_out : shapes (hidden,), (classes,)
+
+    Raises
+    ------
+    InputError
+        If an array has another shape, or a number that its bits do not hold.
+    """
+
+    config: ClassifierConfig
+    w_in: Whole
+    w_rec: Whole
+    w_out: Whole
+    b_hidden: Whole
+    b_out: Whole
+
+    def __post_init__(self) -> None:
+        config = self.config
+        shapes: dict[str, tuple[tuple[int, ...], int]] = {
+            "w_in": ((config.inputs, config.hidden), config.in_bits),
+            "w_rec": ((config.hidden, config.hidden), config.rec_bits),
+            "w_out": ((config.hidden, config.classes), config.out_bits),
+            "b_hidden": ((config.hidden,), config.bias_bits),
+            "b_out": ((config.classes,), config.bias_bits),
+        }
+        for name, (shape, bits) in shapes.items():
+            values = np.asarray(getattr(self, name))
+            if values.shape != shape:
+                raise InputError(f"{name} has the shape {values.shape}, the network takes {shape}")
+            if values.dtype.kind not in "iu":
+                raise InputError(f"{name} must be whole numbers, not {values.dtype}")
+            if values.min() < lowest(bits) or values.max() > highest(bits):
+                worst = max(values.min(), values.max(), key=abs)
+                raise InputError(f"{name} must be in {lowest(bits)}..{highest(bits)}, {bits} bits, not {worst}")
+            object.__setattr__(self, name, values.astype(np.int64))
+
+    @property
+    def hidden_ends(self) -> tuple[int, int] | None:
+        """Ends that no hidden potential leaves with these weights in a bin of so many clocks; None for no ends."""
+        config = self.config
+        added = [
+            config.events_per_bin * part(self.w_in.T << config.in_shift, 1)
+            + total(self.w_rec.T << config.rec_shift)
+            + part((self.b_hidden << config.bias_shift)[:, None], 1)
+            for part, total in ((_least, _negative), (_most, _positive))
+        ]
+        return _widest(config.hidden_ends, *added)
+
+    @property
+    def output_ends(self) -> tuple[int, int] | None:
+        """Ends that no output potential leaves with these weights; None for no ends."""
+        config = self.config
+        added = [
+            total(self.w_out.T << config.out_shift) + part((self.b_out << config.out_bias_shift)[:, None], 1)
+            for part, total in ((_least, _negative), (_most, _positive))
+        ]
+        return _widest(config.output_ends, *added)
+
+    def sized(self) -> IntegerNetwork:
+        """Return the network with the fewest bits in which none of its potentials can ever saturate.
+
+        Where there is no such width, or it has more than 32 bits, the widths stay and potentials saturate.
+        """
+        changes = {}
+        for name, found in (("membrane_bits", self.hidden_ends), ("output_bits", self.output_ends)):
+            if bits_of(found) <= 32:
+                changes[name] = max(int(bits_of(found)), 4)
+        arrays = {name: getattr(self, name) for name in ("w_in", "w_rec", "w_out", "b_hidden", "b_out")}
+        return IntegerNetwork(self.config.replace(**changes), **arrays)
+
+    def run_counts(self, counts: NDArray[Any]) -> tuple[Whole, float]:
+        """Return the evidence after the last bin of many scans at once, and the mean spikes per bin and neuron.
+
+        Events of a bin count in rising order of their channel. The order matters only where a potential reaches the
+        end of its bits.
+
+        Parameters
+        ----------
+        counts : shape (scans, bins, inputs)
+            Events.
+
+        Returns
+        -------
+        evidence : shape (scans, classes)
+        rate : float
+        """
+        if counts.ndim != 3 or counts.shape[2] != self.config.inputs:
+            raise InputError(f"the network takes {self.config.inputs} channels, the scans have {counts.shape[-1]}")
+        state = State(self, len(counts))
+        fired = 0
+        for number in range(counts.shape[1]):
+            state.add_counts(counts[:, number])
+            state.end_bin()
+            fired += int(state.spikes.sum())
+        return state.evidence, fired / max(counts.shape[0] * counts.shape[1] * self.config.hidden, 1)
+
+
+class State:
+    """Potentials, spikes and evidence of some scans side by side, between two events.
+
+    The order of additions is part of the contract: leaked potential, bias, events as they are taken, recurrent spikes
+    in rising order of their neuron. Each addition stops at the end of the bits.
+
+    Attributes
+    ----------
+    v : shape (scans, hidden)
+    spikes : shape (scans, hidden)
+        Of the bin before.
+    output : shape (scans, classes)
+    evidence : shape (scans, classes)
+    """
+
+    def __init__(self, network: IntegerNetwork, scans: int = 1) -> None:
+        config = network.config
+        self.network, self.config = network, config
+        self._in = network.w_in << config.in_shift
+        self._rec = network.w_rec << config.rec_shift
+        self._out = network.w_out << config.out_shift
+        self._bias = network.b_hidden << config.bias_shift
+        self._out_bias = network.b_out << config.out_bias_shift
+        self.v = self._sum(np.zeros((scans, config.hidden), np.int64), self._bias)
+        self.spikes = np.zeros_like(self.v)
+        self.output = self._out_sum(np.zeros((scans, config.classes), np.int64), self._out_bias)
+        self.evidence = np.zeros_like(self.output)
+
+    def _sum(self, v: Whole, added: Whole) -> Whole:
+        bits = self.config.membrane_bits
+        return np.clip(v + added, lowest(bits), highest(bits))
+
+    def _out_sum(self, v: Whole, added: Whole) -> Whole:
+        bits = self.config.output_bits
+        return np.clip(v + added, lowest(bits), highest(bits))
+
+    def add_events(self, channels: Iterable[int]) -> None:
+        """Add events to a single scan, one after the other."""
+        for channel in channels:
+            self.v = self._sum(self.v, self._in[channel])
+
+    def add_counts(self, counts: NDArray[Any]) -> None:
+        """Add the events of a bin, shape (scans, inputs), in rising order of their channel."""
+        if self._stays_within(self.v, counts.sum(1).max(initial=0) * np.abs(self._in).max(), self.config.membrane_bits):
+            self.v = self.v + _product(counts, self._in)
+            return
+        for channel in np.flatnonzero(counts.any(0)):
+            # Equal additions one after the other stop where a single one of their sum does.
+            self.v = self._sum(self.v, counts[:, channel, None].astype(np.int64) * self._in[channel])
+
+    @staticmethod
+    def _stays_within(v: Whole, added: int, bits: int) -> bool:
+        return bool(np.abs(v).max(initial=0) + added <= highest(bits))
+
+    def end_bin(self) -> tuple[Whole, Whole, Whole, Whole]:
+        """End the bin: recurrent spikes, floor, comparison, reset; outputs and evidence; leak and bias of the next.
+
+        Returns
+        -------
+        potential, spikes : shape (scans, hidden)
+            As compared with the threshold, and who fired.
+        output, output_spikes : shape (scans, classes)
+        """
+        config = self.config
+        if self._stays_within(self.v, np.abs(self._rec).sum(0).max(), config.membrane_bits):
+            v = self.v + _product(self.spikes, self._rec)
+        else:
+            v = self.v
+            for neuron in np.flatnonzero(self.spikes.any(0)):
+                v = self._sum(v, self.spikes[:, neuron, None] * self._rec[neuron])
+        potential, self.spikes, rest = _fire(v, config.threshold, config.floor, config.neuron_reset)
+        self.v = self._sum(_leak(rest, config.leak_shift), self._bias)
+
+        output = self.output
+        if self._stays_within(output, np.abs(self._out).sum(0).max(), config.output_bits):
+            output = output + _product(self.spikes, self._out)
+        else:
+            for neuron in np.flatnonzero(self.spikes.any(0)):
+                output = self._out_sum(output, self.spikes[:, neuron, None] * self._out[neuron])
+        if config.readout == "spikes":
+            output, fired, rest = _fire(output, config.out_threshold, config.out_floor, config.neuron_reset)
+            gained = fired
+        else:
+            fired, rest, gained = np.zeros_like(output), output, output
+        self.output = self._out_sum(_leak(rest, config.out_leak_shift), self._out_bias)
+        self.evidence = np.clip(self.evidence + gained, lowest(config.evidence_bits), highest(config.evidence_bits))
+        return potential, self.spikes, output, fired
+
+    def end_single_bin(self) -> Bin:
+        """End the bin of a single scan."""
+        potential, spikes, output, fired = (values[0] for values in self.end_bin())
+        return Bin(potential, spikes, output, fired, self.evidence[0], int(self.evidence[0].argmax()))
+
+
+def _fire(v: Whole, threshold: int, floor: int | None, reset: str) -> tuple[Whole, Whole, Whole]:
+    """Return potentials held from the floor on, who fires (0 or 1), and what the reset leaves."""
+    if floor is not None:
+        v = np.maximum(v, floor)
+    fired = (v > threshold).astype(np.int64)
+    return v, fired, v - fired * threshold if reset == "subtract" else v * (1 - fired)
+
+
+def _leak(v: Whole, shift: int) -> Whole:
+    """Return what a bin leaves of a potential; the shift rounds down."""
+    return v - (v >> shift) if shift else v
+
+
+def _product(counts: NDArray[Any], weights: Whole) -> Whole:
+    """Return a product of whole numbers, exact: all sums stay far below 2**53."""
+    product: Whole = (counts.astype(np.float64) @ weights.astype(np.float64)).astype(np.int64)
+    return product
+
+
+def _least(values: Whole, axis: int) -> Whole:
+    return np.minimum(values.min(axis), 0)
+
+
+def _most(values: Whole, axis: int) -> Whole:
+    return np.maximum(values.max(axis), 0)
+
+
+def _negative(values: Whole) -> Whole:
+    return np.asarray(np.minimum(values, 0).sum(1))
+
+
+def _positive(values: Whole) -> Whole:
+    return np.asarray(np.maximum(values, 0).sum(1))
+
+
+def _widest(of: Any, low: Whole, high: Whole) -> tuple[int, int] | None:
+    """Return the ends that hold for all neurons, whose bins add from ``low`` to ``high``."""
+    found = [of(int(a), int(b)) for a, b in zip(low, high, strict=True)]
+    if None in found:
+        return None
+    return min(low for low, _ in found), max(high for _, high in found)

@@ -1,0 +1,143 @@
+"""The classifier's clocks: when an event is taken, when a bin's work is done, and what comes out (closed form).
+
+Clocks are counted from the end of reset or, after a ``scan_start``, from any clock the caller likes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from model.classifier.config import ClassifierConfig
+from model.classifier.network import Bin, IntegerNetwork, State
+
+
+@dataclass
+class ClassifierRun:
+    """What the classifier does from the start of a scan on.
+
+    Attributes
+    ----------
+    accepted : list of int
+        Clock in which each event was taken; events behind the last of them were not.
+    bins : list of Bin
+        One for each bin that ended.
+    ended, valid : list of int
+        Clock of the ``bin_end`` of each bin, and of its ``class_valid``.
+    overruns : list of int
+        Clocks of ``bin_end`` while the work of one before was not done; from the next clock on ``overrun`` is high.
+    stalled : int
+        Clocks in which an event waited, until the observation ends.
+    """
+
+    accepted: list[int] = field(default_factory=list)
+    bins: list[Bin] = field(default_factory=list)
+    ended: list[int] = field(default_factory=list)
+    valid: list[int] = field(default_factory=list)
+    overruns: list[int] = field(default_factory=list)
+    stalled: int = 0
+
+    @property
+    def latencies(self) -> list[int]:
+        """Clocks from each ``bin_end`` to its ``class_valid``."""
+        return [valid - ended for ended, valid in zip(self.ended, self.valid, strict=True)]
+
+
+def first_ready(config: ClassifierConfig, start: int) -> int:
+    """Return the first clock with ``event_ready`` after a ``scan_start`` at clock ``start`` (-1: the end of reset)."""
+    return start + config.hidden + config.classes + 2
+
+
+def work_clocks(config: ClassifierConfig, before: int, now: int) -> int:
+    """Return the clocks that the end of a bin takes.
+
+    Parameters
+    ----------
+    config : ClassifierConfig
+    before, now : int
+        Hidden spikes of the bin before, and of the one that ends.
+    """
+    recurrent = config.hidden + before * (config.groups - 1)
+    outputs = config.hidden + now * (config.classes - 1)
+    return recurrent + config.hidden + 1 + outputs + config.classes
+
+
+def simulate(
+    network: IntegerNetwork, offered: Sequence[tuple[int, int]], ends: Sequence[int], clocks: int, start: int = -1
+) -> ClassifierRun:
+    """Return what the classifier does.
+
+    Parameters
+    ----------
+    network : IntegerNetwork
+    offered : sequence of (clock, channel)
+        Events in their order; each is offered from that clock on, once those before it have been taken.
+    ends : sequence of int
+        Clocks of ``bin_end``, rising.
+    clocks : int
+        The observation ends before this clock.
+    start : int
+        Clock of ``scan_start``; -1 for the end of reset.
+    """
+    config, run, state = network.config, ClassifierRun(), State(network)
+    groups = config.groups
+    free = first_ready(config, start)  # first clock in which the next event can be taken
+    offers = _Offers(offered, run, start + 1)
+    early = [end for end in ends if start < end < free]  # while the scan is cleared: one of them is kept
+    run.overruns += early
+    pending = early[:1] + [end for end in ends if end >= free]
+    while pending:
+        end = pending.pop(0)
+        while (clock := offers.take(free, min(end, clocks - 1))) is not None:
+            state.add_events([offered[len(run.accepted) - 1][1]])
+            free = clock + groups
+        first = max(end + 1, free) + 1  # clock in which the work begins
+        lost = [late for late in pending if late < first - 1]
+        pending = pending[len(lost) :]
+        before = int(state.spikes.sum())
+        result = state.end_single_bin()
+        last = first - 1 + work_clocks(config, before, int(result.spikes.sum()))
+        waiting = [late for late in pending if late <= last]
+        pending = waiting[:1] + pending[len(waiting) :]
+        run.overruns += lost + waiting
+        if end < clocks:
+            run.ended.append(end)
+            run.bins.append(result)
+            run.valid.append(last + 2)
+        free = last + 1
+    while (clock := offers.take(free, clocks - 1)) is not None:
+        free = clock + groups
+    offers.finish(clocks)
+    return run
+
+
+class _Offers:
+    """Events on their way in: one is offered after the other, and the clocks in which it waits are counted."""
+
+    def __init__(self, offered: Sequence[tuple[int, int]], run: ClassifierRun, begin: int) -> None:
+        self.offered, self.run, self.begin = offered, run, begin
+
+    @property
+    def since(self) -> int | None:
+        """Clock from which the next event is offered, None where there is none."""
+        number = len(self.run.accepted)
+        if number == len(self.offered):
+            return None
+        behind = self.run.accepted[-1] + 1 if number else self.begin
+        return max(self.offered[number][0], behind)
+
+    def take(self, free: int, last: int) -> int | None:
+        """Return the clock in which the next event is taken, None if that would be after ``last``."""
+        since = self.since
+        if since is None or max(since, free) > last:
+            return None
+        clock = max(since, free)
+        self.run.stalled += clock - since
+        self.run.accepted.append(clock)
+        return clock
+
+    def finish(self, clocks: int) -> None:
+        """Count the clocks that the event which is offered at the end has waited."""
+        since = self.since
+        if since is not None:
+            self.run.stalled += max(clocks - since, 0)

@@ -1,0 +1,321 @@
+"""The classifier: address events in, a class at the end of every bin (docs/reference/classifier.md)."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Any
+
+from amaranth.hdl import Array, Cat, Module, Mux, Signal, Value, signed
+from amaranth.lib.wiring import In, Out
+
+from model.classifier.config import ClassifierConfig
+from rtl.block import Block
+from rtl.classifier.lane import Lane
+from rtl.classifier.memory import NeuronMemory, WeightMemory, address_bits
+from rtl.classifier.numbers import add, fire, leak
+
+STALL_BITS = 24
+
+
+class State(Enum):
+    """What is read from the memories in a clock; what is done with it follows one clock later."""
+
+    IDLE = 0
+    EVENT = 1
+    RECURRENT = 2
+    NEURONS = 3
+    GAP = 4
+    SPIKES = 5
+    OUTPUTS = 6
+
+
+class Classifier(Block[ClassifierConfig]):
+    """The integer network, two clocks deep: an address of a memory, then the arithmetic with what it holds.
+
+    An event is a row of weights, read in ``groups`` clocks. At a bin's end: the rows of the neurons that fired in the
+    bin before, every hidden neuron, the output weights of those that fire now, every output. Spikes, output
+    potentials and evidence stand in rings that turn while the work passes through their numbers.
+
+    Attributes
+    ----------
+    load_valid, load_neurons, load_address, load_data : In
+        Write a word into the memory of rows, or into that of neurons. Nothing else may be under way.
+    event_valid, event_ready, event_channel : In, Out, In
+        Stream of events; ``event_channel`` is absent for a single input.
+    bin_end : In(1)
+        The bin ends with this clock.
+    scan_start : In(1)
+        Forget everything but the weights.
+    class_valid : Out(1)
+        High for one clock at the end of the work of each bin.
+    class_index, evidence : Out
+        Held; evidence of class 0 in the least significant bits.
+    overrun : Out(1)
+        Since the scan began, a ``bin_end`` came while the work of the one before was not done.
+    stall_count : Out
+        Clocks in which an event waited since the scan began; stops at its end.
+    hidden_valid, hidden_index, hidden_potential, hidden_spike : Out
+        Every hidden neuron at every bin's end, as compared with the threshold.
+    output_valid, output_index, output_potential, output_spike : Out
+        Every output.
+    """
+
+    module_name = "eskin_classifier"
+
+    def __init__(self, config: ClassifierConfig) -> None:
+        words = max(config.weight_words, config.neuron_words)
+        bits = max(config.lanes * config.weight_bits, config.neuron_bits)
+        super().__init__(
+            config,
+            {
+                "load_valid": In(1),
+                "load_neurons": In(1),
+                "load_address": In(address_bits(words)),
+                "load_data": In(bits),
+                "event_valid": In(1),
+                "event_ready": Out(1),
+                "event_channel": In(config.channel_bits) if config.channel_bits else None,
+                "bin_end": In(1),
+                "scan_start": In(1),
+                "class_valid": Out(1),
+                "class_index": Out(config.class_bits),
+                "evidence": Out(config.classes * config.evidence_bits),
+                "overrun": Out(1),
+                "stall_count": Out(STALL_BITS),
+                "hidden_valid": Out(1),
+                "hidden_index": Out(max((config.hidden - 1).bit_length(), 1)),
+                "hidden_potential": Out(signed(config.membrane_bits)),
+                "hidden_spike": Out(1),
+                "output_valid": Out(1),
+                "output_index": Out(config.class_bits),
+                "output_potential": Out(signed(config.output_bits)),
+                "output_spike": Out(1) if config.readout == "spikes" else None,
+            },
+        )
+        self._registers()
+
+    def _registers(self) -> None:
+        config = self.config
+        self.state = Signal(State, init=State.NEURONS)
+        self.clearing = Signal(init=1)
+        self.pending = Signal()
+        self.index = Signal(range(max(config.hidden + config.inputs, config.classes, 2)))
+        self.step = Signal(range(max(config.groups, config.classes, 2)))
+        self.spikes = Signal(config.hidden)
+        # One clock later:
+        self.now_adds, self.now_recurrent = Signal(), Signal()
+        self.now_neuron, self.now_spike, self.now_output = Signal(), Signal(), Signal()
+        self.now_clears, self.now_last = Signal(), Signal()
+        self.now_index = Signal(range(max(config.hidden, config.classes, 2)))
+        self.now_step = Signal(range(max(config.groups, 2)))
+        self.class_found, self.class_ready = Signal(config.class_bits), Signal()
+        self.ring = Signal(config.classes * config.output_bits)
+        self.evidence_ring = Signal(config.classes * config.evidence_bits)
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        config = self.config
+        weights, neurons = WeightMemory(config), NeuronMemory(config)
+        weights.place(m, "weights", platform)
+        neurons.place(m, "neurons", platform)
+        for memory, chosen in ((weights, ~self.load_neurons), (neurons, self.load_neurons)):
+            m.d.comb += [
+                memory.write_valid.eq(self.load_valid & chosen),
+                memory.write_address.eq(self.load_address),
+                memory.write_data.eq(self.load_data),
+            ]
+        word = Mux(self.state == State.NEURONS, config.classes, self.step)
+        word = Mux(self.state == State.OUTPUTS, config.classes + 1, word)
+        m.d.comb += [
+            weights.read_address.eq(Cat(self.step[: config.row_bits], self.index)),
+            neurons.read_address.eq(Cat(word[: config.neuron_row_bits], self.index)),
+        ]
+        self._control(m)
+        potential = self._lanes(m, weights.read_data, platform)
+        self._hidden(m, potential, neurons.read_data)
+        self._outputs(m, neurons.read_data)
+        return m
+
+    # -- which address in which clock ------------------------------------------------------------
+
+    def _control(self, m: Module) -> None:
+        config = self.config
+        fired = self.spikes[0]
+        row_ends = self.step == config.groups - 1
+        spike_ends = self.step == config.classes - 1
+        last_neuron = self.index == config.hidden - 1
+        working = Signal()
+        free = Signal()
+        advance = Signal()
+        m.d.comb += [
+            working.eq((self.state != State.IDLE) & (self.state != State.EVENT)),
+            free.eq((self.state == State.IDLE) | ((self.state == State.EVENT) & row_ends)),
+            self.event_ready.eq(free & ~self.pending),
+        ]
+        m.d.sync += self.step.eq((self.step + 1)[: len(self.step)])
+        with m.If(self.bin_end):
+            m.d.sync += self.pending.eq(1)
+        with m.Switch(self.state):
+            with m.Case(State.IDLE, State.EVENT), m.If(free):
+                m.d.sync += [self.step.eq(0), self.state.eq(State.IDLE)]
+                with m.If(self.pending):
+                    m.d.sync += [self.pending.eq(self.bin_end), self.state.eq(State.RECURRENT), self.index.eq(0)]
+                with m.Elif(self.event_valid):
+                    channel = self.event_channel if config.channel_bits else 0
+                    m.d.sync += [self.state.eq(State.EVENT), self.index.eq(config.hidden + channel)]
+            with m.Case(State.RECURRENT):
+                m.d.comb += advance.eq(~fired | row_ends)
+                with m.If(advance):
+                    self._next(m, last_neuron, State.NEURONS)
+            with m.Case(State.NEURONS):
+                self._next(m, last_neuron, State.GAP)
+            with m.Case(State.GAP):  # the spike of the last neuron is known after this clock
+                m.d.sync += [self.step.eq(0), self.state.eq(Mux(self.clearing, State.OUTPUTS, State.SPIKES))]
+            with m.Case(State.SPIKES):
+                m.d.comb += advance.eq(~fired | spike_ends)
+                with m.If(advance):
+                    self._next(m, last_neuron, State.OUTPUTS)
+            with m.Case(State.OUTPUTS):
+                self._next(m, self.index == config.classes - 1, State.IDLE)
+        self._ring(m, advance)
+        self._execute(m, fired)
+        with m.If((self.state == State.OUTPUTS) & (self.index == config.classes - 1)):
+            m.d.sync += self.clearing.eq(0)
+
+        with m.If(self.bin_end & (self.pending | working)):
+            m.d.sync += self.overrun.eq(1)
+        with m.If(self.event_valid & ~self.event_ready & ~self.stall_count.all()):
+            m.d.sync += self.stall_count.eq(self.stall_count + 1)
+        with m.If(self.scan_start):
+            m.d.sync += [self.state.eq(State.NEURONS), self.clearing.eq(1), self.index.eq(0), self.step.eq(0)]
+            m.d.sync += [self.pending.eq(0), self.overrun.eq(0), self.stall_count.eq(0)]
+
+    def _next(self, m: Module, last: Value, state: State) -> None:
+        """Go to the next number, or from the last one to the next state."""
+        m.d.sync += [self.index.eq((self.index + 1)[: len(self.index)]), self.step.eq(0)]
+        with m.If(last):
+            m.d.sync += [self.index.eq(0), self.state.eq(state)]
+
+    def _ring(self, m: Module, advance: Value) -> None:
+        """Turn the ring of spikes; while the neurons pass through, their new spikes come in."""
+        with m.If(advance):
+            m.d.sync += self.spikes.eq(Cat(self.spikes[1:], self.spikes[0]))
+        with m.Elif(self.now_neuron):
+            m.d.sync += self.spikes.eq(Cat(self.spikes[1:], self.hidden_spike & ~self.now_clears))
+
+    def _execute(self, m: Module, fired: Value) -> None:
+        """Hand on what shall be done with the words that are read in this clock."""
+        config, goes_on = self.config, ~self.scan_start
+        recurrent = (self.state == State.RECURRENT) & fired
+        m.d.sync += [
+            self.now_adds.eq(((self.state == State.EVENT) | recurrent) & goes_on),
+            self.now_recurrent.eq(recurrent),
+            self.now_neuron.eq((self.state == State.NEURONS) & goes_on),
+            self.now_spike.eq((self.state == State.SPIKES) & fired & goes_on),
+            self.now_output.eq((self.state == State.OUTPUTS) & goes_on),
+            self.now_last.eq(self.index == config.classes - 1),
+            self.now_clears.eq(self.clearing),
+            self.now_index.eq(self.index[: len(self.now_index)]),
+            self.now_step.eq(self.step[: len(self.now_step)]),
+        ]
+
+    # -- what is done with the words ---------------------------------------------------------------
+
+    def _lanes(self, m: Module, words: Value, platform: Any) -> Value:
+        """Add the weights of a word to the potentials of a group; return the potential of the neuron in turn."""
+        config = self.config
+        place = config.lanes.bit_length() - 1
+        group = Mux(self.now_neuron, self.now_index >> place, self.now_step)
+        lane_number = self.now_index[:place]
+        potentials = []
+        for number in range(config.lanes):
+            lane = Lane(config)
+            lane.place(m, f"lane_{number}", platform)
+            own = (lane_number == number) if place else 1
+            m.d.comb += [
+                lane.add_valid.eq(self.now_adds),
+                lane.weight.eq(words[number * config.weight_bits : (number + 1) * config.weight_bits]),
+                lane.set_valid.eq(self.now_neuron & own),
+                lane.set_value.eq(self.next_potential),
+            ]
+            if config.row_bits:
+                m.d.comb += lane.group.eq(group)
+            if config.in_shift != config.rec_shift:
+                m.d.comb += lane.recurrent.eq(self.now_recurrent)
+            potentials.append(lane.potential)
+        chosen = Signal(signed(config.membrane_bits))
+        m.d.comb += chosen.eq(Array(potentials)[lane_number] if place else potentials[0])
+        return chosen
+
+    @property
+    def next_potential(self) -> Signal:
+        """The potential with which the neuron in turn begins the next bin."""
+        if not hasattr(self, "_next_potential"):
+            self._next_potential = Signal(signed(self.config.membrane_bits), name="next_potential")
+        return self._next_potential
+
+    def _hidden(self, m: Module, potential: Value, word: Value) -> None:
+        config = self.config
+        held, spike, rest = fire(m, potential, config.threshold, config.floor, config.neuron_reset, config.leak_shift)
+        kept = Mux(self.now_clears, 0, rest)
+        bias = word[: config.bias_bits].as_signed() << config.bias_shift
+        m.d.comb += [
+            self.next_potential.eq(add(m, kept.as_signed(), bias, config.membrane_bits, config.saturates)),
+            self.hidden_valid.eq(self.now_neuron & ~self.now_clears),
+            self.hidden_index.eq(self.now_index[: len(self.hidden_index)]),
+            self.hidden_potential.eq(held),
+            self.hidden_spike.eq(spike),
+        ]
+
+    def _outputs(self, m: Module, word: Value) -> None:
+        config = self.config
+        bits = config.output_bits
+        own = self.ring[:bits].as_signed()
+        if config.readout == "spikes":
+            held, spike, rest = fire(
+                m, own, config.out_threshold, config.out_floor, config.neuron_reset, config.out_leak_shift
+            )
+            m.d.comb += self.output_spike.eq(spike)
+            gained: Value = Cat(spike, 0).as_signed()
+        else:
+            held, rest, gained = own, leak(own, config.out_leak_shift), own
+        weight = word[: config.out_bits].as_signed() << config.out_shift
+        bias = word[: config.bias_bits].as_signed() << config.out_bias_shift
+        left = Signal(signed(bits))
+        right = Signal(signed(max(len(weight), len(bias))))
+        m.d.comb += [
+            left.eq(Mux(self.now_output, Mux(self.now_clears, 0, rest), own)),
+            right.eq(Mux(self.now_output, bias, weight)),
+            self.output_valid.eq(self.now_output & ~self.now_clears),
+            self.output_index.eq(self.now_index[: config.class_bits]),
+            self.output_potential.eq(held),
+        ]
+        total = add(m, left, right, bits, config.output_saturates)
+        with m.If(self.now_output | self.now_spike):
+            m.d.sync += self.ring.eq(Cat(self.ring[bits:], total))
+        self._evidence(m, gained)
+
+    def _evidence(self, m: Module, gained: Value) -> None:
+        """Add to the evidence, and note the first class with the most of it."""
+        config = self.config
+        bits = config.evidence_bits
+        more = Signal(signed(bits))
+        most = Signal(signed(bits))
+        best = Signal(config.class_bits)
+        better = Signal()
+        evidence = Signal(signed(bits))
+        m.d.comb += [
+            more.eq(add(m, self.evidence_ring[:bits].as_signed(), gained, bits, True)),
+            evidence.eq(Mux(self.now_clears, 0, more)),
+            better.eq((self.now_index == 0) | (evidence > most)),
+            self.evidence.eq(self.evidence_ring),
+            self.class_index.eq(self.class_found),
+            self.class_valid.eq(self.class_ready),
+        ]
+        m.d.sync += self.class_ready.eq(self.now_output & self.now_last & ~self.now_clears)
+        with m.If(self.now_output):
+            m.d.sync += self.evidence_ring.eq(Cat(self.evidence_ring[bits:], evidence))
+            with m.If(better):
+                m.d.sync += [most.eq(evidence), best.eq(self.now_index[: config.class_bits])]
+            with m.If(self.now_last):
+                m.d.sync += self.class_found.eq(Mux(better, self.now_index[: config.class_bits], best))

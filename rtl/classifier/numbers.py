@@ -1,0 +1,39 @@
+"""Arithmetic on potentials, as ``model/classifier/network.py`` has it."""
+
+from __future__ import annotations
+
+from amaranth.hdl import Cat, Module, Mux, Signal, Value, signed
+
+from model.classifier.config import NeuronReset
+
+
+def add(m: Module, left: Value, right: Value, bits: int, saturates: bool) -> Value:
+    """Return a signed sum of some bits; where it could leave them it stops at their end."""
+    exact = Signal(signed(max(len(left), len(right)) + 1), name="exact")
+    m.d.comb += exact.eq(left + right)
+    if not saturates or len(exact) <= bits:
+        return exact[:bits].as_signed()
+    above = exact[bits - 1 :]
+    fits = above.all() | ~above.any()
+    end = Cat((~exact[-1]).replicate(bits - 1), exact[-1])
+    return Mux(fits, exact[:bits], end).as_signed()
+
+
+def fire(
+    m: Module, v: Value, threshold: int, floor: int | None, reset: NeuronReset, leak_shift: int
+) -> tuple[Value, Value, Value]:
+    """Return a potential held from the floor on, whether it fires, and what reset and leak leave of it."""
+    held = Signal(signed(len(v)), name="held")
+    spike = Signal(name="spike")
+    rest = Signal(signed(len(v)), name="rest")
+    m.d.comb += [
+        held.eq(v if floor is None else Mux(v < floor, floor, v)),
+        spike.eq(held > threshold),
+        rest.eq(Mux(spike, held - threshold if reset == "subtract" else 0, held)),
+    ]
+    return held, spike, leak(rest, leak_shift)
+
+
+def leak(v: Value, shift: int) -> Value:
+    """Return v - (v >> shift), which needs no more bits than v; all of it for a shift of 0."""
+    return (v - (v >> shift))[: len(v)].as_signed() if shift else v

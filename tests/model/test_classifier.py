@@ -1,0 +1,184 @@
+"""The integer network: its widths, its order of additions, its clocks, its file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from model.classifier.config import ClassifierConfig, bits_of, ends, highest, lowest
+from model.classifier.file import IntegerWeights, neuron_image, weight_image, write_images
+from model.classifier.network import IntegerNetwork, State
+from model.classifier.run import first_ready, simulate
+from model.errors import InputError
+
+
+def network(seed: int = 0, **fields: Any) -> IntegerNetwork:
+    base = {"inputs": 6, "hidden": 20, "classes": 3, "lanes": 4, "threshold": 200, "out_threshold": 150}
+    config = ClassifierConfig(**(base | {"floor": -200, "out_floor": -150, "clocks_per_bin": 100} | fields))
+    generator = np.random.default_rng(seed)
+
+    def drawn(bits: int, *shape: int) -> Any:
+        return generator.integers(lowest(bits), highest(bits) + 1, shape)
+
+    return IntegerNetwork(
+        config,
+        drawn(config.in_bits, config.inputs, config.hidden),
+        drawn(config.rec_bits, config.hidden, config.hidden),
+        drawn(config.out_bits, config.hidden, config.classes),
+        drawn(config.bias_bits, config.hidden),
+        drawn(config.bias_bits, config.classes),
+    )
+
+
+VARIANTS: list[dict[str, Any]] = [
+    {},
+    {"neuron_reset": "subtract", "leak_shift": 2, "floor": None, "out_leak_shift": 3},
+    {"readout": "membrane", "out_leak_shift": 3, "leak_shift": 1},
+    {"in_shift": 2, "rec_shift": 4, "bias_shift": 1, "out_shift": 3},
+]
+
+
+@pytest.mark.parametrize("fields", VARIANTS)
+def test_no_potential_ever_leaves_the_ends(fields: dict[str, Any]) -> None:
+    """The worst events there are, for as many bins as it takes, leave the ends of the network and of its bits alone."""
+    own = network(membrane_bits=32, output_bits=32, **fields)
+    low, high = own.hidden_ends or (0, 0)
+    out_low, out_high = own.output_ends or (0, 0)
+    assert bits_of(own.hidden_ends) <= bits_of(own.config.hidden_range) < 32
+    assert bits_of(own.output_ends) <= bits_of(own.config.output_range) < 32
+    reached = 0
+    for sign in (1, -1):
+        for neuron in range(own.config.hidden):
+            state, channel = State(own), int((sign * own.w_in[:, neuron]).argmax())
+            for _ in range(40):
+                state.add_events([channel] * own.config.events_per_bin)
+                potential, _, output, _ = state.end_bin()
+                for values, least, most in ((potential, low, high), (output, out_low, out_high)):
+                    assert least <= values.min()
+                    assert values.max() <= most
+                reached = max(reached, int(potential.max()))
+    assert reached > high / 2  # the ends are no wide guess
+    sized = own.sized().config
+    assert sized.membrane_bits == max(bits_of((low, high)), 4)
+
+
+def test_without_floor_and_leak_there_are_no_ends() -> None:
+    assert network(floor=None).hidden_ends is None
+    assert network(floor=None).config.saturates
+    assert ends(-5, 7, 10, -3, "zero", 0) == (-8, 17)
+    assert ends(-5, 7, None, None, "zero", 2) == (-20, 31)
+
+
+@pytest.mark.parametrize("fields", [*VARIANTS, {"membrane_bits": 10, "output_bits": 9, "evidence_bits": 4}])
+def test_counts_give_what_events_in_rising_order_give(fields: dict[str, Any]) -> None:
+    own = network(1, **fields)
+    counts = np.random.default_rng(2).poisson(1.0, (5, 12, own.config.inputs))
+    evidence, rate = own.run_counts(counts)
+    fired = 0
+    for scan, expected in zip(counts, evidence, strict=True):
+        state = State(own)
+        for row in scan:
+            state.add_events(np.repeat(np.arange(own.config.inputs), row))
+            fired += int(state.end_single_bin().spikes.sum())
+        assert np.array_equal(state.evidence[0], expected)
+    assert fired > 100
+    assert rate == fired / (5 * 12 * own.config.hidden)
+
+
+def test_saturation_makes_the_order_of_events_matter() -> None:
+    own = network(3, membrane_bits=9, in_shift=1)
+    assert own.config.saturates
+    rising, falling = State(own), State(own)
+    rising.add_events([0, 1, 2, 3, 4, 5] * 3)
+    falling.add_events([5, 4, 3, 2, 1, 0] * 3)
+    assert not np.array_equal(rising.v, falling.v)
+    assert rising.v.max() == 255
+
+
+def test_an_event_takes_as_many_clocks_as_a_row_has_words() -> None:
+    own = network()
+    ready = first_ready(own.config, -1)
+    run = simulate(own, [(0, 1)] * 9, [ready + 12, 2000], 4000)
+    assert ready == own.config.hidden + own.config.classes + 1
+    assert run.accepted[:3] == [ready, ready + 5, ready + 10]
+    assert run.accepted[3] == run.valid[0] - 1  # event_ready one clock before class_valid
+    assert run.stalled == sum(run.accepted) - sum([0, *(clock + 1 for clock in run.accepted[:-1])])
+    assert len(run.bins) == 2
+    assert not run.overruns
+
+
+def test_a_bin_within_the_work_of_another_is_an_overrun_and_one_of_them_is_kept() -> None:
+    own = network()
+    ready = first_ready(own.config, -1)
+    run = simulate(own, [], [ready + 5, ready + 20, ready + 30], 4000)
+    assert run.overruns == [ready + 20, ready + 30]
+    assert run.ended == [ready + 5, ready + 20]
+    assert run.latencies[1] > run.latencies[0] > 3 * own.config.hidden
+
+
+def test_file_holds_the_network_and_gives_equal_bytes(tmp_path: Path) -> None:
+    own = IntegerWeights(network(), ("a", "b", "c"), {"unit": 0.5})
+    own.save(tmp_path / "one.npz")
+    read = IntegerWeights.load(tmp_path / "one.npz")
+    read.save(tmp_path / "two.npz")
+    assert (tmp_path / "one.npz").read_bytes() == (tmp_path / "two.npz").read_bytes()
+    assert read.class_names == own.class_names
+    assert read.network.config == own.network.config
+    assert np.array_equal(read.network.w_rec, own.network.w_rec)
+
+
+def test_images_hold_every_weight_at_its_address(tmp_path: Path) -> None:
+    own = network(4, in_bits=5, rec_bits=3)
+    config = own.config
+    words, neurons = weight_image(own), neuron_image(own)
+    rows = [*own.w_rec, *own.w_in]
+    for row, weights in enumerate(rows):
+        for neuron, weight in enumerate(weights):
+            word = words[row << config.row_bits | neuron // config.lanes]
+            got = word >> neuron % config.lanes * config.weight_bits & 31
+            assert got - (got >> 4 << 5) == weight
+    assert [neurons[n << config.neuron_row_bits | 3] & 511 for n in range(20)] == [b & 511 for b in own.b_hidden]
+    assert [neurons[n << config.neuron_row_bits | 4] & 511 for n in range(3)] == [b & 511 for b in own.b_out]
+    paths = write_images(own, tmp_path, "net")
+    assert [path.name for path in paths] == ["net.weights.hex", "net.neurons.hex"]
+    assert [int(line, 16) for line in paths[0].read_text().split()] == words
+    assert {len(line) for line in paths[1].read_text().split()} == {3}
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"lanes": 12}, "lanes must be a power of two, not 12"),
+        ({"in_bits": 9}, "in_bits must be in 2..8, not 9"),
+        ({"floor": 3}, "floor must be in -8388608..0 or none, not 3"),
+        ({"threshold": 2**23}, "threshold must be in 1..8388607"),
+        ({"readout": "rate"}, "readout must be one of spikes, membrane, not 'rate'"),
+        ({"hidden": 2.5}, "hidden must be of type int, not 2.5"),
+        ({"out_shift": 17}, "out_shift must be in 0..16, not 17"),
+        ({"bin_s": 0}, "bin_s must be a positive number of seconds, not 0"),
+        ({"colour": 1}, "unknown classifier field 'colour'"),
+    ],
+)
+def test_what_no_hardware_has_is_refused_in_one_sentence(fields: dict[str, Any], said: str) -> None:
+    with pytest.raises(InputError, match=said.replace("(", r"\(")):
+        ClassifierConfig.from_dict(fields)
+
+
+def test_damaged_files_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "integer.npz"
+    with pytest.raises(InputError, match="does not exist; make one"):
+        IntegerWeights.load(path)
+    IntegerWeights(network(), ("a", "b", "c")).save(path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError, match="damaged or no integer network"):
+        IntegerWeights.load(path)
+    np.savez(path, w_in=np.zeros(3))
+    with pytest.raises(InputError, match="an archive, but no integer network"):
+        IntegerWeights.load(path)
+    with pytest.raises(InputError, match=r"w_in must be in -2\.\.1, 2 bits, not -?\d"):
+        network().__class__(network().config.replace(in_bits=2), *(getattr(network(), n) for n in
+                            ("w_in", "w_rec", "w_out", "b_hidden", "b_out")))  # fmt: skip
