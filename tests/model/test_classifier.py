@@ -102,7 +102,7 @@ def test_an_event_takes_as_many_clocks_as_a_row_has_words() -> None:
     own = network()
     ready = first_ready(own.config, -1)
     run = simulate(own, [(0, 1)] * 9, [ready + 12, 2000], 4000)
-    assert ready == own.config.hidden + own.config.classes + 1
+    assert ready == own.config.hidden + own.config.classes + 2
     assert run.accepted[:3] == [ready, ready + 5, ready + 10]
     assert run.accepted[3] == run.valid[0] - 1  # event_ready one clock before class_valid
     assert run.stalled == sum(run.accepted) - sum([0, *(clock + 1 for clock in run.accepted[:-1])])
