@@ -57,6 +57,7 @@ COMMANDS = {
 
 OTHERS = {
     "layers": "tests/test_layers.py",
+    "classifier": "cocotb_tests/test_classifier.py::test_rtl_equals_the_model_in_every_potential_class_and_clock[2-1-3",
     "make": "tests/commands/test_make.py::test_make_refuses_a_wrong_variable",
     "errors": "tests/commands/test_app.py::test_every_mistake_is_one_sentence",
     "network": "tests/snn/test_network.py::test_a_neuron_by_hand",
