@@ -338,7 +338,7 @@ def _run(config: ReadoutConfig, stimulus: Stimulus, clocks: int) -> tuple[Events
     return events, registers
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _loop(p: Parameters, s: Inputs, r: Registers) -> NDArray[np.int64]:
     """Return the events, shape (events, 2): their clocks, and 2 * taxel + polarity."""
     taxels, rows, latch, aer = r
@@ -430,7 +430,7 @@ def _decide(p: Any, y: int, todo: Any, tick: bool, leaks: bool, taxels: Any, row
     return again != ZERO
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _mask(p: Any, enable: Any, taxels: Any, rows: Any, latch: Any) -> None:
     """Take a new mask: what it disables is in its reset state."""
     for y in range(len(rows)):
@@ -447,7 +447,7 @@ def _mask(p: Any, enable: Any, taxels: Any, rows: Any, latch: Any) -> None:
             arbiter.withdraw(latch, y)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _take_samples(p: Any, samples: Any, taxels: Any, rows: Any) -> None:
     """Take new samples; a disabled taxel with a digital front end holds its register for them in reset."""
     for y in range(len(rows)):
@@ -456,7 +456,7 @@ def _take_samples(p: Any, samples: Any, taxels: Any, rows: Any) -> None:
                 taxels[y * p.columns + column].x = samples[y * p.columns + column]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _with_room(log: NDArray[Any], events: int) -> NDArray[Any]:
     """Return a log with room for one event more."""
     if events < len(log):

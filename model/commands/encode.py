@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from model.cli.app import printable
 from model.cli.config_options import with_config
+from model.cli.crew_options import Scheduler, Workers, open_crew
 from model.cli.field_options import with_fields
 from model.cli.progress import bar
 from model.commands.recordings import PREPARATION, print_notes, print_set, quality_text, warn
@@ -28,6 +29,8 @@ from model.recordings.options import Preparation
 
 if TYPE_CHECKING:
     from PIL.Image import Image
+
+    from model.crew.crew import Crew
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".gif", ".webp", ".pgm", ".ppm")
 
@@ -72,6 +75,8 @@ def encode(
     label: Annotated[
         str | None, typer.Option("--class", "--label", help="class kept in the file", metavar="TEXT")
     ] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Encode an image, your own samples or a folder of them into address events."""
     from model.recordings.folder import quality_warnings
@@ -84,8 +89,12 @@ def encode(
         own["--model functional"] = None if model == "cycle" else model
         if unused := [option for option, value in own.items() if value is not None]:
             raise InputError(f"{unused[0]} belongs to one input; a folder gives each recording its name and class")
-        _encode_folder(source, out, Preparation(**({"baseline": "first"} | prepared)), config, given)
+        with open_crew(workers, scheduler, threads=True) as crew:
+            _encode_folder(source, out, Preparation(**({"baseline": "first"} | prepared)), config, given, crew)
         return
+    if workers is not None or scheduler is not None:
+        option = "--workers" if scheduler is None else "--scheduler"
+        raise InputError(f"{option} is for the recordings of a folder; {source} is one input, leave it out")
     check_event_path(out)
     check_writable(out)
     kind = source.suffix.lower()
@@ -115,7 +124,9 @@ def encode(
         warn((*data.warnings, *quality_warnings(data.config, [data.codes], quality)))
 
 
-def _encode_folder(source: Path, out: Path, options: Preparation, config: ReadoutConfig, given: frozenset[str]) -> None:
+def _encode_folder(
+    source: Path, out: Path, options: Preparation, config: ReadoutConfig, given: frozenset[str], crew: Crew
+) -> None:
     """Write an event file for every recording of a folder of class folders, and say how well they render it."""
     from model.recordings.folder import read_set, write_folder
 
@@ -124,7 +135,7 @@ def _encode_folder(source: Path, out: Path, options: Preparation, config: Readou
     with bar("reading recordings") as progress:
         recordings = read_set(source, options, config, given, progress)
     with bar("encoding recordings", len(recordings.sources)) as progress:
-        quality, warnings = write_folder(recordings, out, progress)
+        quality, warnings = write_folder(recordings, out, crew, progress)
     print_set(recordings)
     print(
         printable(f"{out}: {len(recordings.sources)} event files, {quality.events} events in {quality.seconds:.6g} s")

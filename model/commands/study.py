@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from model.cli.app import printable
+from model.cli.crew_options import Scheduler, Workers, open_crew
 from model.cli.progress import bar
 from model.cli.tables import new_table, show
 from model.commands.options import JsonOption, OutOption
@@ -24,6 +25,8 @@ def study(
     data: Annotated[
         Path | None, typer.Option(metavar="DIR", help="class folders of your own recordings [generated slow signals]")
     ] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
     out: OutOption = DEFAULT_OUT,
     as_json: JsonOption = False,
 ) -> None:
@@ -33,8 +36,9 @@ def study(
 
     if data is not None and not data.exists():
         raise InputError(f"{data} does not exist; give a folder of class folders, or leave --data out")
-    with bar("encoding", len(NAMES) * len(RESOLUTIONS)) as progress:
-        found = study_data(data, progress)
+    points = len(NAMES) * len(RESOLUTIONS)
+    with open_crew(workers, scheduler, threads=True) as crew, bar("encoding", points) as progress:
+        found = study_data(data, crew, progress)
     written = write_results(out, "study", found, plot_study)
     if as_json:
         print(json.dumps(found))

@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.config import ReadoutConfig
+from model.crew.crew import Crew, Local, each
 from model.errors import InputError
+from model.events.address import Events
 from model.events.recording import Recording
 from model.events.samples import ARRAY_SUFFIXES
 from model.readout import Stimulus, simulate
@@ -76,8 +78,16 @@ class RecordingSet:
 
     def recording(self, number: int) -> tuple[Recording, Quality]:
         """Return the events of a recording, from the cycle-exact model, and how well they render it."""
-        source, codes, config = self.sources[number], self.codes[number], self.config
-        events = simulate(config, Stimulus.from_samples(config, codes))
+        return self._named(number, *encoded(self.config, self.codes[number]))
+
+    def each_recording(self, crew: Crew | None = None) -> Iterator[tuple[Source, Recording, Quality]]:
+        """Give every recording with its events and their quality, in order; a crew works them out."""
+        found = each(crew or Local(1), encoded, ((self.config, codes) for codes in self.codes))
+        for number, (events, quality) in enumerate(found):
+            yield self.sources[number], *self._named(number, events, quality)
+
+    def _named(self, number: int, events: Events, quality: Quality) -> tuple[Recording, Quality]:
+        source = self.sources[number]
         metadata = {
             "name": source.name,
             "source": source.path.name,
@@ -87,8 +97,14 @@ class RecordingSet:
             "scale": self.scale,
         }
         metadata |= {} if source.class_name is None else {"class": source.class_name}
-        recording = Recording(events, config, len(codes) * config.clocks_per_sample, metadata=metadata)
-        return recording, measure_quality(config, codes, events)
+        clocks = len(self.codes[number]) * self.config.clocks_per_sample
+        return Recording(events, self.config, clocks, metadata=metadata), quality
+
+
+def encoded(config: ReadoutConfig, codes: NDArray[np.int32]) -> tuple[Events, Quality]:
+    """Return the events of codes, from the cycle-exact model, and how well they render them."""
+    events = simulate(config, Stimulus.from_samples(config, codes))
+    return events, measure_quality(config, codes, events)
 
 
 def sources_of(folder: Path) -> tuple[Source, ...]:
@@ -198,16 +214,22 @@ def _unseen(config: ReadoutConfig, recordings: list[NDArray[np.int32]]) -> list[
     ]
 
 
-def each_recording(recordings: RecordingSet) -> Iterator[tuple[Source, Recording, Quality]]:
-    """Give every recording with its events and their quality, in order."""
-    for number, source in enumerate(recordings.sources):
-        yield source, *recordings.recording(number)
-
-
 def write_folder(
-    recordings: RecordingSet, out: Path, progress: Callable[[], object] | None = None
+    recordings: RecordingSet,
+    out: Path,
+    crew: Crew | None = None,
+    progress: Callable[[], object] | None = None,
 ) -> tuple[Quality, tuple[str, ...]]:
     """Write an event file for every recording, ``OUT/class/name.npz``, and say how well they render the recordings.
+
+    Parameters
+    ----------
+    recordings : RecordingSet
+    out : Path
+    crew : Crew, optional
+        Who works the events out, this process by default; they do not depend on it.
+    progress : callable, optional
+        Called after each file.
 
     Returns
     -------
@@ -217,7 +239,7 @@ def write_folder(
         Warnings, with the options that mend what they warn of.
     """
     parts = []
-    for source, recording, quality in each_recording(recordings):
+    for source, recording, quality in recordings.each_recording(crew):
         path = out / f"{source.name}.npz"
         try:
             path.parent.mkdir(parents=True, exist_ok=True)

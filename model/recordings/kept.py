@@ -14,6 +14,7 @@ from pathlib import Path
 import model
 from model import __version__
 from model.config import ReadoutConfig
+from model.crew.crew import Crew
 from model.errors import InputError
 from model.recordings.folder import quality_warnings, read_set, sources_of, write_folder
 from model.recordings.options import Preparation
@@ -31,6 +32,7 @@ def kept_events(
     given: Collection[str] = (),
     progress: Callable[[], object] | None = None,
     out: Path = KEPT,
+    crew: Crew | None = None,
 ) -> tuple[Path, tuple[str, ...]]:
     """Return the folder of event files of a folder of class folders, made unless it is there, and warnings.
 
@@ -55,7 +57,7 @@ def kept_events(
     except OSError as error:
         raise InputError(f"cannot make a folder in {out}: {error.strerror}") from None
     try:
-        quality, _ = write_folder(recordings, part)
+        quality, _ = write_folder(recordings, part, crew)
         part.chmod(0o755)
         if not folder.is_dir():
             os.replace(part, folder)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.config import Encoding, ReadoutConfig
+from model.crew.crew import Crew, Local, Shared, each
 from model.readout import Stimulus, simulate
 from model.recordings.folder import read_set
 from model.recordings.options import Preparation
@@ -57,13 +58,17 @@ def slow_signals(seed: int = 0) -> list[Codes]:
     return signals
 
 
-def study_data(place: Path | None = None, progress: Callable[[], object] | None = None) -> dict[str, Any]:
+def study_data(
+    place: Path | None = None, crew: Crew | None = None, progress: Callable[[], object] | None = None
+) -> dict[str, Any]:
     """Return SNR and data rate of every encoder and resolution, and of uniform sampling at the same data rate.
 
     Parameters
     ----------
     place : Path, optional
         A user's recordings, as ``read_set`` takes them; generated slow signals by default.
+    crew : Crew, optional
+        Who does the work, this process by default; the result does not depend on it.
     progress : callable, optional
         Called after each point.
 
@@ -83,13 +88,17 @@ def study_data(place: Path | None = None, progress: Callable[[], object] | None 
     else:
         found = read_set(place, Preparation(baseline="first"), base, {"clocks_per_sample"})
         recordings, base, source = found.codes, found.config, found.name
+    configs = [
+        with_seconds(base.replace(encoding=encoding, resolution=resolution, clocks_per_sample=64), ())
+        for encoding in get_args(Encoding)
+        for resolution in RESOLUTIONS
+    ]
     points = []
-    for encoding in get_args(Encoding):
-        for resolution in RESOLUTIONS:
-            config = with_seconds(base.replace(encoding=encoding, resolution=resolution, clocks_per_sample=64), ())
-            points.append(_point(with_clock(config, recordings), recordings))
-            if progress is not None:
-                progress()
+    jobs = ((config,) for config in configs)
+    for point in each(crew or Local(1), _point, jobs, Shared.of("recordings", recordings)):
+        points.append(point)
+        if progress is not None:
+            progress()
     return {
         "source": source,
         "rate_hz": base.sample_rate_hz,
@@ -100,9 +109,9 @@ def study_data(place: Path | None = None, progress: Callable[[], object] | None 
     }
 
 
-def _point(config: ReadoutConfig, recordings: Sequence[Codes]) -> dict[str, Any]:
-    """Return what one configuration makes of the recordings."""
-    parts = []
+def _point(recordings: Sequence[Codes], config: ReadoutConfig) -> dict[str, Any]:
+    """Return what one configuration makes of the recordings, with a clock that their slopes need."""
+    config, parts = with_clock(config, recordings), []
     for codes in recordings:
         events = simulate(config, Stimulus.from_samples(config, codes))
         parts.append(measure_quality(config, codes, events))

@@ -239,12 +239,13 @@ def output_folder(folder: Path, *names: str) -> None:
 
 def _encoded(place: Path, readout: ReadoutConfig, given: frozenset[str]) -> Path:
     """Return the folder of event files of a user's own recordings, made unless they are kept."""
+    from model.crew.crew import Local
     from model.recordings.kept import kept_events
 
     if not place.is_dir():
         raise InputError(f"{place} is not a folder; give one with a folder for each class")
-    with bar("encoding recordings") as step:
-        folder, warnings = kept_events(place, Preparation(baseline="first"), readout, given, step)
+    with Local(threads=True) as crew, bar("encoding recordings") as step:
+        folder, warnings = kept_events(place, Preparation(baseline="first"), readout, given, step, crew=crew)
     for warning in warnings:
         print(f"warning: {warning}", file=sys.stderr)
     print(f"event files of {printable(place)}: {folder}")

@@ -35,6 +35,17 @@ def test_a_skin_becomes_one_event_file_per_recording(call: Any, folder: Path) ->
     assert (recordings[0].config.rows, recordings[0].config.columns) == (4, 4)
 
 
+def test_files_are_the_same_whoever_works_them_out(call: Any, folder: Path) -> None:
+    write_skin(folder / "skin", each=2)
+    assert call("encode skin -o one --workers 1")[0] == call("encode skin -o three --workers 3")[0] == 0
+    made = {
+        out: [(path.relative_to(folder / out), path.read_bytes()) for path in sorted((folder / out).rglob("*.npz"))]
+        for out in ("one", "three")
+    }
+    assert len(made["one"]) == 6
+    assert made["one"] == made["three"]
+
+
 def test_a_clock_that_is_too_slow_is_named_with_its_remedy(call: Any, folder: Path) -> None:
     write_skin(folder / "skin", each=1)
     code, out, err = call("encode skin -o events --resolution 8 --clocks-per-sample 64")
@@ -71,6 +82,8 @@ def test_a_single_file_with_time_stamps_is_read_as_one(call: Any, folder: Path) 
         ("encode skin -o e --model functional", "--model functional belongs to one input"),
         ("encode skin -o e --scale p", "--scale takes a percentile as p99.9"),
         ("encode skin -o e --time-column none", "does not say its sampling rate; add --sample-rate HZ"),
+        ("encode skin/tap/0.csv -o e.npz --workers 2", "--workers is for the recordings of a folder"),
+        ("encode skin -o e --workers 2 --scheduler tcp://a:1", "--workers counts processes of this machine"),
         ("encode skin/tap/0.csv -o e.npz", "values beyond full scale; take the baseline off with --baseline first"),
         ("encode skin -o e --baseline highpass --highpass 40", "--highpass must be below half of 35 samples/s"),
     ],
