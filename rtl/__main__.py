@@ -10,6 +10,7 @@ import typer
 from model.cli.app import make_app, run
 from model.cli.config_options import with_config
 from model.cli.field_options import with_fields
+from model.cli.tables import new_table, show
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.frame_config import OWN_FIELDS, FrameConfig
@@ -64,9 +65,6 @@ def gates(
     """Count gates and flops of both readouts, synthesised for the same array."""
     import json
 
-    from rich.console import Console
-    from rich.table import Table
-
     from rtl.gates import count_gates
 
     designs: dict[str, ReadoutConfig | FrameConfig] = {
@@ -78,10 +76,8 @@ def gates(
         print(json.dumps({"liberty": liberty.name if liberty else None, "readouts": counted}, indent=2))
         return
     unit = f"cells of {liberty.name}" if liberty else "two-input gates"
-    table = Table(title=f"{config.rows} x {config.columns} taxels, {config.resolution} b, {config.frontend}: {unit}")
-    table.add_column("readout")
-    for heading in ("flops", "gates", "per taxel", "um2 per taxel"):
-        table.add_column(heading, justify="right")
+    title = f"{config.rows} x {config.columns} taxels, {config.resolution} b, {config.frontend}: {unit}"
+    table = new_table(("readout", "flops", "gates", "per taxel", "um2 per taxel"), title)
     for name, numbers in counted.items():
         area = numbers["area_um2_per_taxel"]
         table.add_row(
@@ -91,7 +87,7 @@ def gates(
             f"{numbers['flops_per_taxel']:.1f} + {numbers['gates_per_taxel']:.1f}",
             "" if area is None else f"{area:.0f}",
         )
-    Console().print(table)
+    show(table)
 
 
 def main() -> None:

@@ -1,86 +1,110 @@
-"""The command replay: a whole dataset through RTL and model."""
+"""The command replay: a whole dataset, or all recordings of a user, through RTL and model."""
 
 from __future__ import annotations
 
 import json
-import os
 import sys
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from model.cli.app import printable
 from model.cli.config_options import with_config
+from model.cli.crew_options import Scheduler, Workers, open_crew
+from model.cli.progress import bars
+from model.commands.recordings import OwnData, check_alone, own_recordings, with_preparation
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.files import atomic_write
 
+if TYPE_CHECKING:
+    from cocotb_tests.session.replay import Plan
+
 
 @with_config
+@with_preparation
 def replay(
     config: ReadoutConfig,
+    given: frozenset[str],
+    prepared: dict[str, Any],
     dataset: Annotated[
         str | None, typer.Option(help="texture folder, or 'embedded' [$ESKIN_DATA, data/kylberg, ...]")
     ] = None,
-    preset: Annotated[str, typer.Option(help="physical or paper")] = "physical",
-    start_row: Annotated[float, typer.Option(help="image row where the array starts (physical)")] = 0.0,
-    limit: Annotated[int | None, typer.Option(help="only so many textures, spread over the classes")] = None,
-    only: Annotated[str | None, typer.Option(help="only one texture, by its name")] = None,
-    workers: Annotated[int | None, typer.Option(help="simulations side by side [cores]")] = None,
+    data: OwnData = None,
+    preset: Annotated[str | None, typer.Option(help="physical or paper [physical]")] = None,
+    start_row: Annotated[float | None, typer.Option(help="image row where the array starts (physical) [0]")] = None,
+    limit: Annotated[int | None, typer.Option(help="only so many textures or recordings, evenly spread")] = None,
+    only: Annotated[str | None, typer.Option(help="only one texture or recording, by its name")] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for the event files")] = Path("out/replay"),
 ) -> None:
-    """Drive a whole dataset through RTL and model, compare every event, keep the RTL's events per image.
+    """Drive a whole dataset, or your recordings, through RTL and model, compare every event, keep the RTL's events.
 
-    Can be stopped and started again: images whose events are already there, for the same configuration, are done.
+    Can be stopped and started again: what has its events already, for the same configuration, is done.
     """
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
     from cocotb_tests.session import replay as session
     from cocotb_tests.session.session import MismatchFound
 
-    workers = workers if workers is not None else os.cpu_count() or 1
-    if workers < 1:
-        raise InputError(f"workers must be at least 1, not {workers}")
-    plan = session.plan(config, dataset, preset, start_row, limit, only, out)
-    print(f"building {plan.array} for Verilator", file=sys.stderr)
-    missing = [texture for texture in plan.textures if plan.finished(texture) is None]
-    started = time.monotonic()
-    with Progress(
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
-        TimeRemainingColumn(elapsed_when_finished=True), console=Console(stderr=True),
-    ) as progress:  # fmt: skip
-        name = f"{plan.data.name}, {plan.config.encoding} {plan.config.resolution} b"
-        images = len(plan.textures)
-        task = progress.add_task(name, total=images, completed=images - len(missing))
+    check_alone(data, prepared, {"--dataset": dataset, "--preset": preset, "--start-row": start_row})
+    with open_crew(workers, scheduler, session.NEEDS, threads=True) as crew, bars() as show:
+        if data is not None:
+            plan = _plan_own(data, prepared, config, given, limit, only, out)
+        else:
+            plan = session.plan_textures(config, dataset, preset or "physical", start_row or 0.0, limit, only, out)
+        print(f"building {plan.array} for Verilator", file=sys.stderr)
+        missing = plan.missing()
+        started = time.monotonic()
+        step, _ = show(f"{plan.material.name}, {plan.config.encoding} {plan.config.resolution} b", len(missing))
         try:
-            total = session.play(plan, missing, workers, lambda _: progress.advance(task))
+            total = session.play(plan, missing, crew, step)
         except MismatchFound as mismatch:
-            progress.stop()
             print(f"{mismatch}\nMISMATCH")
             raise typer.Exit(1) from None
-    seconds = time.monotonic() - started
-    summary = session.summarise(plan)
+    now = {"clocks": total.clocks, "seconds": round(time.monotonic() - started, 1), "workers": crew.workers}
+    _conclude(plan, len(missing), now)
+
+
+def _plan_own(
+    place: Path,
+    prepared: dict[str, Any],
+    config: ReadoutConfig,
+    given: frozenset[str],
+    limit: int | None,
+    only: str | None,
+    out: Path,
+) -> Plan:
+    """Return the plan for a user's own recordings."""
+    from cocotb_tests.session.material import Own
+    from cocotb_tests.session.replay import Plan
+    from cocotb_tests.session.simulator import require_programs
+
+    require_programs("verilator")
+    if limit is not None and limit < 1:
+        raise InputError(f"the number of recordings must be at least 1, not {limit}")
+    material = Own(own_recordings(place, prepared, config, given), place)
+    names = material.names
+    if only is not None:
+        names = [material.named(only)]
+    elif limit is not None and limit < len(names):
+        names = [names[k * len(names) // limit] for k in range(limit)]
+    return Plan(material.recordings.config, material, names, out)
+
+
+def _conclude(plan: Plan, played: int, now: dict[str, Any]) -> None:
+    """Write and print what all recordings hold together; fail where some are missing or none has an event."""
+    from cocotb_tests.session.replay import summarise
+
+    summary, count = summarise(plan), len(plan.names)
     if (absent := summary.pop("missing")) or not summary["events"]:
-        print(f"FAILED: {absent} of {images} recordings are missing, {summary['events']} events")
+        print(f"FAILED: {absent} of {count} recordings are missing, {summary['events']} events")
         raise typer.Exit(1)
-    summary["played_now"] = {
-        "images": len(missing),
-        "clocks": total.clocks,
-        "seconds": round(seconds, 1),
-        "workers": workers,
-    }
+    noun = "images" if plan.material.preset else "recordings"
+    summary["played_now"] = {noun: played} | now
     summary["configuration"] = plan.config.to_dict()
     with atomic_write(plan.folder / "summary.json") as file:
         file.write((json.dumps(summary, indent=2) + "\n").encode())
-    print(printable(f"events per image: {plan.events}; played now: {len(missing)} images in {seconds:.0f} s"))
-    print(f"bit-exact: {images} runs, {summary['clocks']} clocks, {summary['events']} events, 0 mismatches")
+    print(printable(f"events per {noun[:-1]}: {plan.events}; played now: {played} {noun} in {now['seconds']:.0f} s"))
+    print(f"bit-exact: {count} runs, {summary['clocks']} clocks, {summary['events']} events, 0 mismatches")

@@ -1,106 +1,107 @@
-"""The command sim: scenarios and texture scans through RTL and model."""
+"""The command sim: scenarios and texture scans, or a user's own recordings, through RTL and model."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from model.cli.app import printable
 from model.cli.config_options import with_config
-from model.cli.progress import bar
-from model.commands.recordings import print_set, warn
+from model.cli.progress import bar, bars
+from model.commands.recordings import OwnData, check_alone, own_recordings, with_preparation
 from model.config import ReadoutConfig
-from model.errors import InputError
+
+if TYPE_CHECKING:
+    from cocotb_tests.session.session import Tally
 
 
 @with_config
+@with_preparation
 def sim(
     config: ReadoutConfig,
     given: frozenset[str],
+    prepared: dict[str, Any],
     simulator: Annotated[str, typer.Option("--sim", help="verilator or icarus")] = "verilator",
     waves: Annotated[bool, typer.Option(help="leave a waveform")] = False,
     seed: Annotated[int, typer.Option(help="seed of the scenarios")] = 0,
-    textures: Annotated[int, typer.Option(help="texture scans of each encoding, one class after the other")] = 3,
-    only: Annotated[str | None, typer.Option(help="one texture, by its name, and no scenarios")] = None,
+    textures: Annotated[int, typer.Option(help="scans or recordings of each encoding, one class after the other")] = 3,
+    only: Annotated[str | None, typer.Option(help="one texture or recording, by its name, and no scenarios")] = None,
     ticks: Annotated[int | None, typer.Option(help="sample ticks of a scan at most [all]")] = None,
     dataset: Annotated[str | None, typer.Option(help="texture folder, or 'embedded'")] = None,
-    data: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="your own recordings instead: class folders, or a file")
-    ] = None,
+    data: OwnData = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for pictures and event files")] = Path("out/sim"),
 ) -> None:
     """Hold the RTL to the model on scenarios and texture scans, or your recordings; exit code 1 if they differ."""
-    if data is not None:
-        if only is not None or dataset is not None:
-            raise InputError("--data plays your own recordings; leave out --only and --dataset")
-        _sim_own(data, config, given, simulator, waves, textures, ticks, out)
-        return
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        SpinnerColumn,
-        TextColumn,
-        TimeElapsedColumn,
-    )
+    from cocotb_tests.session.session import Tally
 
-    from cocotb_tests.session import sim as session
-    from cocotb_tests.session.session import MismatchFound, Tally
-
-    plan = session.plan(simulator, waves, seed, textures, only, ticks, dataset, out)
-    encodings = [config.encoding] if "encoding" in given else ["lcs", "cw-lcs", "nlcs"]
+    check_alone(data, prepared, {"--dataset": dataset})
+    encodings: list[str] = [config.encoding] if "encoding" in given else ["lcs", "cw-lcs", "nlcs"]
     total = Tally()
-    with Progress(
-        SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
-        console=Console(stderr=True),
-    ) as progress:  # fmt: skip
+    if data is not None:
+        for encoding in encodings:
+            wanted = config.replace(encoding=encoding)
+            _play_own(data, wanted, given, prepared, (simulator, waves, textures, only, ticks, out), total)
+    else:
+        _play_textures(config, encodings, (simulator, waves, seed, textures, only, ticks, dataset, out), total)
+    if not total.events or not total.drained:
+        print(f"FAILED: {total.events} events were compared, {total.drained} runs left nothing outstanding")
+        raise typer.Exit(1)
+    print(f"bit-exact: {total.runs} runs, {total.clocks} clocks, {total.events} events, 0 mismatches")
+
+
+def _play_textures(config: ReadoutConfig, encodings: list[str], asked: tuple[Any, ...], total: Tally) -> None:
+    """Play scenarios and scans with each encoding."""
+    from cocotb_tests.session import sim as session
+    from cocotb_tests.session.session import MismatchFound
+
+    plan = session.plan(*asked)
+    with bars() as show:
         for encoding in encodings:
             chosen = config.replace(encoding=encoding)
-            task = progress.add_task(encoding, total=plan.scenarios + len(plan.textures))
+            step, say = show(encoding, plan.scenarios + len(plan.textures))
             try:
                 total += session.play(
                     plan,
                     chosen,
-                    lambda _, task=task: progress.advance(task),  # type: ignore[misc]
-                    lambda stage, task=task, encoding=encoding: progress.update(  # type: ignore[misc]
-                        task, description=f"{encoding}: {stage}"
-                    ),
+                    lambda _, step=step: step(),  # type: ignore[misc]
+                    lambda stage, say=say, encoding=encoding: say(f"{encoding}: {stage}"),  # type: ignore[misc]
                 )
             except MismatchFound as mismatch:
-                progress.stop()
-                print(f"{mismatch}\nMISMATCH after {total.runs} bit-exact runs; log: {plan.running(chosen)}")
-                raise typer.Exit(1) from None
-            if waves:
+                _differ(mismatch, total, f"; log: {plan.running(chosen)}")
+            if plan.waves:
                 wave = plan.waveform(chosen)
-                print(f"waveform: {wave}; open it with: gtkwave {wave}")
-    if not total.events or not total.drained:
-        print(f"FAILED: {total.events} events were compared, {total.drained} runs left nothing outstanding")
-        raise typer.Exit(1)
-    print(printable(f"pictures and event files: {out}"))
-    print(f"bit-exact: {total.runs} runs, {total.clocks} clocks, {total.events} events, 0 mismatches")
+                print(printable(f"waveform: {wave}; open it with: gtkwave {wave}"))
+    print(printable(f"pictures and event files: {plan.out}"))
 
 
-def _sim_own(place: Path, config: ReadoutConfig, given: frozenset[str], *rest: Any) -> None:
-    """Play a user's own recordings through RTL and model, with the encoding that was chosen, or all three."""
+def _play_own(
+    place: Path,
+    config: ReadoutConfig,
+    given: frozenset[str],
+    prepared: dict[str, Any],
+    asked: tuple[str, bool, int, str | None, int | None, Path],
+    total: Tally,
+) -> None:
+    """Play a user's own recordings through RTL and model."""
     from cocotb_tests.session import own as session
-    from cocotb_tests.session.session import MismatchFound, Tally
+    from cocotb_tests.session.material import Own
+    from cocotb_tests.session.session import MismatchFound
 
-    total = Tally()
-    for encoding in [config.encoding] if "encoding" in given else ["lcs", "cw-lcs", "nlcs"]:
-        plan = session.plan(place, config.replace(encoding=encoding), given, *rest)
-        print_set(plan.recordings)
-        warn(plan.recordings.warnings)
-        with bar(f"{encoding}: RTL against model", len(plan.names)) as progress:
-            try:
-                total += session.play(plan, lambda _, progress=progress: progress())  # type: ignore[misc]
-            except MismatchFound as mismatch:
-                print(f"{mismatch}\nMISMATCH after {total.runs} bit-exact runs")
-                raise typer.Exit(1) from None
-        print(f"pictures and event files: {plan.out / plan.folder}")
-    if not total.events or not total.drained:
-        print(f"FAILED: {total.events} events were compared, {total.drained} runs left nothing outstanding")
-        raise typer.Exit(1)
-    print(f"bit-exact: {total.runs} runs, {total.clocks} clocks, {total.events} events, 0 mismatches")
+    simulator, waves, count, only, ticks, out = asked
+    session.check(simulator, count, ticks)
+    material = Own(own_recordings(place, prepared, config, given), place)
+    names = material.one_class_after_the_other(count) if only is None else [material.named(only)]
+    plan = session.OwnPlan(material, names, simulator, waves, ticks, out)  # type: ignore[arg-type]
+    with bar(f"{config.encoding}: RTL against model", len(names)) as progress:
+        try:
+            total += session.play(plan, lambda _: progress())
+        except MismatchFound as mismatch:
+            _differ(mismatch, total)
+    print(printable(f"pictures and event files: {out / plan.folder}"))
+
+
+def _differ(mismatch: Exception, total: Tally, log: str = "") -> None:
+    print(f"{mismatch}\nMISMATCH after {total.runs} bit-exact runs{log}")
+    raise typer.Exit(1) from None

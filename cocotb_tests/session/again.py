@@ -1,13 +1,13 @@
-"""How a user plays a run again: the command, and the texture by its name."""
+"""How a user plays a run again: the variables behind make."""
 
 from __future__ import annotations
 
 import dataclasses
 
 from model.cli.config_options import option_name
+from model.cli.field_options import option_of
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.textures.dataset import Dataset, Texture
+from model.recordings.options import Preparation
 
 
 def reproduce(config: ReadoutConfig, simulator: str, seed: int) -> str:
@@ -24,9 +24,8 @@ def variables(config: ReadoutConfig) -> list[str]:
     ]
 
 
-def named(data: Dataset, name: str) -> Texture:
-    """Return the texture of a name."""
-    for texture in data:
-        if texture.name == name:
-            return texture
-    raise InputError(f"dataset {data.name} has no texture {name!r}; one of them is {data[0].name}")
+def own_variables(options: Preparation, scale: float) -> list[str]:
+    """Return what to write behind make for a preparation of own recordings, the scale as it came out."""
+    names = {field.name: option_of(field) for field in dataclasses.fields(Preparation)}
+    chosen = options.chosen() | {"scale": repr(scale)}
+    return [f"{names[name][2:].replace('-', '_').upper()}={value}" for name, value in chosen.items()]

@@ -38,14 +38,13 @@ class Job:
         Play the scenarios of this seed, if any.
     scenarios : list of dict
         These, as they were prepared.
-    dataset, preset, textures, ticks, start_row
-        Play scans: the dataset's place (None for the default), the preset, the names of the textures, each with the
-        proof that its recording shall carry, the most sample ticks of each (None for all), and the image row where
-        the array starts.
-    codes : str
-        An .npz of samples by name: the names of ``textures`` are then recordings in it; empty for textures.
-    home : str
-        The folder from which relative places count.
+    dataset, preset, start_row, ticks
+        Play scans: the name of the dataset, the preset (empty where samples are played as they are), the image row
+        where the array starts, and the most sample ticks of each (None for all).
+    played : dict of str to dict
+        The names of what is played, each with what its recording shall say of it: class, label, proof.
+    arrays : str
+        An .npz with an image, or with samples, for each name, under ``array/NAME``.
     keep : str
         Folder for the RTL's events, a file per scan; empty for none.
     """
@@ -54,13 +53,12 @@ class Job:
     reproduce: str
     seed: int | None = None
     scenarios: list[dict[str, Any]] = field(default_factory=list)
-    dataset: str | None = None
-    preset: str = "physical"
-    textures: dict[str, str] = field(default_factory=dict)
-    ticks: int | None = None
+    dataset: str = ""
+    preset: str = ""
     start_row: float = 0.0
-    codes: str = ""
-    home: str = field(default_factory=os.getcwd)
+    ticks: int | None = None
+    played: dict[str, dict[str, Any]] = field(default_factory=dict)
+    arrays: str = ""
     keep: str = ""
 
     def write(self, path: Path) -> None:
@@ -80,55 +78,33 @@ class Scan:
 
 
 def _scans(job: Job, config: ReadoutConfig) -> Iterator[Scan]:
-    """Yield the scans of a job."""
-    if not job.textures:
+    """Yield the scans or recordings of a job."""
+    if not job.played:
         return
-    if job.codes:
-        yield from _recordings(job, config)
-        return
-    from cocotb_tests.bench.stimuli import outstanding, settled
-    from cocotb_tests.bench.textures import large_enough
-    from model.textures.dataset import open_dataset
-    from model.textures.presets import preset
-
-    with contextlib.chdir(job.home):
-        dataset, scan = open_dataset(job.dataset), preset(job.preset)
-    by_name = {texture.name: texture for texture in dataset}
-    for name, proof in job.textures.items():
-        texture = by_name[name]
-        image = texture.load()
-        if dataset.name == "embedded":
-            image = large_enough(image, config)
-        samples, clipped = scan.samples(config, image, job.start_row)
-        stimulus = settled(config, samples[: job.ticks])
-        metadata = {
-            "name": name,
-            "class": texture.class_name,
-            "label": texture.label,
-            "dataset": dataset.name,
-            "preset": job.preset,
-            "start_row": job.start_row,
-            "clipped_samples": clipped,
-            "ticks": len(stimulus.samples),
-            "proof": proof,
-            "source": "rtl",
-        }
-        yield Scan(name, stimulus, outstanding(config, stimulus), Path(job.keep) / f"{name}.npz", metadata)
-
-
-def _recordings(job: Job, config: ReadoutConfig) -> Iterator[Scan]:
-    """Yield the recordings of a job."""
     import numpy as np
 
     from cocotb_tests.bench.stimuli import outstanding, settled
 
-    with np.load(job.codes) as codes:
-        for name, proof in job.textures.items():
-            stimulus = settled(config, codes[name][: job.ticks])
-            metadata = {"name": name, "dataset": job.dataset, "ticks": len(stimulus.samples)}
-            metadata |= {"class": name.split("/")[0]} if "/" in name else {}
-            metadata |= {"proof": proof, "source": "rtl"}
+    with np.load(job.arrays) as arrays:
+        for name, said in job.played.items():
+            array = arrays[f"array/{name}"]
+            samples, of_scan = _samples_of(job, config, array) if job.preset else (array, {})
+            stimulus = settled(config, samples[: job.ticks])
+            own = {key: value for key, value in said.items() if key != "proof"}
+            metadata = {"name": name} | own | {"dataset": job.dataset} | of_scan
+            metadata |= {"ticks": len(stimulus.samples), "proof": said["proof"], "source": "rtl"}
             yield Scan(name, stimulus, outstanding(config, stimulus), Path(job.keep) / f"{name}.npz", metadata)
+
+
+def _samples_of(job: Job, config: ReadoutConfig, image: Any) -> tuple[Any, dict[str, Any]]:
+    """Return the samples of the scan of an image, and what its recording shall say of it."""
+    from cocotb_tests.bench.textures import large_enough
+    from model.textures.presets import preset
+
+    if job.dataset == "embedded":
+        image = large_enough(image, config)
+    samples, clipped = preset(job.preset).samples(config, image, job.start_row)
+    return samples, {"preset": job.preset, "start_row": job.start_row, "clipped_samples": clipped}
 
 
 @contextlib.contextmanager

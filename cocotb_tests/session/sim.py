@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cocotb_tests.bench.stimuli import STIMULI, settled
+from cocotb_tests.bench.stimuli import STIMULI
 from cocotb_tests.bench.textures import large_enough
-from cocotb_tests.session.again import named, reproduce
-from cocotb_tests.session.player import Job
-from cocotb_tests.session.proof import proof
+from cocotb_tests.session.again import reproduce
+from cocotb_tests.session.material import Textures
+from cocotb_tests.session.part import job_of, play_here
+from cocotb_tests.session.picture import draw
 from cocotb_tests.session.runners import Simulator
-from cocotb_tests.session.session import Tally, run_job
+from cocotb_tests.session.session import Tally
 from cocotb_tests.session.simulator import build, require_programs
 from model.config import ReadoutConfig
 from model.errors import InputError
-from model.files import atomic_write, make_folder
-from model.textures.dataset import Texture, open_dataset
+from model.files import make_folder
+from model.textures.dataset import open_dataset
+from model.textures.physical import PhysicalScan
 
 ALL_TICKS = 10**6  # more than any scan has: WAVES=1 alone would cut the scan short of the mismatch
 WAVE_TICKS = 200
@@ -38,9 +41,10 @@ class Plan:
         Of the scenarios.
     scenarios : int
         How many scenarios are played.
-    dataset : str
-        Place of the textures.
-    textures : list of Texture
+    material : Textures
+        The dataset.
+    textures : list of str
+        Names of those that are played.
     ticks : int or None
         Sample ticks of a scan at most.
     out : Path
@@ -51,8 +55,8 @@ class Plan:
     waves: bool
     seed: int
     scenarios: int
-    dataset: str
-    textures: list[Texture]
+    material: Textures
+    textures: list[str]
     ticks: int | None
     out: Path
 
@@ -84,13 +88,14 @@ def plan(
     if textures < 0 or seed < 0 or (ticks is not None and ticks < 1):
         raise InputError(f"textures and seed must be at least 0 and ticks at least 1, not {textures}, {seed}, {ticks}")
     data = open_dataset(dataset or "embedded")
-    picked = [data[number] for number in _one_of_each_class(data.labels, textures)]
+    material = Textures(data, dataset or "embedded")
+    picked = [data[number].name for number in _one_of_each_class(data.labels, textures)]
     if only is not None:
-        picked = [named(data, only)]
+        picked = [material.texture(only).name]
     if ticks is None and (waves or simulator == "icarus"):
         ticks = WAVE_TICKS
     scenarios = 0 if only else len(STIMULI) + 1
-    return Plan(simulator, waves, seed, scenarios, dataset or "embedded", picked, ticks, out)  # type: ignore[arg-type]
+    return Plan(simulator, waves, seed, scenarios, material, picked, ticks, out)  # type: ignore[arg-type]
 
 
 def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_stage: Callable[[str], None]) -> Tally:
@@ -112,24 +117,24 @@ def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_st
     """
     on_stage(f"building for {plan.simulator}")
     program = build(config, plan.simulator, waves=plan.waves)
-    place = plan.place(config)
+    place, material = plan.place(config), plan.material
     again = reproduce(config, plan.simulator, plan.seed)
     if plan.textures:
-        again = f"{again.replace(' TEXTURES=0', '')} DATASET={plan.dataset} TICKS={plan.ticks or ALL_TICKS}"
-    job = Job(
-        config.to_dict(),
-        again,
+        again = f"{again.replace(' TEXTURES=0', '')} DATASET={material.place} TICKS={plan.ticks or ALL_TICKS}"
+    job = dataclasses.replace(
+        job_of(material, plan.textures, config, program, again),
         seed=plan.seed if plan.scenarios else None,
-        dataset=plan.dataset,
-        textures={texture.name: proof(program, texture) for texture in plan.textures},
         ticks=plan.ticks,
         keep=str(make_folder(plan.out, f"{place}/events").resolve()),
     )
     on_stage("RTL against model")
-    tally = run_job(program, job, make_folder(plan.out, f"{place}/run", empty=True), on_run)
+    images = material.arrays(plan.textures)
+    tally = play_here(program, job, images, make_folder(plan.out, f"{place}/run", empty=True), on_run)
     if plan.textures:
         on_stage("picture")
-        _picture(config, plan.textures[0], plan.out / place, plan.ticks)
+        name = plan.textures[0]
+        image = large_enough(images[name], config) if material.name == "embedded" else images[name]
+        draw(config, name, PhysicalScan().samples(config, image)[0][: plan.ticks], plan.out / place, image)
     on_stage("done")
     return tally
 
@@ -138,34 +143,3 @@ def _one_of_each_class(labels: Any, count: int) -> list[int]:
     """Return the numbers of some textures: the first of each class, then the second of each, and so on."""
     order = sorted(range(len(labels)), key=lambda i: (sum(labels[:i] == labels[i]), labels[i]))
     return order[:count]
-
-
-def _picture(config: ReadoutConfig, texture: Texture, folder: Path, ticks: int | None) -> None:
-    """Draw the RTL's events of a scan over the model's, and write the model's beside them."""
-    from model.events.recording import Recording
-    from model.figures.raster import plot_comparison
-    from model.readout import simulate
-    from model.textures.physical import PhysicalScan
-
-    recorded = folder / "events" / f"{texture.name}.npz"
-    rtl = Recording.load(recorded)
-    image = texture.load()
-    if rtl.metadata["dataset"] == "embedded":
-        image = large_enough(image, config)
-    samples = PhysicalScan().samples(config, image)[0][:ticks]
-    model = simulate(config, settled(config, samples))
-    Recording(model, config, rtl.duration_clocks, metadata=rtl.metadata | {"source": "model"}).save(
-        folder / "model.npz"
-    )
-    with atomic_write(folder / "rtl.npz") as file:
-        file.write(recorded.read_bytes())
-    plot_comparison(
-        (rtl.events, model),
-        config,
-        folder / "raster.png",
-        labels=("RTL", "model"),
-        title=f"{texture.name}, {config.encoding} {config.resolution} b, {config.rows} x {config.columns} taxels",
-        signal=samples / config.full_scale,
-        texture=image,
-        duration_clocks=rtl.duration_clocks,
-    )

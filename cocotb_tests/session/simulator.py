@@ -33,6 +33,10 @@ ENVIRONMENT = {
 }
 
 
+class SimulationDied(AssertionError):  # it may be done again
+    """Raised where a simulation was killed, or fell over, before it could say how its tests went."""
+
+
 class Build:
     """A simulation program.
 
@@ -51,7 +55,13 @@ class Build:
         self.folder, self.top, self.simulator, self.waves = folder, top, simulator, waves
 
     def test(self, module: str, folder: Path, testcase: str | None = None, env: dict[str, str] | None = None) -> None:
-        """Run the cocotb tests of a module; raise AssertionError with the end of the log if one fails or none ran."""
+        """Run the cocotb tests of a module.
+
+        Raises
+        ------
+        AssertionError
+            If one fails or none ran, with the end of the log; SimulationDied if the program left no results at all.
+        """
         folder = folder.resolve()
         folder.mkdir(parents=True, exist_ok=True)
         log = folder / "simulation.log"
@@ -75,7 +85,8 @@ class Build:
             ran, failed = 1, 1
         if failed or not ran:
             tail = log.read_text(errors="replace")[-4000:] if log.exists() else "(no log)"
-            raise AssertionError(f"{failed} of {ran} tests failed in {module} on {self.simulator}:\n{tail}")
+            kind = AssertionError if results.exists() else SimulationDied
+            raise kind(f"{failed} of {ran} tests failed in {module} on {self.simulator}:\n{tail}")
 
 
 def build(

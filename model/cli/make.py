@@ -45,6 +45,8 @@ class Target:
         Command lines behind the interpreter; ``$NAME`` stands for the words of a variable.
     defaults : dict of str to str
         Variables that the target sets where the user does not.
+    instead : dict of str to str
+        Variables with which a default is not set.
     """
 
     help: str
@@ -52,6 +54,7 @@ class Target:
     needs: tuple[str, ...] = ()
     steps: tuple[str, ...] = ()
     defaults: dict[str, str] = field(default_factory=dict)
+    instead: dict[str, str] = field(default_factory=dict)
 
 
 SIM, SNN, DEV, ALL = ("sim",), ("snn",), ("sim", "snn", "dev"), ("all",)
@@ -67,7 +70,9 @@ TARGETS = {
         SIM,
     ),
     "replay": Target(
-        "drive a whole dataset through RTL and model [DATASET= PRESET= LIMIT= OUT=]", "cocotb_tests replay", SIM
+        "a whole dataset or DATA=my_skin/ through RTL and model [DATASET= PRESET= LIMIT= SCHEDULER= OUT=]",
+        "cocotb_tests replay",
+        SIM,
     ),
     "verilog": Target(
         "write Verilog, constraints, port list and FuseSoC core [READOUT=spiking|frame OUT=]",
@@ -84,18 +89,23 @@ TARGETS = {
     "train": Target(
         'train one network [DATA=my_skin/ RECIPE= FRAMES= SET="NAME=VALUE ..." EPOCHS= FOLD= OUT=]', "snn train", SNN
     ),
-    "crossval": Target("folds x seeds, resumable [PRESET= ENCODING= RESOLUTION= FOLDS= SEEDS=]", "snn crossval", SNN),
+    "crossval": Target(
+        "folds x seeds, resumable [DATA= PRESET= ENCODING= RESOLUTION= FOLDS= SEEDS=]", "snn crossval", SNN
+    ),
     "predict": Target(
-        "classify recordings; RTL spikes against model spikes [WEIGHTS= EVENTS= CHECK_MODEL=1]",
+        "classify recordings; RTL spikes against model spikes [WEIGHTS= EVENTS= DATA= CHECK_MODEL=1]",
         "snn predict",
         SNN,
         defaults={"WEIGHTS": "out/train/weights.npz", "EVENTS": "out/replay"},
+        instead={"DATA": "EVENTS"},
     ),
-    "sweep": Target("accuracy by data rate: many points, resumable [POINTS= SCHEDULER=]", "snn sweep", SNN),
+    "sweep": Target("accuracy by data rate: many points, resumable [POINTS= DATA= SCHEDULER=]", "snn sweep", SNN),
     "power": Target("power of the three readouts [MODE= RESOLUTION= NOISE= TAU= CROSSOVER=1]", "model power"),
     "fig6": Target("power at three noise targets in both modes, data and picture [OUT= SYNTHESIS=]", "model fig6"),
     "fig7": Target("noise at which spikes and frames cost the same [OUT= SYNTHESIS=]", "model fig7"),
-    "fig8": Target("one scan through a trained network, texture to class [WEIGHTS= IMAGE= OUT=]", "snn fig8", SNN),
+    "fig8": Target(
+        "one scan through a trained network, texture to class [WEIGHTS= IMAGE= DATA= OUT=]", "snn fig8", SNN
+    ),
     "fig9": Target("accuracy against data rate and confusion, published and ours [SWEEP= OUT=]", "snn fig9"),
     "sensitivity": Target("what each correction of the power model does [OUT= SYNTHESIS=]", "model sensitivity"),
     "explore": Target("cheapest readout for your sensor [ROWS= BANDWIDTH= NOISE= EVENT_RATE=]", "model explore"),
@@ -205,7 +215,8 @@ def arguments(parameters: dict[str, Any], variables: dict[str, str]) -> list[str
 def command_lines(target: Target, parameters: dict[str, Any], variables: dict[str, str]) -> list[list[str]]:
     """Return the command lines of a target, each behind the interpreter of the environment."""
     if target.command:
-        own = target.defaults | variables
+        unset = {target.instead[name] for name in variables if name in target.instead}
+        own = {name: value for name, value in target.defaults.items() if name not in unset} | variables
         return [[python(), "-m", *target.command.split(), *arguments(parameters, own)]]
     lines = []
     for step in target.steps:

@@ -1,22 +1,73 @@
-"""Progress of the commands: a bar on standard error, where that is a terminal."""
+"""Progress of the commands: bars on standard error, where that is a terminal."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+
+def watched() -> bool:
+    """Return whether somebody looks at a bar."""
+    return sys.stderr.isatty()
+
+
+def progress_of(*words: str, spinner: bool = False, time_left: bool = False, transient: bool = True) -> Progress:
+    """Return bars of one look: texts as ``{task.description}``, the bar, pieces done, and the time.
+
+    Parameters
+    ----------
+    *words : str
+        The first stands before the bar, the others behind it.
+    spinner : bool
+        Begin with a turning mark.
+    time_left : bool
+        Show the time that is left and not the time that has passed.
+    transient : bool
+        Bars go when all is done.
+    """
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        SpinnerColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns: list[Any] = [SpinnerColumn()] if spinner else []
+    columns += [TextColumn(words[0]), BarColumn(), MofNCompleteColumn()]
+    columns += [TimeRemainingColumn() if time_left else TimeElapsedColumn(), *map(TextColumn, words[1:])]
+    return Progress(*columns, console=Console(stderr=True), transient=transient)
 
 
 @contextmanager
 def bar(text: str, total: int | None = None) -> Iterator[Callable[[], None]]:
     """Give a function to call after each piece of work; without a terminal nothing is shown."""
-    if not sys.stderr.isatty():
+    if not watched():
         yield lambda: None
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+    with progress_of("{task.description}") as shown:
         task = shown.add_task(text, total=total)
         yield lambda: shown.advance(task)
+
+
+@contextmanager
+def bars() -> Iterator[Callable[[str, int], tuple[Callable[[], None], Callable[[str], None]]]]:
+    """Give a function that adds a bar: it gives what to call after each piece, and what changes the text."""
+    if not watched():
+        yield lambda text, total: (lambda: None, lambda words: None)
+        return
+    with progress_of("{task.description}", spinner=True, transient=False) as shown:
+
+        def add(text: str, total: int) -> tuple[Callable[[], None], Callable[[str], None]]:
+            task = shown.add_task(text, total=total)
+            return lambda: shown.advance(task), lambda words: shown.update(task, description=words)
+
+        yield add

@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 OutOption = Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="folder for data and picture")]
-DataOption = Annotated[
-    Path | None, typer.Option("--data", metavar="DIR", help="folder for the data, if another", show_default=False)
+DataOutOption = Annotated[
+    Path | None, typer.Option("--data-out", metavar="DIR", help="folder for the data, if another", show_default=False)
 ]
 SettingsOption = Annotated[
     list[str] | None, typer.Option("--set", metavar="NAME=NUMBER", help="change a parameter, repeatable")

@@ -12,7 +12,7 @@ from model.cli.app import printable
 from model.cli.progress import bar
 from model.cli.tables import new_table, show
 from model.commands.options import (
-    DataOption,
+    DataOutOption,
     DatasetOption,
     JsonOption,
     OutOption,
@@ -169,7 +169,7 @@ def _print_parameters(parameters: PowerParameters, as_json: bool) -> None:
 
 def fig6(
     out: OutOption = DEFAULT_OUT,
-    data_out: DataOption = None,
+    data_out: DataOutOption = None,
     settings: SettingsOption = None,
     synthesis: SynthesisOption = None,
     dataset: DatasetOption = None,
@@ -190,7 +190,7 @@ def fig6(
 
 def fig7(
     out: OutOption = DEFAULT_OUT,
-    data_out: DataOption = None,
+    data_out: DataOutOption = None,
     settings: SettingsOption = None,
     synthesis: SynthesisOption = None,
     dataset: DatasetOption = None,
@@ -209,7 +209,7 @@ def fig7(
 
 def sensitivity(
     out: OutOption = DEFAULT_OUT,
-    data_out: DataOption = None,
+    data_out: DataOutOption = None,
     settings: SettingsOption = None,
     synthesis: SynthesisOption = None,
     as_json: JsonOption = False,

@@ -4,9 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Collection, Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
+import typer
+
+from model.cli.app import printable
+from model.cli.field_options import option_of, with_fields
+from model.cli.progress import bar
+from model.config import ReadoutConfig
+from model.errors import InputError
 from model.recordings.options import Preparation
 
 if TYPE_CHECKING:
@@ -16,17 +24,79 @@ if TYPE_CHECKING:
 PREPARATION = tuple(field.name for field in dataclasses.fields(Preparation))
 """Fields of Preparation, all of which are options."""
 
+OwnData = Annotated[
+    Path | None,
+    typer.Option("--data", metavar="DIR", help="class folders of your own recordings, in place of textures"),
+]
+
+
+def with_preparation(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Replace the parameter ``prepared`` of a command by options for how own recordings are read and scaled."""
+    return with_fields(Preparation, PREPARATION, "prepared", {"baseline": "first"})(command)
+
+
+def check_alone(data: Path | None, prepared: Mapping[str, Any], others: Mapping[str, object]) -> None:
+    """Refuse what belongs to textures beside own recordings, and what belongs to own recordings without them."""
+    if data is None and prepared:
+        raise InputError(f"{option_named(next(iter(prepared)))} is for your own recordings; add --data DIR")
+    if data is not None and (idle := [option for option, value in others.items() if value is not None]):
+        raise InputError(f"{idle[0]} is for textures, --data plays your own recordings; leave one of the two out")
+
+
+def option_named(field: str) -> str:
+    """Return the option of a field of Preparation."""
+    return option_of(next(f for f in dataclasses.fields(Preparation) if f.name == field))
+
+
+def preparation(prepared: Mapping[str, Any]) -> Preparation:
+    """Return how the recordings of a folder are read: with the first value as baseline, unless a user says else."""
+    return Preparation(**({"baseline": "first"} | dict(prepared)))
+
+
+def own_recordings(
+    place: Path, prepared: Mapping[str, Any], config: ReadoutConfig, given: Collection[str]
+) -> RecordingSet:
+    """Return a user's recordings with the configuration that suits them, and say what they are."""
+    from model.recordings.folder import read_set
+
+    if not place.exists():
+        raise InputError(f"{place} does not exist; give a folder of class folders, or a recording")
+    with bar("reading recordings") as progress:
+        found = read_set(place, preparation(prepared), config, given, progress)
+    print_set(found)
+    warn(found.warnings)
+    return found
+
+
+def events_of(
+    place: Path, prepared: Mapping[str, Any], config: ReadoutConfig, given: Collection[str], flat: bool = False
+) -> Path:
+    """Return the folder of event files of a user's own recordings, made unless they are kept.
+
+    ``flat`` takes recordings without a class too: a file, or a folder of files.
+    """
+    from model.crew.crew import Local
+    from model.recordings.kept import kept_events
+
+    if not place.is_dir() and not (flat and place.is_file()):
+        raise InputError(f"{place} is not a folder; give one with a folder for each class")
+    with Local(threads=True) as crew, bar("encoding recordings") as step:
+        folder, warnings = kept_events(place, preparation(prepared), config, given, step, crew=crew, flat=flat)
+    warn(warnings)
+    print(printable(f"event files of {place}: {folder}"))
+    return folder
+
 
 def print_notes(notes: Iterable[str]) -> None:
     """Print what was taken for what."""
     for note in notes:
-        print(f"note: {note}")
+        print(printable(f"note: {note}"))
 
 
 def warn(warnings: Iterable[str]) -> None:
     """Print warnings on standard error."""
     for warning in warnings:
-        print(f"warning: {warning}", file=sys.stderr)
+        print(printable(f"warning: {warning}"), file=sys.stderr)
 
 
 def print_set(recordings: RecordingSet) -> None:
@@ -37,7 +107,7 @@ def print_set(recordings: RecordingSet) -> None:
     of = (
         f" of {len(classes)} classes ({', '.join(classes[:8])}{', ...' if len(classes) > 8 else ''})" if classes else ""
     )
-    print(f"{recordings.name}: {len(recordings.sources)} recordings{of}")
+    print(printable(f"{recordings.name}: {len(recordings.sources)} recordings{of}"))
     print(
         f"{config.encoding} {config.resolution} b, {config.rows} x {config.columns} taxels at "
         f"{config.sample_rate_hz:g} samples/s, {config.clocks_per_sample} clocks per sample, "

@@ -124,6 +124,11 @@ class Cluster:
                 )
 
     @property
+    def workers(self) -> int:
+        """The workers of this moment, at least one."""
+        return max(1, len(self._client.scheduler_info()["workers"]))
+
+    @property
     def window(self) -> int:
         """The workers of this moment, and some pieces to wait behind."""
         return len(self._client.scheduler_info()["workers"]) + SPARE

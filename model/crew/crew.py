@@ -59,6 +59,10 @@ class Crew(Protocol):
     """Takes work and gives futures with ``add_done_callback`` and ``result``; leaving it stops what still runs."""
 
     @property
+    def workers(self) -> int:
+        """So many pieces are worked on side by side."""
+
+    @property
     def window(self) -> int:
         """So many pieces are worth having on their way."""
 
@@ -109,7 +113,7 @@ class Local:
         if workers < 1:
             raise InputError(f"workers must be at least 1, not {workers}")
         self.window = workers + SPARE if workers > 1 else 1
-        self._workers, self._threads = workers, threads
+        self.workers, self._threads = workers, threads
         self._others = set(multiprocessing.active_children())
         self._left = False
         self._renewing = threading.Lock()
@@ -117,8 +121,8 @@ class Local:
 
     def _new_pool(self) -> ProcessPoolExecutor | ThreadPoolExecutor:
         if self._threads:
-            return ThreadPoolExecutor(self._workers)
-        return ProcessPoolExecutor(self._workers, multiprocessing.get_context("spawn"), _start)
+            return ThreadPoolExecutor(self.workers)
+        return ProcessPoolExecutor(self.workers, multiprocessing.get_context("spawn"), _start)
 
     def submit(self, work: Callable[..., Any], *arguments: Any, shared: Shared | None = None) -> Future[Any]:
         """Begin a piece of work in the pool, or do it here."""

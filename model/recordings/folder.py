@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +60,8 @@ class RecordingSet:
     codes : list of int32 arrays, shape (ticks, taxels)
         In the order of the sources.
     config : ReadoutConfig
+    options : Preparation
+        That made the codes.
     scale : float
         Factor from the unit of the files to full scale.
     clipped : int
@@ -71,6 +74,7 @@ class RecordingSet:
     sources: tuple[Source, ...]
     codes: list[NDArray[np.int32]]
     config: ReadoutConfig
+    options: Preparation
     scale: float
     clipped: int
     notes: tuple[str, ...]
@@ -88,17 +92,15 @@ class RecordingSet:
 
     def _named(self, number: int, events: Events, quality: Quality) -> tuple[Recording, Quality]:
         source = self.sources[number]
-        metadata = {
-            "name": source.name,
-            "source": source.path.name,
-            "model": "cycle",
-            "dataset": self.name,
-            "input": "recording",
-            "scale": self.scale,
-        }
-        metadata |= {} if source.class_name is None else {"class": source.class_name}
+        metadata = {"name": source.name, "source": source.path.name, "model": "cycle", "dataset": self.name}
+        metadata |= {"input": "recording"} | self.said_of(source)
         clocks = len(self.codes[number]) * self.config.clocks_per_sample
         return Recording(events, self.config, clocks, metadata=metadata), quality
+
+    def said_of(self, source: Source) -> dict[str, Any]:
+        """Return what an event file shall say of its recording: by the same preparation others can be compared."""
+        said = {"scale": self.scale, "prepared": self.options.chosen()}
+        return said | ({} if source.class_name is None else {"class": source.class_name})
 
 
 def encoded(config: ReadoutConfig, codes: NDArray[np.int32]) -> tuple[Events, Quality]:
@@ -107,14 +109,18 @@ def encoded(config: ReadoutConfig, codes: NDArray[np.int32]) -> tuple[Events, Qu
     return events, measure_quality(config, codes, events)
 
 
-def sources_of(folder: Path) -> tuple[Source, ...]:
-    """Return the recordings of a folder of class folders, in the order of their names.
+def sources_of(folder: Path, flat: bool = False) -> tuple[Source, ...]:
+    """Return the recordings of a folder of class folders, in the order of their names, or one file as the only one.
+
+    With ``flat`` files may lie beside the class folders, and have no class.
 
     Raises
     ------
     InputError
         If there is none, or one lies beside the class folders.
     """
+    if not folder.is_dir():
+        return (Source(folder, folder.stem, None),)
     found = []
     try:
         paths = sorted(path for path in folder.rglob("*") if path.suffix.lower() in ARRAY_SUFFIXES)
@@ -124,9 +130,11 @@ def sources_of(folder: Path) -> tuple[Source, ...]:
         parts = path.relative_to(folder).parts
         if any(part.startswith(".") for part in parts) or not path.is_file():
             continue
-        if len(parts) < 2:
+        if len(parts) < 2 and not flat:
             raise InputError(f"{path} lies beside the class folders; move it into the folder of its class")
-        found.append(Source(path, path.relative_to(folder).with_suffix("").as_posix(), parts[0]))
+        found.append(
+            Source(path, path.relative_to(folder).with_suffix("").as_posix(), parts[0] if len(parts) > 1 else None)
+        )
     if not found:
         raise InputError(
             f"{folder} holds no recordings; give a folder with one folder for each class, and files that end in "
@@ -145,6 +153,7 @@ def read_set(
     config: ReadoutConfig,
     given: Collection[str] = (),
     progress: Callable[[], object] | None = None,
+    flat: bool = False,
 ) -> RecordingSet:
     """Return the recordings of a folder, or of one file, with the configuration that suits them.
 
@@ -159,8 +168,10 @@ def read_set(
         Fields of it that the user set; of the others, array, rate, clock and time constants follow the recordings.
     progress : callable, optional
         Called after each file.
+    flat : bool
+        As ``sources_of`` takes it.
     """
-    sources = sources_of(place) if place.is_dir() else (Source(place, place.stem, None),)
+    sources = sources_of(place, flat)
     tables = []
     for source in sources:
         tables.append(read_table(source.path, options))
@@ -179,6 +190,7 @@ def read_set(
         sources=sources,
         codes=prepared.codes,
         config=config,
+        options=options,
         scale=prepared.scale,
         clipped=prepared.clipped,
         notes=tuple(dict.fromkeys(note for table in tables for note in table.notes)),

@@ -33,8 +33,11 @@ def kept_events(
     progress: Callable[[], object] | None = None,
     out: Path = KEPT,
     crew: Crew | None = None,
+    flat: bool = False,
 ) -> tuple[Path, tuple[str, ...]]:
     """Return the folder of event files of a folder of class folders, made unless it is there, and warnings.
+
+    With ``flat`` recordings may lie beside the class folders, and a file may stand alone: they have no class.
 
     Its name has a digest of the recordings, the options, the configuration and the model's own files, so
     what something else made is never taken for it.
@@ -42,15 +45,15 @@ def kept_events(
     digest = hashlib.sha256(json.dumps([__version__, asdict(options), config.to_dict(), sorted(given)]).encode())
     for file in sorted([*_MODEL.glob("*.py"), *_MODEL.glob("recordings/*.py")]):
         digest.update(file.read_bytes())
-    for source in sources_of(place):
+    for source in sources_of(place, flat):
         try:
-            digest.update(source.path.relative_to(place).as_posix().encode() + b"\0" + source.path.read_bytes())
+            digest.update(source.name.encode() + source.path.suffix.encode() + b"\0" + source.path.read_bytes())
         except OSError as error:
             raise InputError(f"cannot read {source.path}: {error.strerror}") from None
     folder = out / f"{place.resolve().name}-{digest.hexdigest()[:12]}"
     if folder.is_dir():
         return folder, ()
-    recordings = read_set(place, options, config, given, progress)
+    recordings = read_set(place, options, config, given, progress, flat)
     try:
         out.mkdir(parents=True, exist_ok=True)
         part = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=out))

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from model.config import parameter
 from model.errors import InputError
@@ -56,6 +57,14 @@ class Preparation:
         if not (math.isfinite(self.highpass_hz) and self.highpass_hz > 0):
             raise InputError(f"--highpass must be a positive number of hertz, not {self.highpass_hz!r}")
         self.percentile()
+
+    def chosen(self) -> dict[str, Any]:
+        """Return the fields that do not have their default, but for the scale."""
+        return {
+            field.name: getattr(self, field.name)
+            for field in dataclasses.fields(self)
+            if field.name != "scale" and getattr(self, field.name) != field.default
+        }
 
     def percentile(self) -> float | None:
         """Return the percentile of the magnitudes that becomes full scale, 100 for ``max``; None for a factor."""

@@ -362,7 +362,7 @@ def report_data(sim: Path, replay: Path, benchmarks: Path, accuracy: Path, synth
     if fig9 is None:
         missing["fig9"] = [
             "The accuracy results are not there, so Fig. 9 is not drawn. Make them with python -m snn sweep and "
-            "python -m snn fig9 --data docs/data, or give a file with --accuracy (format: docs/guide/report.md)."
+            "python -m snn fig9 --data-out docs/data, or give a file with --accuracy (format: docs/guide/report.md)."
         ]
     if not gates:
         missing["synthesis"] = [

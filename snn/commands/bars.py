@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from model.cli.progress import progress_of, watched
+
 if TYPE_CHECKING:
     from snn.experiments.sweep import PointRun
 
@@ -17,7 +19,7 @@ def epoch_bar(epochs: int) -> Iterator[tuple[Any, Any]]:
 
     Sentences are warnings, and go to standard error always.
     """
-    if not sys.stderr.isatty():
+    if not watched():
 
         def line(epoch: Any) -> None:
             if epoch.number % 10 == 0 or epoch.number == epochs:
@@ -26,24 +28,19 @@ def epoch_bar(epochs: int) -> Iterator[tuple[Any, Any]]:
 
         yield line, lambda text: print(f"warning: {text}", file=sys.stderr)
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    console = Console(stderr=True)
-    words = TextColumn("loss {task.fields[loss]:.3f}, training accuracy {task.fields[accuracy]:.1%}")
-    columns = (TextColumn("epochs"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), words)
-    with Progress(*columns, console=console, transient=True) as shown:
+    words = "loss {task.fields[loss]:.3f}, training accuracy {task.fields[accuracy]:.1%}"
+    with progress_of("epochs", words, time_left=True) as shown:
         task = shown.add_task("", total=epochs, loss=float("nan"), accuracy=0.0)
         yield (
             lambda epoch: shown.update(task, completed=epoch.number, loss=epoch.loss, accuracy=epoch.accuracy),
-            lambda text: console.print(f"warning: {text}"),
+            lambda text: shown.console.print(f"warning: {text}", markup=False),
         )
 
 
 @contextmanager
 def cell_bar(total: int) -> Iterator[Any]:
     """Give the ``progress`` of a sweep: without a terminal a line per cell that was run."""
-    if not sys.stderr.isatty():
+    if not watched():
 
         def line(run: PointRun, result: dict[str, Any] | None) -> None:
             if result is not None:
@@ -52,12 +49,8 @@ def cell_bar(total: int) -> Iterator[Any]:
 
         yield line
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
     done: dict[str, int] = {}
-    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+    with progress_of("cells", "{task.description}") as shown:
         task = shown.add_task("", total=total)
 
         def show(run: PointRun, result: dict[str, Any] | None) -> None:

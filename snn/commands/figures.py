@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from model.cli.app import printable
-from model.commands.options import DataOption, OutOption
+from model.commands.options import DataOutOption, OutOption
 from model.errors import InputError
 from model.figures.results import DEFAULT_OUT, write_results
 
@@ -23,7 +23,7 @@ def fig9(
         str | None, typer.Option(metavar="NAME", help="points of the confusion matrices [best spiking of each preset]")
     ] = None,
     out: OutOption = DEFAULT_OUT,
-    data_out: DataOption = None,
+    data_out: DataOutOption = None,
 ) -> None:
     """Draw figure 9, accuracy against data rate beside the published points; confusion matrices; equal rates."""
     from snn.experiments.points import READINGS, load_sweep
@@ -57,16 +57,22 @@ def fig8(
     dataset: Annotated[
         str | None, typer.Option(metavar="DIR|embedded", help="textures, if they are elsewhere than in training")
     ] = None,
+    data: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="your own recordings, if those were trained on")
+    ] = None,
     image: Annotated[
-        str | None, typer.Option(metavar="NAME", help="texture, as brick/brick-00 [first test image of the fold]")
+        str | None,
+        typer.Option(metavar="NAME", help="texture or recording, as brick/brick-00 [first test image of the fold]"),
     ] = None,
     out: OutOption = DEFAULT_OUT,
-    data_out: DataOption = None,
+    data_out: DataOutOption = None,
 ) -> None:
     """Draw figure 8: one scan from the texture over events and hidden spikes to the evidence for each class."""
     from snn.figures.fig8 import plot_fig8
-    from snn.figures.fig8_play import play
+    from snn.figures.fig8_play import Places, play
 
-    played = play(weights, result or weights.parent / "result.json", dataset, image)
+    if dataset is not None and data is not None:
+        raise InputError("--dataset is for textures, --data for your own recordings; give one of the two")
+    played = play(weights, result or weights.parent / "result.json", Places(dataset, data), image)
     print(printable(write_results(out, "fig8", played.to_dict(), lambda _, path: plot_fig8(played, path), data_out)))
-    print(printable(f"{played.texture.name}: true {played.texture.class_name}, predicted {played.predicted}"))
+    print(printable(f"{played.name}: true {played.true}, predicted {played.predicted}"))

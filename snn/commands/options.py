@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import inspect
 import os
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
-from model.cli.app import printable
 from model.cli.config_options import CONFIG_FILE, build_config
 from model.cli.field_options import field_options, parse_fields, replace_parameters
-from model.cli.progress import bar
+from model.commands.recordings import PREPARATION, OwnData, events_of, option_named
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.files import check_writable
@@ -32,9 +30,6 @@ DatasetName = Annotated[
 ]
 EventFolder = Annotated[
     Path | None, typer.Option(metavar="DIR", help="event files, as of a replay, instead of textures")
-]
-OwnRecordings = Annotated[
-    Path | None, typer.Option(metavar="DIR", help="class folders of your own recordings, encoded on the way")
 ]
 Frames = Annotated[
     str | None, typer.Option(metavar=FRAMES, help="frames instead of events, as frame-diff:250:8; RATE in hertz")
@@ -62,7 +57,7 @@ DEFAULT_RESOLUTION = 4
 WITHOUT_EFFECT = {
     "frames": ("encoding", "resolution", "tau"),
     "events": ("preset", "encoding", "resolution", "tau", "config_file", "dataset", "start_rows", "data"),
-    "data": ("preset", "tau", "dataset", "start_rows"),
+    "data": ("preset", "tau", "dataset", "start_rows", "frames"),
 }
 """Parameters that mean nothing beside another: frames have no encoder, and recordings were scanned before."""
 
@@ -72,6 +67,8 @@ _NAMES = {"bin_s": "bin", "config_file": "config", "start_rows": "start-rows"}
 ENCODER = ("encoding", "resolution")
 """Fields of the readout that have an option of their own; ``--config`` has all."""
 
+OWN = field_options(Preparation, PREPARATION, {"baseline": "first"})
+
 READOUT = [*field_options(ReadoutConfig, ENCODER, {"resolution": DEFAULT_RESOLUTION}), CONFIG_FILE]
 
 
@@ -80,7 +77,7 @@ def _options(
     tau: Tau = None,
     dataset: DatasetName = None,
     events: EventFolder = None,
-    data: OwnRecordings = None,
+    data: OwnData = None,
     frames: Frames = None,
     start_rows: StartRows = None,
     bin_s: BinSeconds = None,
@@ -92,7 +89,7 @@ def _options(
     """Have the options that describe an experiment beside those of the readout, in their order; never called."""
 
 
-NOT_OF_A_SWEEP = ("encoding", "resolution", "events", "data", "frames")
+NOT_OF_A_SWEEP = ("encoding", "resolution", "events", "frames")
 """Options of an experiment that the points of a sweep say instead."""
 
 
@@ -102,7 +99,7 @@ def with_experiment(command: Callable[..., Any]) -> Callable[..., Any]:
     A parameter ``options`` instead receives their values by name, without those that the points of a sweep say.
     """
     others = inspect.signature(_options, eval_str=True).parameters.values()
-    options = [*READOUT, *(p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in others)]
+    options = [*READOUT, *(p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in others), *OWN]
     if "made" in inspect.signature(command).parameters:
         return replace_parameters(command, ["made"], options, _made)
     kept = [option for option in options if option.name not in NOT_OF_A_SWEEP]
@@ -131,7 +128,7 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
     Parameters
     ----------
     options : dict
-        Values by name, of all parameters of ``_options``.
+        Values by name, of all parameters of ``_options``, and texts of the fields of Preparation.
 
     Raises
     ------
@@ -155,8 +152,11 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
     tau_s = options["tau"]
     if tau_s is not None and readout.encoding != "nlcs":
         raise InputError(f"--tau is the leak of encoding nlcs, not of {readout.encoding}; add --encoding nlcs")
+    prepared = parse_fields(Preparation, {name: options[name] for name in PREPARATION})
     if options["data"] is not None:
-        options = options | {"events": _encoded(options["data"], readout, given | {"resolution"})}
+        options = options | {"events": events_of(options["data"], prepared, readout, given | {"resolution"})}
+    elif prepared:
+        raise InputError(f"{option_named(next(iter(prepared)))} is for your own recordings; add --data DIR")
     bins = BinConfig() if options["bin_s"] is None else BinConfig(bin_s=options["bin_s"])
     frames = None if options["frames"] is None else FrameSteps.parse(options["frames"], bins.bin_s)
     fields = RECIPES[options["recipe"]]
@@ -235,18 +235,3 @@ def output_folder(folder: Path, *names: str) -> None:
         check_writable(folder / name)
     if not os.access(folder, os.W_OK):
         raise InputError(f"cannot write into {folder}; choose another folder with --out")
-
-
-def _encoded(place: Path, readout: ReadoutConfig, given: frozenset[str]) -> Path:
-    """Return the folder of event files of a user's own recordings, made unless they are kept."""
-    from model.crew.crew import Local
-    from model.recordings.kept import kept_events
-
-    if not place.is_dir():
-        raise InputError(f"{place} is not a folder; give one with a folder for each class")
-    with Local(threads=True) as crew, bar("encoding recordings") as step:
-        folder, warnings = kept_events(place, Preparation(baseline="first"), readout, given, step, crew=crew)
-    for warning in warnings:
-        print(f"warning: {warning}", file=sys.stderr)
-    print(f"event files of {printable(place)}: {folder}")
-    return folder

@@ -12,6 +12,8 @@ import typer
 
 from model.cli.app import printable
 from model.cli.progress import bar
+from model.commands.recordings import events_of
+from model.errors import InputError
 from model.files import check_writable, write_json
 
 if TYPE_CHECKING:
@@ -32,8 +34,12 @@ MOST_CLASSES = 12
 def predict(
     weights: Annotated[Path, typer.Argument(metavar="WEIGHTS.npz", help="trained network")],
     events: Annotated[
-        list[Path], typer.Option("--events", metavar="DIR|FILE", help="event files, as of a replay; repeatable")
-    ],
+        list[Path] | None, typer.Option("--events", metavar="DIR|FILE", help="event files, as of a replay; repeatable")
+    ] = None,
+    data: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR|FILE", help="your own recordings, taken as those of the training were"),
+    ] = None,
     check_model: Annotated[
         bool, typer.Option("--check-model", help="hold RTL recordings to the model's; exit code 1 if they differ")
     ] = False,
@@ -53,15 +59,19 @@ def predict(
     from snn.experiments.trained import load_trained
 
     torch.set_num_threads(1)
+    if events and data is not None and not check_model:
+        raise InputError("--data beside --events is where --check-model finds the samples; add it, or leave one out")
     trained = load_trained(weights)
-    files = event_files(events)
+    files = event_files(events or [_own_events(trained, data, check_model)])
     with bar("reading events", len(files)) as step:
         recordings = read_recordings(files, trained.weights.class_names, step)
+    if not events:
+        recordings = [work.without_unknown_class(recording, trained) for recording in recordings]
     check_writable(out)
-    data = work.bin_recordings(recordings, trained)
-    logits = work.logits_of(trained.weights.network, data)
-    scores = work.scores(recordings, data, logits, trained)
-    print(f"{len(data)} recordings; {data.steps} steps of {data.channels} channels, {data.step_s:g} s each")
+    counts = work.bin_recordings(recordings, trained)
+    logits = work.logits_of(trained.weights.network, counts)
+    scores = work.scores(recordings, counts, logits, trained)
+    print(f"{len(counts)} recordings; {counts.steps} steps of {counts.channels} channels, {counts.step_s:g} s each")
     if other := trained.other_fields(recordings[0].config):
         print(f"warning: the readout is not that of the training: {'; '.join(other)}", file=sys.stderr)
     _print_recordings(recordings, logits, trained)
@@ -69,36 +79,50 @@ def predict(
     check = None
     if check_model:
         with bar("model", len(files)) as step:
-            check = work.check_model(recordings, data, logits, trained, dataset, step)
+            check = work.check_model(recordings, counts, logits, trained, work.Places(dataset, data), step)
     write_json(out, _report(recordings, logits, trained, scores, check))
     print(printable(f"predictions: {out}"))
-    if check is None:
-        return
+    if check is not None:
+        again = ["python", "-m", "snn", "predict", str(weights), "--events", str(files[check.where].path)]
+        again += ["--check-model", *([] if dataset is None else ["--dataset", dataset])]
+        again += [] if data is None else ["--data", str(data)]
+        _print_check(check, recordings, shlex.join(again))
+
+
+def _own_events(trained: Trained, data: Path | None, check_model: bool) -> Path:
+    """Return the event files of own recordings, taken as those of the training were."""
+    from snn.experiments.own import EVERY_FIELD
+
+    if data is None:
+        raise InputError("what shall be classified? give --events DIR, or --data DIR with your own recordings")
+    if check_model:
+        raise InputError("--check-model holds events of the RTL to the model; add --events, as of replay --data")
+    if trained.own is None:
+        raise InputError(
+            "the network was not trained on your own recordings, so nobody knows how these are to be scaled; encode "
+            "them with python -m model encode, and give --events"
+        )
+    return events_of(data, trained.own.prepared, trained.own.config, EVERY_FIELD, flat=True)
+
+
+def _print_check(check: Check, recordings: Sequence[Recording], again: str) -> None:
+    """Print how many recordings of the RTL are those of the model; leave with 1 if one differs or none was compared."""
+    from snn.experiments.evaluate import LEVELS
+
     names = [recording.metadata["name"] for recording in recordings]
     noun = "images" if len(set(names)) == len(names) else "recordings"
     count = len(check.compared)
     if not count:
-        print(f'FAILED: nothing was compared, none of {len(files)} recordings has the source "rtl"')
+        print(f'FAILED: nothing was compared, none of {len(recordings)} recordings has the source "rtl"')
         raise typer.Exit(1)
     if not check.passed:
-        again = [
-            "python",
-            "-m",
-            "snn",
-            "predict",
-            str(weights),
-            "--events",
-            str(files[check.where].path),
-            "--check-model",
-        ]
-        again += ["--dataset", dataset] if dataset is not None else []
-        print("\n".join(map(printable, [*check.first.splitlines(), f"reproduce: {shlex.join(again)}"])))
+        print("\n".join(map(printable, [*check.first.splitlines(), f"reproduce: {again}"])))
         differ = ", ".join(f"{len(numbers)} in {level}" for level, numbers in check.different.items())
         print(f"FAILED: of {count} {noun} compared differ {differ}")
         raise typer.Exit(1)
-    if count < len(files):
-        print(f"{len(files) - count} recordings are not of the RTL and were not compared")
-    same = ", ".join(f"same {level}" for level in work.LEVELS)
+    if count < len(recordings):
+        print(f"{len(recordings) - count} recordings are not of the RTL and were not compared")
+    same = ", ".join(f"same {level}" for level in LEVELS)
     print(f"{count} of {count} {noun}: {same} ({check.events} events)")
 
 

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
-from model.cli.app import EXIT_INTERRUPTED
+from model.cli.app import EXIT_INTERRUPTED, printable
 from model.cli.crew_options import Scheduler, open_crew
+from model.cli.tables import new_table, show
 from model.config import Encoding
 from model.errors import InputError
 from snn.commands.bars import cell_bar
@@ -75,7 +76,7 @@ def sweep(
         print(f"stopped; the cells that are done stay in {out}, and the same command goes on", file=sys.stderr)
         raise typer.Exit(EXIT_INTERRUPTED) from None
     _print_table(found)
-    print(f"result: {out / 'sweep.json'}")
+    print(printable(f"result: {out / 'sweep.json'}"))
     print(f"draw it with {shlex.join(['python', '-m', 'snn', 'fig9', '--sweep', str(out)])}")
 
 
@@ -119,7 +120,10 @@ def _point(readout: str, numbers: str, options: dict[str, Any]) -> SweepPoint:
         else:
             options |= {"encoding": readout, "resolution": int(numbers)}
             options |= {"tau": options["tau"] if readout == "nlcs" else None}
-        return SweepPoint(f"{readout}-{numbers}".replace(":", "-"), build_experiment(options))
+        made = build_experiment(options)
+        if options["data"] is not None:
+            made = made.with_readout_of_events()
+        return SweepPoint(f"{readout}-{numbers}".replace(":", "-"), made)
     except InputError as error:
         raise InputError(f"point {readout}:{numbers}: {error}") from None
 
@@ -147,18 +151,11 @@ def command_line(context: typer.Context) -> str:
 
 def _print_table(points: list[PointSummary]) -> None:
     """Print the accuracy of every point over its data rate."""
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-
     title = (
         "accuracy in % by data rate in units of 640 kb/s\n"
         "95 % interval over images and seeds; sd over cells, each one fold and seed"
     )
-    table = Table(box=box.SIMPLE_HEAD, title=title, title_justify="left")
-    table.add_column("point")
-    for name in ("rate", "last epoch", "95 % interval", "sd", "selected", "sd"):
-        table.add_column(name, justify="right")
+    table = new_table(("point", "rate", "last epoch", "95 % interval", "sd", "selected", "sd"), title)
     for point in points:
         last, selected = point.result("last"), point.result("selected")
         low, high = last.bootstrap_95
@@ -171,4 +168,4 @@ def _print_table(points: list[PointSummary]) -> None:
             f"{100 * selected.accuracy:.1f}",
             f"{100 * (selected.sd_over_cells or 0):.1f}",
         )
-    Console().print(table)
+    show(table)

@@ -47,6 +47,7 @@ def train(
     from snn.data.scans import Split
     from snn.exchange.weights import Weights, save_weights
     from snn.experiments.folds import stratified_folds
+    from snn.experiments.own import OwnReadout
     from snn.kernels import cpu as kernel
     from snn.train import predicted_classes
 
@@ -75,6 +76,8 @@ def train(
         "predicted": predicted.tolist(),
         "history": [dataclasses.asdict(epoch) for epoch in training.history],
     }
+    if own := OwnReadout.of_events(made.events):
+        result["recordings"] = own.to_dict()
     write_json(out / "result.json", result)
     save_weights(out / "weights.npz", Weights(training.network, data.class_names, data.step_s))
     last = training.history[-1]

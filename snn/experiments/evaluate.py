@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,7 @@ from model.errors import InputError
 from model.events.compare import first_difference
 from model.events.recording import Recording
 from model.readout import Stimulus, simulate
+from model.recordings.folder import RecordingSet, read_set
 from model.textures.dataset import EMBEDDED, Texture, open_dataset
 from model.textures.presets import preset
 from snn.data.bins import BinConfig, bin_recording
@@ -21,6 +24,7 @@ from snn.data.record import Tick
 from snn.data.recordings import class_of
 from snn.data.scans import ScanData, collect
 from snn.exchange.weights import config_of
+from snn.experiments.own import EVERY_FIELD, OwnReadout
 from snn.experiments.trained import OTHER, TEST, TRAINING, Trained
 from snn.train import check_fits, logits_of
 
@@ -51,6 +55,14 @@ def bin_recordings(recordings: Sequence[Recording], trained: Trained) -> ScanDat
     data = collect(complete, trained.bins, classes)
     check_fits(config_of(trained.weights.network), data)
     return data
+
+
+def without_unknown_class(recording: Recording, trained: Trained) -> Recording:
+    """Return a recording without a class that the network does not know: it lies in a folder of another kind."""
+    if class_of(recording) in (None, *trained.weights.class_names):
+        return recording
+    kept = {name: value for name, value in recording.metadata.items() if name not in ("class", "label")}
+    return dataclasses.replace(recording, metadata=kept)
 
 
 # -- RTL against model -------------------------------------------------------------------------------
@@ -100,7 +112,7 @@ def check_model(
     data: ScanData,
     logits: NDArray[np.float32],
     trained: Trained,
-    where: str | None = None,
+    places: Places | None = None,
     progress: Tick | None = None,
 ) -> Check:
     """Hold every recording of source "rtl" to the model: events, counts, logits and prediction.
@@ -110,8 +122,8 @@ def check_model(
     recordings, data, logits
         The recordings, and what ``bin_recordings`` and ``logits_of`` made of them.
     trained : Trained
-    where : str, optional
-        Place of the textures, as ``model.textures.dataset.open_dataset`` takes it.
+    places : Places, optional
+        Where the textures, or own recordings, are.
     progress : callable, optional
         Called after each comparison.
 
@@ -122,16 +134,15 @@ def check_model(
     """
     compared = [number for number, recording in enumerate(recordings) if recording.metadata.get("source") == "rtl"]
     check = Check(compared, 0, {level: [] for level in LEVELS}, logits.copy())
-    textures: dict[str, dict[str, Texture]] = {}
+    sources = _Sources(places or Places())
     values = data.values.copy()
     for number in compared:
         rtl = recordings[number]
         check.events += len(rtl.events)
         name = rtl.metadata["name"]
-        texture = _texture(rtl, textures, where)
-        expected = model_recording(rtl, texture)
-        if class_of(rtl) not in (None, texture.class_name):
-            check.note("events", number, f"{name} says class {class_of(rtl)!r}, its texture is {texture.class_name!r}")
+        expected, class_name = sources.expected(rtl)
+        if class_of(rtl) not in (None, class_name):
+            check.note("events", number, f"{name} says class {class_of(rtl)!r}, its texture is {class_name!r}")
         elif (difference := first_difference(expected.events, rtl.events)) is not None:
             text = f"{name}: RTL and model differ\n{difference.describe(('model', 'RTL'))}"
             check.note("events", number, text)
@@ -180,9 +191,58 @@ def model_recording(rtl: Recording, texture: Texture) -> Recording:
             f"{metadata['name']} has {metadata['ticks']} sample ticks, the scan of its texture {len(samples)}; "
             f"play it whole, with python -m cocotb_tests replay"
         )
+    return _as_long(rtl, samples)
+
+
+def _as_long(rtl: Recording, samples: NDArray[np.int32]) -> Recording:
+    """Return what the model sends on some samples, observed as long as an RTL recording, or to their end."""
+    config = rtl.config
     clocks = max(rtl.duration_clocks, len(samples) * config.clocks_per_sample)
     events = simulate(config, Stimulus.from_samples(config, samples, clocks=clocks))
-    return Recording(events, config, clocks, metadata=metadata | {"source": "model"})
+    return Recording(events, config, clocks, metadata=rtl.metadata | {"source": "model"})
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where what was played is found.
+
+    Attributes
+    ----------
+    dataset : str or None
+        Of the textures, as ``model.textures.dataset.open_dataset`` takes it.
+    data : Path or None
+        Folder of own recordings.
+    """
+
+    dataset: str | None = None
+    data: Path | None = None
+
+
+@dataclass(frozen=True)
+class _Sources:
+    """What was played, as far as it was opened."""
+
+    places: Places
+    textures: dict[str, dict[str, Texture]] = field(default_factory=dict)
+    sets: dict[str, RecordingSet] = field(default_factory=dict)
+
+    def expected(self, rtl: Recording) -> tuple[Recording, str | None]:
+        """Return what the model makes of the source of an RTL recording, and its class."""
+        own = OwnReadout.of(rtl)
+        if own is None:
+            texture = _texture(rtl, self.textures, self.places.dataset)
+            return model_recording(rtl, texture), texture.class_name
+        name, place = rtl.metadata["name"], self.places.data
+        if place is None:
+            raise InputError(f"{name} is one of your own recordings; name the folder of its samples with --data")
+        key = json.dumps(own.to_dict(), sort_keys=True)
+        if key not in self.sets:
+            self.sets[key] = read_set(place, own.options, own.config, EVERY_FIELD)
+        for source, codes in zip(self.sets[key].sources, self.sets[key].codes, strict=True):
+            if source.name == name:
+                ticks = rtl.metadata.get("ticks")
+                return _as_long(rtl, codes[: ticks if isinstance(ticks, int) else None]), source.class_name
+        raise InputError(f"{place} has no recording {name}; name the folder that has it with --data")
 
 
 def _texture(rtl: Recording, textures: dict[str, dict[str, Texture]], where: str | None) -> Texture:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,13 +12,16 @@ from numpy.typing import NDArray
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.events.recording import Recording
+from model.files import read_json
 from model.textures.dataset import open_dataset
 from snn.data.bins import BinConfig
 from snn.data.record import Tick
+from snn.data.recordings import event_files
 from snn.data.scans import ScanData, load_recordings
 from snn.exchange.weights import Weights, check_class_names, load_weights
 from snn.experiments.experiment import Experiment
 from snn.experiments.folds import stratified_folds
+from snn.experiments.own import OwnReadout
 
 TEST, TRAINING, OTHER = "test", "training", "other"
 """Part of a recording: of the fold that was left out, of the images that were learned, or of neither."""
@@ -36,6 +38,8 @@ class TrainingResult:
     fold, folds : int
     labels : list of int
         Of the test images.
+    own : OwnReadout or None
+        Where they were a user's own recordings.
     """
 
     experiment: Experiment
@@ -43,6 +47,7 @@ class TrainingResult:
     fold: int
     folds: int
     labels: list[int]
+    own: OwnReadout | None = None
 
     def test_images(self, labels: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the images of the fold; refuse others than those of the training, by their labels."""
@@ -61,18 +66,19 @@ def read_result(path: Path, weights_file: Path, weights: Weights) -> TrainingRes
         If the file is damaged or something else, or belongs to other weights.
     """
     try:
-        content = json.loads(path.read_text())
+        content = read_json(path, "the result of the training", dict)
         result = TrainingResult(
             experiment=Experiment.from_dict(content["experiment"]),
             class_names=check_class_names(content["class_names"], len(weights.class_names)),
             fold=content["fold"],
             folds=content["folds"],
             labels=content["labels"],
+            own=OwnReadout.from_dict(content["recordings"]) if content.get("recordings") else None,
         )
         numbers = [result.fold, result.folds, *result.labels]
         if not all(type(number) is int for number in numbers) or not 0 <= result.fold < result.folds:
             raise ValueError
-    except (OSError, KeyError, TypeError, ValueError, AttributeError, RecursionError):
+    except (KeyError, TypeError, ValueError, AttributeError):
         raise InputError(f"{path} is damaged or not the result of a training; remove it or train again") from None
     same_bins = result.experiment.frames is not None or result.experiment.bins.bin_s == weights.step_s
     if result.class_names != weights.class_names or not same_bins:
@@ -94,11 +100,13 @@ class Trained:
     parts : dict
         TEST or TRAINING by name of the image; empty where that is not known.
     dataset : str or None
-        Name of the dataset of these images, None if they came from event files.
+        Name of the dataset of these images, or of the folder of own recordings; None of other event files.
     unknown : str
         Why ``parts`` is empty.
     readout : ReadoutConfig or None
         That of the training, where it is known.
+    own : OwnReadout or None
+        How own recordings of the training were taken.
     """
 
     weights: Weights
@@ -107,6 +115,7 @@ class Trained:
     dataset: str | None = None
     unknown: str = ""
     readout: ReadoutConfig | None = None
+    own: OwnReadout | None = None
 
     def other_fields(self, config: ReadoutConfig) -> list[str]:
         """Return the fields in which a readout is not that of the training, in words."""
@@ -144,18 +153,19 @@ def load_trained(path: Path) -> Trained:
     experiment = result.experiment
     if experiment.frames is not None:
         raise InputError(f"{path} was trained on frames and cannot classify events; train it without --frames")
-    readout = experiment.scan_and_config()[1] if experiment.events is None else None
+    own = result.own
+    readout = experiment.scan_and_config()[1] if experiment.events is None else own.config if own else None
     try:
-        names, labels, dataset = _images_of(experiment, result.class_names)
+        names, labels, dataset = _images_of(experiment, result.class_names, own is not None)
     except InputError as error:
         unknown = f"the images of the training are not there ({error})"
-        return Trained(weights, experiment.bins, unknown=unknown, readout=readout)
+        return Trained(weights, experiment.bins, unknown=unknown, readout=readout, own=own)
     try:
         tested = set(result.test_images(labels).tolist())
     except InputError as error:
-        return Trained(weights, experiment.bins, unknown=str(error), readout=readout)
+        return Trained(weights, experiment.bins, unknown=str(error), readout=readout, own=own)
     parts = {name: TEST if number in tested else TRAINING for number, name in enumerate(names)}
-    return Trained(weights, experiment.bins, parts, dataset, readout=readout)
+    return Trained(weights, experiment.bins, parts, dataset, readout=readout, own=own)
 
 
 def load_test_scans(
@@ -178,11 +188,15 @@ def load_test_scans(
     return result, data, result.test_images(data.image_labels)
 
 
-def _images_of(experiment: Experiment, classes: Sequence[str]) -> tuple[Sequence[str], NDArray[np.int64], str | None]:
+def _images_of(
+    experiment: Experiment, classes: Sequence[str], own: bool
+) -> tuple[Sequence[str], NDArray[np.int64], str | None]:
     """Return names, labels and dataset of the images of a training, in its order."""
     if experiment.events is not None:
-        data = load_recordings(Path(experiment.events), experiment.bins, classes)
-        return data.names, data.image_labels, None
+        folder = Path(experiment.events)
+        data = load_recordings(folder, experiment.bins, classes)
+        said = Recording.load(event_files([folder])[0].path).metadata.get("dataset") if own else None
+        return data.names, data.image_labels, said
     dataset = open_dataset(experiment.dataset)
     if dataset.class_names != tuple(classes):
         raise InputError(f"dataset {dataset.name} has other classes")

@@ -34,12 +34,14 @@ def plot_fig8(played: Played, path: Path) -> None:
 
 def draw_fig8(played: Played) -> Figure:
     """Return texture, taxel signals with their events, events of all taxels, hidden spikes and evidence."""
-    true, predicted = played.texture.class_name, played.predicted
+    true, predicted = played.true, played.predicted
     verdict = "right" if true == predicted else "wrong"
-    learned = "test image" if played.tested else "training image"
-    figure = new_figure(12, 8.4, f"{played.texture.name} ({learned}): true {true}, predicted {predicted}, {verdict}")
+    noun = "recording" if played.pixels is None else "image"
+    learned = f"test {noun}" if played.tested else f"training {noun}"
+    figure = new_figure(12, 8.4, f"{played.name} ({learned}): true {true}, predicted {predicted}, {verdict}")
     grid = figure.add_gridspec(4, 2, width_ratios=(1, 2.9), height_ratios=(1.5, 1.3, 1.5, 1.4))
-    _draw_texture(figure.add_subplot(grid[:2, 0]), played)
+    draw_source = _draw_array if played.pixels is None else _draw_texture
+    draw_source(figure.add_subplot(grid[:2, 0]), played)
     _draw_zoom(figure.add_subplot(grid[2, 0]), played)
     _draw_final(figure.add_subplot(grid[3, 0]), played)
     panels = [figure.add_subplot(grid[0, 1])]
@@ -57,7 +59,9 @@ def _draw_texture(panel: Axes, played: Played) -> None:
     from matplotlib.patches import Rectangle
 
     config, scan = played.recording.config, played.scan
-    pixels = played.texture.load()
+    pixels = played.pixels
+    assert pixels is not None
+    assert scan is not None
     height, width = pixels.shape
     pitch = scan.taxel_pitch_px if isinstance(scan, PhysicalScan) else 1.0
     across, down = ((n - 1) * pitch + 1 for n in (config.columns, config.rows))
@@ -75,13 +79,27 @@ def _draw_texture(panel: Axes, played: Played) -> None:
     panel.set_xlabel(f"pixels; {config.rows} x {config.columns} taxels, {scan.name} scan", fontsize=8.5)
 
 
+def _draw_array(panel: Axes, played: Played) -> None:
+    """Draw how far each taxel of an own recording moved."""
+    config = played.recording.config
+    moved = np.ptp(played.signals, axis=0).reshape(config.rows, config.columns)
+    dress(panel, "movement of each taxel")
+    panel.grid(visible=False)
+    image = panel.imshow(moved, cmap="viridis", vmin=0)
+    panel.figure.colorbar(image, ax=panel, shrink=0.7, label="full scales")
+    panel.set_xticks(range(config.columns))
+    panel.set_yticks(range(config.rows))
+    panel.set_xlabel(f"column; {config.rows} x {config.columns} taxels", fontsize=8.5)
+    panel.set_ylabel("row", fontsize=8.5)
+
+
 def _draw_signals(panel: Axes, played: Played) -> None:
     """Draw the samples of some taxels, one above the other, with their events on the line."""
     shown = _shown(played)
     gap = 1.15 * max(float(np.ptp(played.signals[:, shown], axis=0).max()), 1e-6)
     for lane, taxel in enumerate(shown):
         _draw_taxel(panel, played, int(taxel), -lane * gap, 2.5, slice(None))
-    panel.axvspan(*(1e3 * s for s in _zoom(played.recording.duration_s)), color="#e5e5e5", zorder=0)
+    panel.axvspan(*(1e3 * s for s in _zoom(played)), color="#e5e5e5", zorder=0)
     panel.set_yticks([-lane * gap for lane in range(len(shown))], [f"taxel {taxel}" for taxel in shown])
     handles, labels = panel.get_legend_handles_labels()
     kinds = len(set(labels))
@@ -94,7 +112,7 @@ def _draw_signals(panel: Axes, played: Played) -> None:
 def _draw_zoom(panel: Axes, played: Played) -> None:
     """Draw a few milliseconds of one taxel, event by event."""
     config = played.recording.config
-    first, last = (round(s * config.sample_rate_hz) for s in _zoom(played.recording.duration_s))
+    first, last = (round(s * config.sample_rate_hz) for s in _zoom(played))
     shown = _shown(played)
     taxel = int(shown[len(shown) // 2])
     _draw_taxel(panel, played, taxel, 0.0, 5.0, slice(first, max(last, first + 2)))
@@ -109,10 +127,16 @@ def _shown(played: Played) -> NDArray[np.int64]:
     return np.unique(np.linspace(0, played.recording.config.taxels - 1, _SHOWN).astype(np.int64))
 
 
-def _zoom(duration_s: float) -> tuple[float, float]:
-    """Return the time window of the closer look, 20 ms where the scan is that long."""
-    start_s = duration_s / 4
-    return start_s, min(start_s + 0.02, duration_s)
+def _zoom(played: Played) -> tuple[float, float]:
+    """Return the time window of the closer look: 20 ms of a scan; of an own recording where its taxel moves most."""
+    duration_s, rate_hz = played.recording.duration_s, played.recording.config.sample_rate_hz
+    start_s, length_s = duration_s / 4, 0.02
+    if played.scan is None:
+        shown = _shown(played)
+        moves = np.abs(np.diff(played.signals[:, shown[len(shown) // 2]], prepend=0.0))
+        length_s = max(length_s, 24 / rate_hz)
+        start_s = max(0.0, min(moves.argmax() / rate_hz, duration_s) - length_s / 2)
+    return start_s, min(start_s + length_s, duration_s)
 
 
 def _draw_taxel(panel: Axes, played: Played, taxel: int, offset: float, size: float, ticks: slice) -> None:
@@ -174,7 +198,7 @@ def _draw_evidence(panel: Axes, played: Played) -> None:
     panel.set_ylabel("logit", fontsize=8.5)
     top = float(played.evidence[-1, winner])
     low, high = panel.get_ylim()
-    for label in dict.fromkeys((winner, played.texture.label)):
+    for label in dict.fromkeys((winner, played.label)):
         place = top if label == winner else min(float(played.evidence[-1, label]), top - 0.13 * (high - low))
         panel.annotate(played.class_names[label], (1, place), xytext=(5, 0), xycoords=panel.get_yaxis_transform(),
                        textcoords="offset points", ha="left", va="center", fontsize=8.5, color=_colour(label),
@@ -185,7 +209,7 @@ def _draw_final(panel: Axes, played: Played) -> None:
     """Draw the SoftMax of the evidence at the end; the true class is named."""
     shares = np.exp(played.evidence[-1] - played.evidence[-1].max())
     shares = 100 * shares / shares.sum()
-    true = played.texture.label
+    true = played.label
     panel.barh(range(len(shares)), shares, color=[_colour(label) for label in range(len(shares))])
     names = [f"{name} (true)" if label == true else name for label, name in enumerate(played.class_names)]
     panel.set_yticks(range(len(names)), names)

@@ -12,16 +12,17 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from model.config import ReadoutConfig
 from model.errors import InputError
 from model.events.recording import Recording
-from model.textures.dataset import Texture, open_dataset
+from model.recordings.folder import read_set
+from model.textures.dataset import open_dataset
 from model.textures.scan import Scan
 from snn.data.bins import BinConfig
 from snn.data.record import record
 from snn.data.scans import collect
 from snn.exchange.weights import Weights, load_weights
-from snn.experiments.trained import read_result
+from snn.experiments.own import EVERY_FIELD
+from snn.experiments.trained import TrainingResult, read_result
 from snn.kernels.layer import layer
 from snn.network import SpikingNetwork
 
@@ -35,10 +36,16 @@ class Played:
 
     Attributes
     ----------
-    texture : Texture
+    name, true : str
+        Of the texture or own recording, and of its class.
+    label : int
+        Of the class, an index into ``class_names``.
     tested : bool
-        The image was none of those that the network learned from.
-    scan : Scan
+        It was none of those that the network learned from.
+    scan : Scan or None
+        None of own recordings, which are no scans.
+    pixels : uint8 array, shape (height, width), or None
+        The texture.
     recording : Recording
         Its events.
     signals : array, shape (ticks, taxels)
@@ -54,9 +61,12 @@ class Played:
         What the evidence is, in words.
     """
 
-    texture: Texture
+    name: str
+    true: str
+    label: int
     tested: bool
-    scan: Scan
+    scan: Scan | None
+    pixels: NDArray[np.uint8] | None
     recording: Recording
     signals: NDArray[np.float64]
     start_s: float
@@ -79,15 +89,15 @@ class Played:
     def to_dict(self) -> dict[str, Any]:
         """Return what the network says, for a file: hidden spikes as pairs (step, neuron)."""
         return {
-            "image": self.texture.name,
+            "image": self.name,
             "of_the_test_fold": self.tested,
-            "preset": self.scan.name,
+            "preset": None if self.scan is None else self.scan.name,
             "readout": self.recording.config.to_dict(),
             "events": len(self.recording.events),
             "start_s": self.start_s,
             "step_s": self.step_s,
             "class_names": list(self.class_names),
-            "true": self.texture.class_name,
+            "true": self.true,
             "predicted": self.predicted,
             "evidence": self.evidence.tolist(),
             "hidden_spikes": np.argwhere(self.spikes).tolist(),
@@ -122,38 +132,55 @@ def evidence(network: SpikingNetwork, x: Tensor) -> tuple[Tensor, Tensor]:
     return spikes, parts.cumsum(0) * config.output_scale
 
 
-def play(weights_file: Path, result_file: Path, dataset: str | None = None, image: str | None = None) -> Played:
-    """Return a scan of the dataset that a network was trained on, played through that network.
+@dataclass(frozen=True)
+class Places:
+    """Where the textures or recordings of a training are.
+
+    Attributes
+    ----------
+    dataset : str or None
+        Of the textures, where it is another than in training.
+    data : Path or None
+        Folder of own recordings.
+    """
+
+    dataset: str | None = None
+    data: Path | None = None
+
+
+def play(weights_file: Path, result_file: Path, places: Places | None = None, image: str | None = None) -> Played:
+    """Return a scan of the dataset that a network was trained on, or an own recording, played through that network.
 
     Parameters
     ----------
     weights_file, result_file : Path
         What ``python -m snn train`` wrote: the network, and the experiment that says how scans are made.
-    dataset : str, optional
-        Place of the textures, where it is another than in training.
+    places : Places, optional
     image : str, optional
-        Name of the texture; by default the first test image of the fold.
+        Name of the texture or recording; by default the first test image of the fold.
 
     Raises
     ------
     InputError
-        If the two files do not belong together, or are not of a spiking network on textures.
+        If the two files do not belong together, or are not of a spiking network on textures or own recordings.
     """
-    weights = load_weights(weights_file)
+    weights, places = load_weights(weights_file), places or Places()
     if not result_file.is_file():
         raise InputError(
             f"{result_file} does not exist, and only the result of the training says how its scans were made; "
             f"name it with --result"
         )
-    network = weights.network
-    if not isinstance(network, SpikingNetwork):
+    if not isinstance(weights.network, SpikingNetwork):
         raise InputError(f"{weights_file} holds a baseline for frames; fig8 needs a spiking network")
     result = read_result(result_file, weights_file, weights)
+    if places.data is not None:
+        return _play_own(weights, result, places.data, image)
     experiment = result.experiment
     if experiment.events is not None or experiment.frames is not None:
-        raise InputError(f"{result_file} is of a training on event files or frames; fig8 needs one on textures")
+        more = "; name the folder of your recordings with --data" if result.own else ""
+        raise InputError(f"{result_file} is of a training on event files or frames; fig8 needs one on textures{more}")
     scan, config = experiment.scan_and_config()
-    textures = open_dataset(dataset or experiment.dataset)
+    textures = open_dataset(places.dataset or experiment.dataset)
     if textures.class_names != weights.class_names:
         raise InputError(
             f"the network knows the classes {', '.join(weights.class_names)}, the textures are "
@@ -161,7 +188,44 @@ def play(weights_file: Path, result_file: Path, dataset: str | None = None, imag
         )
     test = result.test_images(textures.labels)
     index = int(test[0]) if image is None else _index(image, [texture.name for texture in textures])
-    return _played(weights, network, textures[index], textures.name, index in test, scan, config, experiment.bins)
+    texture = textures[index]
+    return _played(
+        weights,
+        experiment.bins,
+        record(texture, textures.name, scan, config),
+        scan.samples(config, texture.load())[0],
+        name=texture.name,
+        true=texture.class_name,
+        label=texture.label,
+        tested=index in test,
+        scan=scan,
+        pixels=texture.load(),
+    )
+
+
+def _play_own(weights: Weights, result: TrainingResult, place: Path, image: str | None) -> Played:
+    """Return an own recording played through the network, taken as those of the training were."""
+    if result.own is None:
+        raise InputError("the network was not trained on your own recordings; leave --data out, or train with it")
+    found = read_set(place, result.own.options, result.own.config, EVERY_FIELD)
+    names, classes = [source.name for source in found.sources], weights.class_names
+    if strange := [source for source in found.sources if source.class_name not in classes]:
+        raise InputError(f"{strange[0].path} is in none of the classes of the network: {', '.join(classes)}")
+    labels = np.array([classes.index(str(source.class_name)) for source in found.sources])
+    test = result.test_images(labels)
+    index = int(test[0]) if image is None else _index(image, names)
+    return _played(
+        weights,
+        result.experiment.bins,
+        found.recording(index)[0],
+        found.codes[index],
+        name=names[index],
+        true=classes[labels[index]],
+        label=int(labels[index]),
+        tested=index in test,
+        scan=None,
+        pixels=None,
+    )
 
 
 def _index(image: str, names: list[str]) -> int:
@@ -170,25 +234,14 @@ def _index(image: str, names: list[str]) -> int:
     return names.index(image)
 
 
-def _played(
-    weights: Weights,
-    network: SpikingNetwork,
-    texture: Texture,
-    dataset_name: str,
-    tested: bool,
-    scan: Scan,
-    config: ReadoutConfig,
-    bins: BinConfig,
-) -> Played:
-    recording = record(texture, dataset_name, scan, config)
-    codes, _ = scan.samples(config, texture.load())
+def _played(weights: Weights, bins: BinConfig, recording: Recording, codes: NDArray[np.int32], **said: Any) -> Played:
+    """Return what the network makes of a recording; ``said`` are the fields of Played that say what it is."""
+    network, config = weights.network, recording.config
+    assert isinstance(network, SpikingNetwork)
     spikes, grown = evidence(network, collect([recording], bins, weights.class_names).batch([0]))
-    scale = network.config.output_scale
-    counted_s = scan.skipped_ticks(config) / config.sample_rate_hz
+    scale, scan = network.config.output_scale, said["scan"]
+    counted_s = 0.0 if scan is None else scan.skipped_ticks(config) / config.sample_rate_hz
     return Played(
-        texture=texture,
-        tested=tested,
-        scan=scan,
         recording=recording,
         signals=codes / config.full_scale,
         start_s=counted_s if bins.start_s is None else bins.start_s,
@@ -197,4 +250,5 @@ def _played(
         evidence=grown[:, 0].numpy(),
         class_names=weights.class_names,
         meaning=MEANINGS[network.config.neurons.readout] + (f", times {scale:g}" if scale != 1 else ""),
+        **said,
     )

@@ -238,3 +238,13 @@ def test_a_failed_install_is_no_install(checkout: Path, monkeypatch: pytest.Monk
     with pytest.raises(setup.SetupError, match="the packages could not be installed; the reason stands above"):
         setup.install(["base", "snn"])
     assert setup.missing(["base", "snn"]) == ["snn"]
+
+
+def test_every_target_of_a_dataset_takes_own_recordings(launch: Callable[..., Any]) -> None:
+    for name in ("train", "crossval", "sweep", "predict", "fig8", "sim", "replay", "study"):
+        code, lines, error = launch(name, "DATA=my_skin/")
+        assert code == 0, error
+        assert "--data=my_skin/" in lines[0]
+        assert "EVENTS" not in " ".join(lines[0])
+        assert not any(word.startswith("--events") for word in lines[0])
+    assert any(word.startswith("--events") for word in launch("predict")[1][0])

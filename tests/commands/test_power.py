@@ -215,7 +215,7 @@ def test_fig6_data_are_the_model(call, folder):
 
 
 def test_fig7_data_are_the_model(call, folder):
-    assert call("fig7 --out pictures --data numbers")[0] == 0
+    assert call("fig7 --out pictures --data-out numbers")[0] == 0
     assert (folder / "pictures/fig7.png").stat().st_size > 10_000
     data = json.loads((folder / "numbers/fig7.json").read_text())
     for mode, model in MODELS.items():

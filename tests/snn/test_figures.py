@@ -562,7 +562,7 @@ def test_labels_of_fig8_do_not_lie_on_each_other(folder: Path) -> None:
     trained(folder / "train")
     played = play(folder / "train" / "weights.npz", folder / "train" / "result.json")
     grown = np.zeros_like(played.evidence)
-    grown[-1, 1 - played.texture.label] = 0.001  # another class wins by a hair
+    grown[-1, 1 - played.label] = 0.001  # another class wins by a hair
     panel = draw_fig8(dataclasses.replace(played, evidence=grown)).axes[-1]
     heights = sorted(text.xy[1] for text in panel.texts)
     assert len(heights) == 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import shutil
 from collections.abc import Callable
@@ -16,12 +17,18 @@ from model.config import ReadoutConfig
 from model.errors import InputError
 from model.events.address import make_events
 from model.events.recording import Recording
+from model.recordings.folder import read_set
+from model.recordings.options import Preparation
 from snn.__main__ import app
 from snn.data.bins import BinConfig
 from snn.data.recordings import class_of, event_files, read_recordings
 from snn.data.scans import load_recordings
+from snn.exchange.weights import Weights, save_weights
+from snn.experiments.own import EVERY_FIELD
 from snn.experiments.points import load_sweep
-from tests.skins import write_skin
+from snn.network import build
+from snn.network_config import NetworkConfig
+from tests.skins import counts, write_csv, write_skin
 
 CLASSES = ("felt", "glass", "wood")
 CONFIG = ReadoutConfig(rows=1, columns=3, resolution=4, sample_rate_hz=100.0, clocks_per_sample=10)
@@ -176,3 +183,120 @@ def test_crossval_and_sweep_take_them(skin: Path, snn: Call) -> None:
     assert "--events what is recorded already; give one" in error
     code, _, error = snn("sweep", *both, "--preset", "paper")
     assert (code, "--preset has no effect with --events" in error) == (2, True)
+
+
+OWN = ("--data", "skin", "--baseline", "median", *SMALL, "--folds", 2)
+
+
+@pytest.fixture
+def own(folder: Path, snn: Call) -> dict[str, Any]:
+    """Train on the tables of a slow skin themselves; return the result."""
+    write_skin(folder / "skin", taxels=4, each=8, jitter_s=0.003)
+    code, out, error = snn("train", *OWN)
+    assert code == 0, error
+    assert "event files of skin: out/recordings/skin-" in out
+    assert error.startswith("warning: 24 of 24 recordings do not have even time stamps")
+    found: dict[str, Any] = json.loads(Path("out/train/result.json").read_text())
+    return found
+
+
+def test_own_recordings_are_predicted_as_those_of_the_training_were_taken(own: dict[str, Any], snn: Call) -> None:
+    said = own["recordings"]
+    assert said["prepared"] == {"baseline": "median"}
+    assert said["readout"]["sample_rate_hz"] == 35
+    assert own["accuracy"] >= 0.9
+    code, out, error = snn("predict", "out/train/weights.npz", "--data", "skin")
+    assert code == 0, error
+    assert f"test images of the fold: accuracy {own['accuracy']:.1%} (" in out
+    (Path("new") / "unheard").mkdir(parents=True)
+    for kind in ("tap", "press"):  # at half the height, which a scale of their own would hide
+        values = (counts(kind, taxels=4, seed=99) - 10_000) // 2
+        write_csv(Path("new") / f"{kind}.csv", values)
+    shutil.copy("new/tap.csv", "new/unheard/0.csv")
+    code, out, error = snn("predict", "out/train/weights.npz", "--data", "new", "-o", "new.json")
+    assert code == 0, error
+    assert "unheard/0: " in out
+    assert out.count("(class: not known)") == 3
+    events = [Recording.load(path) for path in sorted(Path("out/recordings").glob("new-*/*.npz"))]
+    assert {recording.metadata["scale"] for recording in events} == {said["scale"]}
+    assert {recording.config.to_json() for recording in events} == {ReadoutConfig.from_dict(said["readout"]).to_json()}
+    assert snn("predict", "out/train/weights.npz", "--data", "skin/tap/0.csv")[0] == 0
+
+
+def test_the_rtl_of_own_recordings_is_held_to_the_model(own: dict[str, Any], snn: Call) -> None:
+    said = own["recordings"]
+    recordings = read_set(
+        Path("skin"), Preparation(baseline="median"), ReadoutConfig.from_dict(said["readout"]), EVERY_FIELD
+    )
+    for number in (0, 9):
+        made, _ = recordings.recording(number)
+        rtl = dataclasses.replace(
+            made, metadata=made.metadata | {"source": "rtl", "ticks": len(recordings.codes[number])}
+        )
+        path = Path("rtl") / f"{made.metadata['name']}.npz"
+        path.parent.mkdir(parents=True)
+        rtl.save(path)
+    check = ("predict", "out/train/weights.npz", "--events", "rtl", "--check-model")
+    code, out, error = snn(*check, "--data", "skin")
+    assert code == 0, error
+    assert "2 of 2 images: same events, same tensors, same logits, same predictions" in out
+    values = (Path("skin") / "press" / "0.csv").read_text().splitlines()
+    cells = values[70].split(",")
+    values[70] = ",".join([cells[0], str(int(cells[1]) + 900), *cells[2:]])
+    (Path("skin") / "press" / "0.csv").write_text("\n".join(values) + "\n")
+    code, out, _ = snn(*check, "--data", "skin")
+    assert code == 1
+    assert "press/0: RTL and model differ" in out
+    code, _, error = snn(*check)
+    assert (code, "press/0 is one of your own recordings; name the folder of its samples with --data" in error) == (
+        2,
+        True,
+    )
+
+
+def test_fig8_and_sweep_take_own_recordings(own: dict[str, Any], snn: Call) -> None:
+    code, out, error = snn("fig8", "--data", "skin", "--image", "tap/1")
+    assert code == 0, error
+    assert "tap/1: true tap, predicted " in out
+    assert Path("out/fig8.png").stat().st_size > 30_000
+    data = json.loads(Path("out/fig8.json").read_text())
+    assert (data["image"], data["preset"], data["readout"]) == ("tap/1", None, own["recordings"]["readout"])
+    code, _, error = snn("fig8")
+    assert (code, "name the folder of your recordings with --data" in error) == (2, True)
+    again = ("--epochs", 2, "--seeds", 1, "--folds", 8, "--workers", 1)
+    code, _, error = snn("sweep", *OWN[:-2], *again, "--points", "lcs:3,nlcs:4")
+    assert code == 0, error
+    points = load_sweep(Path("out/sweep")).points
+    assert [(p.name, p.readout, p.resolution, p.preset) for p in points] == [
+        ("lcs-3", "lcs", 3, None),
+        ("nlcs-4", "nlcs", 4, None),
+    ]
+    assert "--data skin" in load_sweep(Path("out/sweep")).command
+    assert "--baseline median" in load_sweep(Path("out/sweep")).command
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        ("train --baseline median", "--baseline is for your own recordings; add --data DIR"),
+        ("train --data skin --frames frame:250:8", "--frames has no effect with --data; leave one of the two out"),
+        ("train --data skin --dataset embedded", "--dataset has no effect with --data; leave one of the two out"),
+        ("sweep --data skin --points rnn:20", "point rnn:20: --frames has no effect with --data"),
+        (
+            "sweep --data none --points lcs:4",
+            "point lcs:4: none is not a folder; give one with a folder for each class",
+        ),
+        ("predict weights.npz", "what shall be classified? give --events DIR, or --data DIR with your own recordings"),
+        ("predict weights.npz --data skin", "the network was not trained on your own recordings"),
+        ("predict weights.npz --data skin --check-model", "--check-model holds events of the RTL to the model; add"),
+        ("predict weights.npz --data skin --events skin", "--data beside --events is where --check-model finds"),
+        ("fig8 --data skin --dataset embedded", "--dataset is for textures, --data for your own recordings; give one"),
+    ],
+)
+def test_what_own_recordings_cannot_have_is_refused(words: str, sentence: str, snn: Call) -> None:
+    network = build(NetworkConfig.from_dict({"inputs": 8, "classes": 3, "hidden": 4}), 0)
+    save_weights(Path("weights.npz"), Weights(network, ("press", "stroke", "tap"), 0.1))
+    code, _, error = snn(*words.split())
+    assert code == 2
+    assert error.startswith(f"error: {sentence}")
+    assert error.count("\n") == 1

@@ -1,0 +1,91 @@
+"""A part of what is to be played, as one piece of work of a crew."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cocotb_tests.session.material import Material
+from cocotb_tests.session.player import Job
+from cocotb_tests.session.session import Tally, run_job
+from cocotb_tests.session.simulator import Build, SimulationDied, build
+from cocotb_tests.session.store import BUILD, scratch_folder
+from model.config import ReadoutConfig
+from model.crew.crew import MOST_DEATHS
+from model.errors import InputError
+from model.files import atomic_write
+
+
+@dataclass(frozen=True)
+class Played:
+    """What came of a part.
+
+    Attributes
+    ----------
+    tally : Tally
+    files : dict of str to bytes
+        Event files by name.
+    """
+
+    tally: Tally
+    files: dict[str, bytes]
+
+
+def job_of(material: Material, names: Sequence[str], config: ReadoutConfig, program: Build, again: str) -> Job:
+    """Return the job that plays some of the material; ``again`` is the command that shows a mismatch again."""
+    said = material.said(names)
+    return Job(
+        config.to_dict(),
+        again,
+        dataset=material.name,
+        preset=material.preset,
+        start_row=material.start_row,
+        played={name: said[name] | {"proof": material.proof(name, program)} for name in names},
+    )
+
+
+def play_here(
+    program: Build,
+    job: Job,
+    arrays: dict[str, NDArray[Any]],
+    folder: Path,
+    on_run: Callable[[dict[str, Any]], None] | None = None,
+) -> Tally:
+    """Play a job with its images or samples in a folder, and return what was compared."""
+    with atomic_write(folder / "arrays.npz") as file:
+        np.savez(file, **{f"array/{name}": array for name, array in arrays.items()})  # type: ignore[arg-type]
+    return run_job(program, dataclasses.replace(job, arrays=str((folder / "arrays.npz").resolve())), folder, on_run)
+
+
+def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> Played:
+    """Play a job on this machine, whichever that is, and return its event files; a simulation that dies begins again.
+
+    Raises
+    ------
+    MismatchFound
+        If RTL and model differ.
+    InputError
+        If the simulation dies again and again.
+    """
+    program = build(ReadoutConfig.from_dict(job.config), "verilator")
+    for deaths in range(MOST_DEATHS + 1):
+        with scratch_folder(BUILD / "run", "replay") as running:
+            events = running / "events"
+            try:
+                tally = play_here(program, dataclasses.replace(job, keep=str(events.resolve())), arrays, running)
+            except SimulationDied as died:
+                if deaths == MOST_DEATHS:
+                    last = str(died).strip().splitlines()[-1]
+                    raise InputError(
+                        f"the simulation died {deaths + 1} times, perhaps for want of memory ({last}); "
+                        f"take fewer --workers"
+                    ) from None
+                continue
+            return Played(tally, {name: (events / f"{name}.npz").read_bytes() for name in job.played})
+    raise AssertionError("unreachable")

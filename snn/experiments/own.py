@@ -1,0 +1,72 @@
+"""How the recordings of a training were read, scaled and encoded, so that others can be taken in the same way."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.events.recording import Recording
+from model.recordings.options import Preparation
+from snn.data.recordings import event_files
+
+EVERY_FIELD = frozenset(field.name for field in dataclasses.fields(ReadoutConfig))
+"""All of them are said: none follows the recordings."""
+
+
+@dataclass(frozen=True)
+class OwnReadout:
+    """The readout of some own recordings.
+
+    Attributes
+    ----------
+    config : ReadoutConfig
+    options : Preparation
+        With the scale as it came out.
+    """
+
+    config: ReadoutConfig
+    options: Preparation
+
+    @classmethod
+    def of(cls, recording: Recording) -> OwnReadout | None:
+        """Return that of an event file of own recordings; None of others."""
+        prepared, scale = recording.metadata.get("prepared"), recording.metadata.get("scale")
+        if not isinstance(prepared, dict) or not isinstance(scale, float):
+            return None
+        return cls.from_dict({"readout": recording.config.to_dict(), "prepared": prepared, "scale": scale})
+
+    @classmethod
+    def of_events(cls, folder: str | None) -> OwnReadout | None:
+        """Return that of a folder of event files; None where they are no own recordings, or there is no folder."""
+        return None if folder is None else cls.of(Recording.load(event_files([Path(folder)])[0].path))
+
+    @property
+    def prepared(self) -> dict[str, Any]:
+        """All fields of the preparation."""
+        return dataclasses.asdict(self.options)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values."""
+        prepared = self.options.chosen()
+        return {"readout": self.config.to_dict(), "prepared": prepared, "scale": float(self.options.scale)}
+
+    @classmethod
+    def from_dict(cls, fields: dict[str, Any]) -> OwnReadout:
+        """Return what ``to_dict`` gave, also from a JSON file.
+
+        Raises
+        ------
+        InputError
+            If the fields are not those.
+        """
+        try:
+            options = Preparation(**fields["prepared"], scale=repr(float(fields["scale"])))
+            return cls(ReadoutConfig.from_dict(fields["readout"]), options)
+        except (KeyError, TypeError, ValueError):
+            raise InputError(
+                "preparation, scale and readout of own recordings are damaged; encode them again"
+            ) from None
