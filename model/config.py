@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args, get_type_hints
@@ -342,8 +343,10 @@ class ReadoutConfig:
         return cls.of_file(path)[0]
 
     @classmethod
-    def of_file(cls, path: Path) -> tuple[ReadoutConfig, dict[str, Any]]:
+    def of_file(cls, path: Path, beside: Collection[str] = ()) -> tuple[ReadoutConfig, dict[str, Any]]:
         """Return the configuration of a JSON file, read once since it may be a pipe, and the fields that stand in it.
+
+        Fields ``beside`` those of this class, which another configuration has, may stand in it too.
 
         Raises
         ------
@@ -353,6 +356,7 @@ class ReadoutConfig:
         content = read_json(path, "the configuration", dict)
         fields = content["configuration"] if {"configuration", "ports"} <= set(content) else content
         try:
-            return cls.from_dict(fields), fields
+            own = {name: value for name, value in fields.items() if name not in beside} if beside else fields
+            return cls.from_dict(own), fields
         except InputError as error:
             raise InputError(f"the configuration {path}: {error}") from None

@@ -27,6 +27,7 @@ def verilog(
     config: ReadoutConfig,
     given: frozenset[str],
     own: dict[str, Any],
+    stored: dict[str, Any],
     out: Annotated[Path, typer.Option("-o", "--out", help="folder to write to, made if need be")],
     readout: Annotated[str, typer.Option(metavar="|".join(READOUTS), help="which readout")] = "spiking",
     classifier: Annotated[
@@ -48,6 +49,7 @@ def verilog(
         return
     if readout not in READOUTS:
         raise InputError(f"--readout must be one of {', '.join(READOUTS)}, not {readout!r}")
+    own = stored | own
     if own and readout != "frame":
         raise InputError(f"--{next(iter(own)).replace('_', '-')} belongs to the frame readout; add --readout frame")
     chosen: Config = FrameConfig(readout=config, **own) if readout == "frame" else config
@@ -59,6 +61,7 @@ def verilog(
 @with_config
 def gates(
     config: ReadoutConfig,
+    stored: dict[str, Any],
     liberty: Annotated[Path | None, typer.Option(help="cell library (.lib): mapped to it, with its area")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
 ) -> None:
@@ -70,7 +73,7 @@ def gates(
     designs: dict[str, ReadoutConfig | FrameConfig] = {
         encoding: config.replace(encoding=encoding) for encoding in ("lcs", "cw-lcs", "nlcs")
     }
-    designs["frame"] = FrameConfig(readout=config)
+    designs["frame"] = FrameConfig(readout=config, **stored)
     counted = {name: count_gates(design, config.taxels, liberty).to_dict() for name, design in designs.items()}
     if as_json:
         print(json.dumps({"liberty": liberty.name if liberty else None, "readouts": counted}, indent=2))

@@ -11,6 +11,7 @@ from typing import Any
 from model.cli.field_options import field_options, option, option_of, parse_fields, parse_number, replace_parameters
 from model.config import ReadoutConfig
 from model.errors import InputError
+from model.frame_config import OWN_FIELDS
 
 CONFIG_FILE = option("config_file", Path | None, "JSON configuration", "FILE", "--config")
 TAU = option("tau", str | None, "nlcs: time constant, sets leak-shift and leak-period", "SECONDS", "--tau")
@@ -33,7 +34,7 @@ def with_config(
     Besides, ``--config FILE`` loads a JSON configuration, which explicit options override, and ``--tau``
     chooses the leak of an N-LCS taxel by its time constant, unless the command has a parameter ``tau`` of its own.
     A parameter ``given``, if the command has one, receives the names of the fields that the user set, as a
-    frozenset of str.
+    frozenset of str; a parameter ``stored`` the fields of a frame readout in the file, which other commands refuse.
 
     Parameters
     ----------
@@ -54,21 +55,26 @@ def with_config(
     """
     if command is None:
         return lambda function: with_config(function, fields=fields, defaults=defaults, file=file)
-    wants_given = "given" in inspect.signature(command).parameters
+    wants = inspect.signature(command).parameters
     options = field_options(ReadoutConfig, fields, defaults)
     options += ([TAU] if fields is None else []) + ([CONFIG_FILE] if file else [])
 
     def build(texts: dict[str, Any]) -> dict[str, Any]:
         path, tau = texts.pop("config_file", None), texts.pop("tau", None)
         tau_s = None if tau is None else parse_number("--tau", float, tau)
-        config, given = build_config(parse_fields(ReadoutConfig, texts), tau_s, path)
-        return {"config": config} | ({"given": given} if wants_given else {})
+        stored: dict[str, Any] | None = {} if "stored" in wants else None
+        config, given = build_config(parse_fields(ReadoutConfig, texts), tau_s, path, stored)
+        made = {"config": config, "given": given, "stored": stored}
+        return {name: value for name, value in made.items() if name in wants}
 
-    return replace_parameters(command, ("config", "given"), options, build, last=True)
+    return replace_parameters(command, ("config", "given", "stored"), options, build, last=True)
 
 
 def build_config(
-    explicit: dict[str, Any], tau_s: float | None = None, file: Path | None = None
+    explicit: dict[str, Any],
+    tau_s: float | None = None,
+    file: Path | None = None,
+    stored: dict[str, Any] | None = None,
 ) -> tuple[ReadoutConfig, frozenset[str]]:
     """Return a configuration from a file, explicit fields and a time constant, in rising priority.
 
@@ -80,6 +86,8 @@ def build_config(
         Time constant of the N-LCS leak in seconds.
     file : Path, optional
         JSON configuration; its absent fields take their defaults.
+    stored : dict, optional
+        Takes the fields of a frame readout in the file; without it they are refused.
 
     Returns
     -------
@@ -90,9 +98,17 @@ def build_config(
     given = set(explicit)
     fields = dict(explicit)
     if file is not None:
-        stored, named = ReadoutConfig.of_file(file)
-        fields = stored.to_dict() | explicit
-        given |= set(named)
+        found, named = ReadoutConfig.of_file(file, OWN_FIELDS)
+        own = {name: named[name] for name in OWN_FIELDS if name in named}
+        if own and stored is None:
+            raise InputError(
+                f"the configuration {file} is that of a frame readout ({', '.join(own)}); leave these out, or give it "
+                f"to python -m model frames, or to python -m rtl verilog --readout frame"
+            )
+        if stored is not None:
+            stored |= own
+        fields = found.to_dict() | explicit
+        given |= set(named) - set(own)
     config = ReadoutConfig.from_dict(fields)
     if tau_s is None:
         return config, frozenset(given)

@@ -78,6 +78,7 @@ def frames(
     config: ReadoutConfig,
     given: frozenset[str],
     own: dict[str, Any],
+    stored: dict[str, Any],
     frame_rate: Annotated[
         float | None, typer.Option(metavar="HZ", help=f"frames per second [{ReadoutConfig().sample_rate_hz:g}]")
     ] = None,
@@ -99,7 +100,7 @@ def frames(
     if frame_rate is not None and not (math.isfinite(frame_rate) and frame_rate > 0):
         raise InputError(f"--frame-rate must be a positive number of hertz, not {frame_rate!r}")
     readout = config if frame_rate is None else config.replace(sample_rate_hz=frame_rate)
-    frame = FrameConfig(readout=readout, **own)
+    frame = FrameConfig(readout=readout, **(stored | own))
     if tau is None and not given & {"leak_shift", "leak_period"}:
         tau = PAPER_TAU_S
     configs = _configurations(config, scan, tau)

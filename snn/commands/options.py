@@ -108,18 +108,24 @@ def with_experiment(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def _made(values: dict[str, Any]) -> dict[str, Any]:
     """Return the experiment of a command for one network; a setting that this network does not have is refused."""
+    made = build_experiment(values)
+    kind, idle = idle_settings(made, values["settings"])
+    if idle:
+        raise InputError(f"{idle[0]} means nothing to a network of kind {kind}; leave it out")
+    return {"made": made}
+
+
+def idle_settings(made: Experiment, settings: list[str] | None) -> tuple[str, list[str]]:
+    """Return the kind of network of an experiment, and what of ``--set`` and ``--grid`` means nothing to it."""
     from snn.flat import hints_of
     from snn.network_config import NetworkConfig
     from snn.training import TrainConfig
 
-    made = build_experiment(values)
     config = NetworkConfig.from_dict({"inputs": 1, "classes": 1} | made.network)
     known = {*hints_of(NetworkConfig), *hints_of(type(config.units)), *hints_of(TrainConfig), "kind"}
-    given = [("--set", name) for name in parse_settings(values["settings"] or [])]
+    given = [("--set", name) for name in parse_settings(settings or [])]
     given += [("--grid", name) for name in made.grid or {}]
-    if idle := [f"{option} {name}" for option, name in given if name not in known]:
-        raise InputError(f"{idle[0]} means nothing to a network of kind {config.kind}; leave it out")
-    return {"made": made}
+    return config.kind, [f"{option} {name}" for option, name in given if name not in known]
 
 
 def build_experiment(options: dict[str, Any]) -> Experiment:

@@ -15,7 +15,15 @@ from model.cli.tables import new_table, show
 from model.config import Encoding
 from model.errors import InputError
 from snn.commands.bars import cell_bar
-from snn.commands.options import NOT_OF_A_SWEEP, Folds, Seeds, Workers, build_experiment, with_experiment
+from snn.commands.options import (
+    NOT_OF_A_SWEEP,
+    Folds,
+    Seeds,
+    Workers,
+    build_experiment,
+    idle_settings,
+    with_experiment,
+)
 from snn.data.frame_steps import FRAMES, FrameKind, FrameSteps
 from snn.experiments.recipes import BASELINES
 
@@ -63,6 +71,7 @@ def sweep(
         raise InputError("--bin has no effect on rnn|gru|cnn:K, which say the frames of a step; leave it out")
     made = [_point(readout, number, options) for readout, number in chosen]
     made += [_recorded_point(folder, options) for folder in events or ()]
+    _tell_idle(made, options["settings"])
     from model.crew.cluster import Needs
     from snn.experiments.sweep import sweep as run
 
@@ -78,6 +87,18 @@ def sweep(
     _print_table(found)
     print(printable(f"result: {out / 'sweep.json'}"))
     print(f"draw it with {shlex.join(['python', '-m', 'snn', 'fig9', '--sweep', str(out)])}")
+
+
+def _tell_idle(points: list[SweepPoint], settings: list[str] | None) -> None:
+    """Say which settings mean nothing to some of the points; refuse one that means nothing to any."""
+    idle: dict[str, list[str]] = {}
+    for point in points:
+        for setting in idle_settings(point.experiment, settings)[1]:
+            idle.setdefault(setting, []).append(point.name)
+    for setting, names in idle.items():
+        if len(names) == len(points):
+            raise InputError(f"{setting} means nothing to any network of these points; leave it out")
+        print(printable(f"note: {setting} means nothing to the network of {', '.join(names)}"), file=sys.stderr)
 
 
 def parse_points(text: str) -> list[tuple[str, str]]:

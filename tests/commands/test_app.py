@@ -320,3 +320,19 @@ def test_groups_are_those_of_the_project() -> None:
     for group, packages in GROUPS.items():
         named = {re.split(r"[<>=]", text)[0] for text in setup.requirements(group)}
         assert named <= set(packages)
+
+
+def test_the_configuration_of_a_frame_readout_is_taken_where_frames_are(call: Any, folder: Path) -> None:
+    frame = FrameConfig(readout=ReadoutConfig(rows=2, columns=3), word_bits=9)
+    description = {"version": "1", "configuration": frame.to_dict(), "ports": []}
+    (folder / "frame.json").write_text(json.dumps(description))
+    stored: dict[str, Any] = {}
+    config, given = build_config({"rows": 1}, file=folder / "frame.json", stored=stored)
+    assert (config.rows, config.columns, "columns" in given, "word_bits" in given) == (1, 3, True, False)
+    assert stored["word_bits"] == 9
+    code, out, err = call("frames --config frame.json --dataset embedded --limit 1 --json")
+    assert code == 0, err
+    assert json.loads(out)["frame"]["bits_per_word"] == 9
+    code, _, err = call("encode x.csv -o y.npz --config frame.json")
+    assert code == 2
+    assert "frame.json is that of a frame readout (word_bits, settle_clocks, conversion_clocks); leave these out" in err

@@ -171,6 +171,10 @@ def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path) -> No
         ("--points frame:250", "point frame:250: frames are given as KIND:RATE:BITS"),
         ("--points frame-diff:250:8:4", "point frame-diff:250:8:4: frames are given as KIND:RATE:BITS"),
         ("--points gru:20 --bin 0.004", "--bin has no effect on rnn|gru|cnn:K, which say the frames of a step"),
+        (
+            "--points rnn:20,gru:20 --set decay=0.5",
+            "--set decay means nothing to any network of these points; leave it",
+        ),
         ("--workers 2 --scheduler tcp://a:1", "--workers counts processes of this machine"),
     ],
 )
@@ -178,6 +182,17 @@ def test_bad_options_get_one_sentence(options: str, message: str, tmp_path: Path
     result = CliRunner().invoke(app, ["sweep", "--dataset", "embedded", "--out", str(tmp_path), *options.split()])
     assert isinstance(result.exception, InputError)
     assert str(result.exception).startswith(message)
+
+
+def test_a_setting_that_some_points_do_not_have_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ["--points", "lcs:4,rnn:20,gru:20", "--set", "decay=0.5", "--workers", "2", "--scheduler", "tcp://a:1"]
+    with pytest.raises(SystemExit) as left:  # the scheduler beside workers is refused after that
+        run(app, "python -m snn", ["sweep", "--dataset", "embedded", "--out", str(tmp_path), *words])
+    assert left.value.code == 2
+    note, _ = capsys.readouterr().err.splitlines()
+    assert note == "note: --set decay means nothing to the network of rnn-20, gru-20"
 
 
 def test_the_table_has_the_interval_over_images_and_seeds(capsys: pytest.CaptureFixture[str]) -> None:
