@@ -11,12 +11,13 @@ from snn.commands.exchange import convert, export, import_
 from snn.commands.figures import fig8, fig9
 from snn.commands.pair import pair
 from snn.commands.predict import predict
+from snn.commands.robustness import robustness
 from snn.commands.sweep import sweep
 from snn.commands.train import crossval, train
 
 app = make_app("Classifier of the spiking e-skin readout: from address events to texture class.")
 
-for command in (train, crossval, sweep, pair, predict, fig8, fig9, export, convert, cache):
+for command in (train, crossval, sweep, pair, predict, robustness, fig8, fig9, export, convert, cache):
     app.command()(command)
 app.command("import")(import_)
 

@@ -44,6 +44,7 @@ COMMANDS = {
     "cocotb_tests replay": "cocotb_tests/test_commands.py::test_a_missing_dataset_is_one_sentence",
     "snn train": "tests/snn/test_train.py::test_an_output_that_cannot_be_written_is_refused_before_the_scans",
     "snn crossval": "tests/snn/test_train.py::test_crossval_prints_both_readings",
+    "snn robustness": "tests/snn/test_robustness.py::test_cells_are_kept_resumed_and_paired",
     "snn sweep": "tests/snn/test_sweep.py::test_bad_options_get_one_sentence",
     "snn predict": "tests/snn/test_predict.py::test_an_intact_replay_passes",
     "snn fig8": "tests/snn/test_figures.py::test_fig8_shows_the_first_test_image_and_its_logits",

@@ -100,6 +100,11 @@ TARGETS = {
         instead={"DATA": "EVENTS"},
     ),
     "sweep": Target("accuracy by data rate: many points, resumable [POINTS= DATA= SCHEDULER=]", "snn sweep", SNN),
+    "robustness": Target(
+        "trained networks under noise, mismatch, faults and other movements, resumable [WEIGHTS=out/train ONLY= OUT=]",
+        "snn robustness",
+        SNN,
+    ),
     "power": Target("power of the three readouts [MODE= RESOLUTION= NOISE= TAU= CROSSOVER=1]", "model power"),
     "fig6": Target("power at three noise targets in both modes, data and picture [OUT= SYNTHESIS=]", "model fig6"),
     "fig7": Target("noise at which spikes and frames cost the same [OUT= SYNTHESIS=]", "model fig7"),

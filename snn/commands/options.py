@@ -35,6 +35,9 @@ Frames = Annotated[
     str | None, typer.Option(metavar=FRAMES, help="frames instead of events, as frame-diff:250:8; RATE in hertz")
 ]
 StartRows = Annotated[int | None, typer.Option(min=1, help="scans per image (physical) [1]")]
+Disturbed = Annotated[
+    int | None, typer.Option(min=1, help="further scans per image, each disturbed at random, to learn (physical)")
+]
 BinSeconds = Annotated[
     float | None, typer.Option("--bin", metavar="SECONDS", help="time bin, or step of frames [0.004]")
 ]
@@ -56,8 +59,8 @@ DEFAULT_RESOLUTION = 4
 
 WITHOUT_EFFECT = {
     "frames": ("encoding", "resolution", "tau"),
-    "events": ("preset", "encoding", "resolution", "tau", "config_file", "dataset", "start_rows", "data"),
-    "data": ("preset", "tau", "dataset", "start_rows", "frames"),
+    "events": ("preset", "encoding", "resolution", "tau", "config_file", "dataset", "start_rows", "disturbed", "data"),
+    "data": ("preset", "tau", "dataset", "start_rows", "disturbed", "frames"),
 }
 """Parameters that mean nothing beside another: frames have no encoder, and recordings were scanned before."""
 
@@ -80,6 +83,7 @@ def _options(
     data: OwnData = None,
     frames: Frames = None,
     start_rows: StartRows = None,
+    disturbed: Disturbed = None,
     bin_s: BinSeconds = None,
     recipe: Recipe = "tuned",
     epochs: Epochs = 60,
@@ -182,7 +186,7 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
         network={name: value for name, value in fields.items() if name not in of_training},
         train=TrainConfig.from_dict(training | {"epochs": options["epochs"]}),
         grid=parse_grid(options["grid"]) if options.get("grid") else None,
-        **{name: options[name] for name in ("preset", "start_rows") if options[name] is not None},
+        **{name: options[name] for name in ("preset", "start_rows", "disturbed") if options[name] is not None},
     )
 
 

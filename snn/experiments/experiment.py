@@ -17,6 +17,7 @@ from model.textures.presets import PRESETS, Scan, preset
 from model.textures.rates import PAPER_TAU_S
 from snn.data.bins import BinConfig
 from snn.data.cache import kept, key_of
+from snn.data.disturb import disturbed_dataset
 from snn.data.frame_steps import FrameSteps
 from snn.data.frames import frame_dataset
 from snn.data.record import Tick, record_dataset
@@ -49,6 +50,8 @@ class Experiment:
         Frames instead of events.
     start_rows : int
         Scans of each image, evenly spread over it; tests take the first.
+    disturbed : int
+        Further scans of each image, each disturbed at random (``snn.data.disturb``); tests take the clean one.
     bins : BinConfig
     network : dict
         Fields of NetworkConfig but inputs and classes, which follow from the data.
@@ -66,6 +69,7 @@ class Experiment:
     given_leak: bool = False
     frames: FrameSteps | None = None
     start_rows: int = 1
+    disturbed: int = 0
     bins: BinConfig = field(default_factory=BinConfig)
     network: dict[str, Any] = field(default_factory=dict)
     train: TrainConfig = field(default_factory=TrainConfig)
@@ -77,10 +81,19 @@ class Experiment:
             raise InputError("frames are made from textures, not from event files; give one of the two")
         if self.frames is not None and self.train.augment.speed_spread:
             raise InputError("speed_spread moves events in time and cannot be used for frames; set it to 0")
+        if self.disturbed:
+            self._check_disturbed()
         self._network(1, 1)
         self._settle_leak()
         if self.grid is not None:
             self.settings()
+
+    def _check_disturbed(self) -> None:
+        """Refuse disturbed scans of what is not scanned by the model, or in another way."""
+        if self.frames is not None or self.events is not None or self.preset != "physical":
+            raise InputError("disturbed scans are events of the model in the physical preset; leave disturbed out")
+        if self.disturbed < 0 or self.start_rows != 1:
+            raise InputError("disturbed takes a number from 1, and start-rows 1: it draws the heights itself")
 
     def _settle_leak(self) -> None:
         """Keep a leak that files could not tell from none by its time constant; refuse one that would be forgotten."""
@@ -124,11 +137,15 @@ class Experiment:
             rows = scan.start_rows(config, textures[0].load().shape, self.start_rows)
 
         def make() -> ScanData:
+            if self.disturbed:
+                assert isinstance(scan, PhysicalScan)
+                return disturbed_dataset(textures, scan, config, self.bins, self.disturbed, progress)
             if self.frames is not None:
                 return frame_dataset(textures, scan, config, self.frames, rows, progress)
             return record_dataset(textures, scan, config, self.bins, rows, progress)
 
-        data = kept(key_of(textures, scan, config, self.frames or self.bins, rows), make)
+        key = key_of(textures, scan, config, self.frames or self.bins, rows)
+        data = kept(f"{key}-disturbed-{self.disturbed}" if self.disturbed else key, make)
         kind = f"events of {config.encoding} with {config.resolution} bits"
         if self.frames is not None:
             kind = f"frames {self.frames.name}"
@@ -166,6 +183,8 @@ class Experiment:
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain values; of event files None for preset and readout, which they say themselves."""
         fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "given_leak"}
+        if not self.disturbed:  # files and cells of experiments without are those of before
+            del fields["disturbed"]
         for name in ("readout", "train"):
             fields[name] = fields[name].to_dict()
         for name in ("bins", "frames"):

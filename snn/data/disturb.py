@@ -1,0 +1,394 @@
+"""What may go wrong between texture and network: one registry of disturbances, for tests and for training.
+
+Each changes the scene (how the array moves over the texture), the signals at the outputs of the analog front ends, the
+comparators, or the events, always before the readout's counts are made. Random ones draw from a generator.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.events.address import EVENT_DTYPE, Events, taxel_of
+from model.events.recording import Recording
+from model.textures.dataset import Dataset, Texture
+from model.textures.physical import PhysicalScan
+from model.textures.scan import Signals, quantise
+from snn.data.bins import BinConfig
+from snn.data.record import Tick, record
+from snn.data.scans import ScanData, collect
+
+Level = Literal["scene", "signals", "comparators", "events"]
+Generator = np.random.Generator
+
+HOT_HZ = 1000.0
+"""Events per second of a hot taxel."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Disturbance:
+    """A disturbance and the strengths at which it is tested.
+
+    Attributes
+    ----------
+    unit, help : str
+    level : str
+        What it changes.
+    strengths : tuple of float
+        In rising order; the clean scan is none of them.
+    apply : callable
+        (Draft, strength, Generator) -> None: changes the draft of a recording in place.
+    """
+
+    unit: str
+    help: str
+    level: Level
+    strengths: tuple[float, ...]
+    apply: Callable[[Draft, float, Generator], None]
+
+
+@dataclass
+class Draft:
+    """A recording while it is made; each level finds what those before it have left.
+
+    Attributes
+    ----------
+    config : ReadoutConfig
+    scan : PhysicalScan
+    image : array, shape (height, width)
+    height : float
+        Of the array over the image, from 0 (top) to 1; of a movement upwards or downwards, from the left side.
+    quarter_turns : int
+        Direction of the movement, counter-clockwise from left to right.
+    signals : float64 array, shape (ticks, taxels)
+        In full scales, of which one is 1 V.
+    noise_v, offset_v : float
+        Of the two comparators of every taxel: rms per sample, and deviation over comparators.
+    generator : Generator, optional
+        For the comparators.
+    events : Events
+    duration : int
+        Clocks.
+    """
+
+    config: ReadoutConfig
+    scan: PhysicalScan
+    image: NDArray[Any]
+    height: float = 0.0
+    quarter_turns: int = 0
+    signals: Signals = field(default_factory=lambda: np.zeros((0, 0)))
+    noise_v: float = 0.0
+    offset_v: float = 0.0
+    generator: Generator | None = None
+    events: Events = field(default_factory=lambda: np.zeros(0, EVENT_DTYPE))
+    duration: int = 0
+
+    @property
+    def clock_hz(self) -> float:
+        return self.config.clock_hz
+
+
+# -- scene -------------------------------------------------------------------------------------------
+
+
+def _speed(draft: Draft, strength: float, _: Generator) -> None:
+    draft.scan = dataclasses.replace(draft.scan, speed_m_per_s=draft.scan.speed_m_per_s * strength)
+
+
+def _height(draft: Draft, strength: float, _: Generator) -> None:
+    draft.height = strength
+
+
+def _direction(draft: Draft, strength: float, _: Generator) -> None:
+    if strength % 90:
+        raise InputError(f"a direction is a multiple of 90 degrees, not {strength:g}")
+    draft.quarter_turns = round(strength / 90) % 4
+
+
+def _rotation(draft: Draft, strength: float, _: Generator) -> None:
+    if strength % 90 == 0:
+        draft.image = np.ascontiguousarray(np.rot90(draft.image, round(strength / 90)))
+        return
+    from scipy.ndimage import rotate
+
+    draft.image = rotate(np.asarray(draft.image, float), strength, reshape=False, order=1, mode="mirror")
+
+
+def _scene_signals(draft: Draft) -> Signals:
+    """Return the signals of the scene: the image and the array are turned until the movement runs left to right."""
+    config, turns = draft.config, draft.quarter_turns
+    image = np.rot90(draft.image, -turns)  # a movement upwards becomes one to the right
+    rows, columns = (config.columns, config.rows) if turns % 2 else (config.rows, config.columns)
+    turned = config.replace(rows=rows, columns=columns)
+    place = draft.height if turns < 2 else 1 - draft.height
+    start_row = draft.scan.start_rows(turned, image.shape, 2)[1] * place
+    signals = draft.scan.signals(turned, image, start_row).reshape(-1, rows, columns)
+    return np.rot90(signals, turns, axes=(1, 2)).reshape(-1, config.taxels)
+
+
+# -- signals -----------------------------------------------------------------------------------------
+
+
+def _noise(draft: Draft, strength: float, generator: Generator) -> None:
+    draft.signals = draft.signals + generator.normal(0.0, strength, draft.signals.shape)
+
+
+def _gain(draft: Draft, strength: float, _: Generator) -> None:
+    draft.signals = draft.signals * strength
+
+
+def _offset(draft: Draft, strength: float, generator: Generator) -> None:
+    draft.signals = draft.signals + generator.normal(0.0, strength, draft.signals.shape[1])
+
+
+def _mismatch(draft: Draft, strength: float, generator: Generator) -> None:
+    draft.signals = draft.signals * np.maximum(1 + generator.normal(0.0, strength, draft.signals.shape[1]), 0.0)
+
+
+# -- comparators -------------------------------------------------------------------------------------
+
+
+def _comparator_noise(draft: Draft, strength: float, generator: Generator) -> None:
+    draft.noise_v, draft.generator = strength, generator
+
+
+def _comparator_offset(draft: Draft, strength: float, generator: Generator) -> None:
+    draft.offset_v, draft.generator = strength, generator
+
+
+def compare(config: ReadoutConfig, signals: Signals, noise_v: float, offset_v: float, generator: Generator) -> Events:
+    """Return the events of LCS taxels whose comparators are not ideal; without noise and offset those of the encoder.
+
+    Every sample and comparator (above, below) has noise of its own, and every comparator an offset. A taxel sends at
+    most one event a clock; the arbiter is left out, which delays events by microseconds.
+    """
+    if config.encoding != "lcs":
+        raise InputError(f"comparators with noise and offset are modelled for lcs, not for {config.encoding}")
+    codes = quantise(signals, config.sample_bits)[0].astype(np.float64)
+    shape, full = codes.shape, config.full_scale
+    errors = [
+        full * (generator.normal(0.0, noise_v, shape) + generator.normal(0.0, offset_v, shape[1])) for _ in range(2)
+    ]
+    counts = _cross(codes, errors[0], errors[1], config.step, config.clocks_per_sample)
+    tick, taxel = np.nonzero(counts)
+    many = np.abs(counts[tick, taxel])
+    events = np.empty(int(many.sum()), EVENT_DTYPE)
+    within = np.arange(len(events)) - np.repeat(np.cumsum(many) - many, many)
+    events["t"] = np.repeat(tick, many) * config.clocks_per_sample + within
+    events["y"], events["x"] = np.divmod(np.repeat(taxel, many), config.columns)
+    events["p"] = np.repeat(counts[tick, taxel] > 0, many)
+    return np.sort(events, order="t", kind="stable")
+
+
+@njit(cache=True)
+def _cross(codes: Any, above: Any, below: Any, step: float, cap: int) -> Any:
+    """Return the steps of every taxel in every sample, up positive: references follow by whole steps, at most cap."""
+    counts = np.zeros(codes.shape, np.int64)
+    for j in range(codes.shape[1]):
+        u = 0.0
+        for i in range(codes.shape[0]):
+            for _ in range(cap):
+                if codes[i, j] + above[i, j] - u >= step:
+                    u += step
+                    counts[i, j] += 1
+                elif codes[i, j] + below[i, j] - u < -step:
+                    u -= step
+                    counts[i, j] -= 1
+                else:
+                    break
+    return counts
+
+
+# -- events ------------------------------------------------------------------------------------------
+
+
+def _some_taxels(draft: Draft, part: float, generator: Generator) -> NDArray[np.int64]:
+    return generator.permutation(draft.config.taxels)[: round(part * draft.config.taxels)]
+
+
+def _dead(draft: Draft, strength: float, generator: Generator) -> None:
+    dead = _some_taxels(draft, strength, generator)
+    draft.events = draft.events[~np.isin(taxel_of(draft.events, draft.config), dead)]
+
+
+def _hot(draft: Draft, strength: float, generator: Generator) -> None:
+    hot = _some_taxels(draft, strength, generator)
+    number = generator.poisson(HOT_HZ * draft.duration / draft.clock_hz, len(hot))
+    more = np.empty(int(number.sum()), EVENT_DTYPE)
+    more["t"] = generator.integers(0, draft.duration, len(more))
+    more["y"], more["x"] = np.divmod(np.repeat(hot, number), draft.config.columns)
+    more["p"] = generator.random(len(more)) < 0.5 if draft.config.has_polarity else True
+    draft.events = _in_order(np.concatenate((draft.events, more)))
+
+
+def _lost(draft: Draft, strength: float, generator: Generator) -> None:
+    draft.events = draft.events[generator.random(len(draft.events)) >= strength]
+
+
+def _jitter(draft: Draft, strength: float, generator: Generator) -> None:
+    events = draft.events.copy()
+    moved = np.rint(generator.normal(0.0, strength * draft.clock_hz, len(events))).astype(np.int64)
+    events["t"] = np.clip(events["t"] + moved, 0, draft.duration - 1)
+    draft.events = _in_order(events)
+
+
+def _late(draft: Draft, strength: float, _: Generator) -> None:
+    events = draft.events[draft.events["t"] >= round(strength * draft.clock_hz)].copy()
+    events["t"] -= round(strength * draft.clock_hz)
+    draft.events = events
+
+
+def _short(draft: Draft, strength: float, _: Generator) -> None:
+    draft.events = draft.events[draft.events["t"] < round(strength * draft.clock_hz)]
+
+
+def _in_order(events: Events) -> Events:
+    return events[np.argsort(events["t"], kind="stable")]
+
+
+# -- the registry ------------------------------------------------------------------------------------
+
+DISTURBANCES: dict[str, Disturbance] = {
+    name: Disturbance(unit=unit, help=text, level=level, strengths=strengths, apply=apply)  # type: ignore[arg-type]
+    for name, unit, text, level, strengths, apply in (
+        ("speed", "", "factor of the scan speed", "scene", (0.5, 0.8, 1.2, 1.5), _speed),
+        ("height", "", "place of the array on the texture, top 0 to bottom 1", "scene", (0.5, 1.0), _height),
+        ("direction", "degrees", "of the movement, the array as it was", "scene", (90.0, 180.0, 270.0), _direction),
+        ("rotation", "degrees", "of the texture under the array", "scene", (15.0, 45.0, 90.0, 180.0), _rotation),
+        ("noise", "V", "AFE output noise, rms", "signals", (0.001, 0.005, 0.01, 0.02), _noise),
+        ("gain", "", "factor of all signals", "signals", (0.7, 0.9, 1.2, 1.5), _gain),
+        ("offset", "V", "of every taxel, deviation", "signals", (0.05, 0.1), _offset),
+        ("mismatch", "", "gain of every taxel, deviation", "signals", (0.1, 0.2, 0.4), _mismatch),
+        ("comparator-noise", "V", "of every comparator, rms", "comparators", (0.005, 0.01, 0.02), _comparator_noise),
+        ("comparator-offset", "V", "of every comparator, deviation", "comparators", (0.01, 0.02), _comparator_offset),
+        ("dead", "", "part of the taxels that send nothing", "events", (0.05, 0.1, 0.2, 0.4), _dead),
+        ("hot", "", "part of the taxels that send 1000 events/s more", "events", (0.05, 0.2), _hot),
+        ("lost", "", "part of the events that is lost", "events", (0.1, 0.3, 0.5), _lost),
+        ("jitter", "s", "of every event, deviation", "events", (0.001, 0.004), _jitter),
+        ("late", "s", "the recording begins so long after the touch", "events", (0.01, 0.05), _late),
+        ("short", "s", "the touch lasts so long", "events", (0.05, 0.1, 0.2), _short),
+    )
+}
+"""Disturbances by name, in the order in which a recording meets them."""
+
+
+def check_strength(name: str, strength: float) -> None:
+    """Refuse a disturbance that is not known, or a strength that is no number from 0 on."""
+    if name not in DISTURBANCES:
+        raise InputError(f"disturbances are {', '.join(DISTURBANCES)}, not {name!r}")
+    if not (math.isfinite(strength) and strength >= 0):
+        raise InputError(f"the strength of {name} must be a number from 0, not {strength!r}")
+
+
+TRAINING: dict[str, tuple[float, float, float]] = {
+    "speed": (0.3, 0.8, 1.25),
+    "direction": (0.6, 0.0, 360.0),
+    "rotation": (0.4, 0.0, 360.0),
+    "noise": (0.5, 0.0, 0.015),
+    "gain": (0.5, 0.8, 1.25),
+    "mismatch": (0.5, 0.0, 0.2),
+    "dead": (0.5, 0.0, 0.3),
+    "lost": (0.3, 0.0, 0.3),
+}
+"""What a disturbed training scan draws: probability of a disturbance, and the range of its strength."""
+
+
+def draw_strengths(generator: Generator) -> dict[str, float]:
+    """Return the strengths of a training scan."""
+    found = {}
+    for name, (probability, low, high) in TRAINING.items():
+        drawn, strength = generator.random() < probability, float(generator.uniform(low, high))
+        if name == "direction":
+            strength = 90.0 * (strength // 90)
+        if drawn:
+            found[name] = strength
+    return found
+
+
+def disturbed_dataset(
+    dataset: Dataset,
+    scan: PhysicalScan,
+    config: ReadoutConfig,
+    bins: BinConfig,
+    count: int,
+    progress: Tick | None = None,
+) -> ScanData:
+    """Return the event counts of all textures: the clean scan first, then ``count`` at random heights, disturbed."""
+    recordings = []
+    for number, texture in enumerate(dataset):
+        recordings.append(record(texture, dataset.name, scan, config))
+        for repeat in range(count):
+            generator = np.random.default_rng([number, repeat])
+            height, strengths = float(generator.random()), draw_strengths(generator)
+            recordings.append(
+                record_disturbed(texture, dataset.name, scan, config, strengths, generator, height=height)
+            )
+            if progress is not None:
+                progress()
+    return collect(recordings, bins, dataset.class_names)
+
+
+def record_disturbed(
+    texture: Texture,
+    dataset_name: str,
+    scan: PhysicalScan,
+    config: ReadoutConfig,
+    strengths: Mapping[str, float],
+    generator: Generator,
+    *,
+    height: float = 0.0,
+) -> Recording:
+    """Return what the readout sends while a texture is scanned under some disturbances.
+
+    Parameters
+    ----------
+    texture, dataset_name, scan, config
+        As ``snn.data.record.record`` takes them; without a disturbance the events are the same.
+    strengths : mapping
+        Strength by name of DISTURBANCES.
+    generator : Generator
+    height : float
+        Place of the array on the texture, where ``strengths`` do not say it.
+    """
+    from model.readout import Stimulus, simulate
+
+    for name, strength in strengths.items():
+        check_strength(name, strength)
+    draft = Draft(config, scan, texture.load(), height)
+
+    def disturb(level: Level) -> None:
+        for name, disturbance in DISTURBANCES.items():
+            if name in strengths and disturbance.level == level:
+                disturbance.apply(draft, strengths[name], generator)
+
+    disturb("scene")
+    draft.signals = _scene_signals(draft)
+    disturb("signals")
+    disturb("comparators")
+    draft.duration = len(draft.signals) * config.clocks_per_sample
+    if draft.generator is None:
+        stimulus = Stimulus.from_samples(config, quantise(draft.signals, config.sample_bits)[0])
+        draft.events = simulate(config, stimulus)
+    else:
+        draft.events = compare(config, draft.signals, draft.noise_v, draft.offset_v, draft.generator)
+        draft.events = draft.events[draft.events["t"] < draft.duration]
+    disturb("events")
+    metadata = {
+        "name": texture.name,
+        "class": texture.class_name,
+        "label": texture.label,
+        "dataset": dataset_name,
+        "preset": scan.name,
+        "disturbed": dict(strengths),
+        "source": "model",
+    }
+    return Recording(draft.events, config, draft.duration, metadata=metadata)

@@ -1,0 +1,219 @@
+"""Trained networks on disturbed scans of their test images: one cell for a fold, seed, disturbance and strength.
+
+A scan of an image is disturbed in the same way for all networks, so that their answers are paired. Cells are files, so
+that a run that was stopped goes on with those that are missing.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import InputError
+from model.files import read_json, write_json
+from model.textures.dataset import open_dataset
+from model.textures.physical import PhysicalScan
+from snn.data.disturb import DISTURBANCES, check_strength, record_disturbed
+from snn.data.scans import ScanData, collect
+from snn.exchange.weights import Weights, config_of, load_weights
+from snn.experiments.experiment import Experiment
+from snn.experiments.intervals import bootstrap, wilson
+from snn.experiments.trained import read_result
+
+CLEAN = "clean"
+"""Name of the scans without a disturbance."""
+
+Case = tuple[str, float]
+"""Disturbance and strength."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A trained network that is tested.
+
+    Attributes
+    ----------
+    network : str
+        Name under which its folds and seeds are one result: the folder above that of the training.
+    fold, seed : int
+    weights : Weights
+    experiment : Experiment
+    images : int array
+        Test images.
+    digest : str
+        Of the weight file.
+    """
+
+    network: str
+    fold: int
+    seed: int
+    weights: Weights
+    experiment: Experiment
+    images: NDArray[np.int64]
+    digest: str
+
+    @classmethod
+    def load(cls, file: Path) -> Subject:
+        """Return the network of a weight file with ``result.json`` beside it; refuse others than of physical scans."""
+        weights, note = load_weights(file), file.parent / "result.json"
+        if not note.exists():
+            raise InputError(f"there is no {note.name} of the training beside {file}; give a folder of snn train")
+        result = read_result(note, file, weights)
+        experiment = result.experiment
+        if experiment.frames is not None or experiment.events is not None or experiment.preset != "physical":
+            raise InputError(f"{file} was not trained on events of physical scans; only those are disturbed")
+        dataset = open_dataset(experiment.dataset)
+        if dataset.class_names != result.class_names:
+            raise InputError(f"{file} was trained on other classes than those of {dataset.name}; give --dataset there")
+        seed = read_json(note, "the result", dict).get("seed", 0)
+        digest = hashlib.sha256(file.read_bytes()).hexdigest()[:16]
+        name = file.resolve().parent.parent.name
+        return cls(name, result.fold, seed, weights, experiment, result.test_images(dataset.labels), digest)
+
+    @property
+    def recorded_as(self) -> str:
+        """A text that is the same for networks that take the same counts of the same images."""
+        _, config = self.experiment.scan_and_config()
+        return repr((self.experiment.dataset, config, self.experiment.bins, self.images.tolist()))
+
+
+def cases(names: Sequence[str]) -> list[Case]:
+    """Return the clean scans and all strengths of some disturbances.
+
+    Raises
+    ------
+    InputError
+        If a disturbance is not known. ``NAME=STRENGTH`` stands for one strength.
+    """
+    found: list[Case] = [(CLEAN, 0.0)]
+    for text in names:
+        name, equals, value = text.partition("=")
+        if equals:
+            try:
+                strengths: tuple[float, ...] = (float(value),)
+            except ValueError:
+                raise InputError(f"the strength of {name} must be a number, not {value!r}") from None
+        else:
+            strengths = DISTURBANCES[name].strengths if name in DISTURBANCES else (0.0,)
+        for strength in strengths:
+            check_strength(name, strength)
+            found.append((name, strength))
+    return list(dict.fromkeys(found))
+
+
+def disturbed_scans(experiment: Experiment, images: NDArray[np.int64], case: Case) -> ScanData:
+    """Return the counts of some images under a disturbance, in the order of ``images``."""
+    scan, config = experiment.scan_and_config()
+    assert isinstance(scan, PhysicalScan)
+    dataset = open_dataset(experiment.dataset)
+    name, strength = case
+    strengths = {} if name == CLEAN else {name: strength}
+    key = [list(DISTURBANCES).index(name) if name in DISTURBANCES else len(DISTURBANCES), round(1e6 * strength)]
+    recordings = [
+        record_disturbed(dataset[i], dataset.name, scan, config, strengths, np.random.default_rng([*key, int(i)]))
+        for i in images
+    ]
+    return collect(recordings, experiment.bins, dataset.class_names)
+
+
+def run_cells(
+    subjects: Sequence[Subject],
+    chosen: Sequence[Case],
+    out: Path,
+    progress: Callable[[], object] = lambda: None,
+) -> list[dict[str, Any]]:
+    """Return the results of all networks in all cases; those whose file is there are read.
+
+    Raises
+    ------
+    InputError
+        If a file is of other weights, or damaged.
+    """
+    found = []
+    for case in chosen:
+        scans: dict[str, ScanData] = {}
+        for subject in subjects:
+            path = out / f"{subject.network}-fold-{subject.fold}-seed-{subject.seed}" / f"{case[0]}-{case[1]:g}.json"
+            if path.exists():
+                found.append(_read(path, subject, case))
+            else:
+                if subject.recorded_as not in scans:
+                    scans[subject.recorded_as] = disturbed_scans(subject.experiment, subject.images, case)
+                cell = _test(subject, case, scans[subject.recorded_as])
+                path.parent.mkdir(parents=True, exist_ok=True)
+                write_json(path, cell)
+                found.append(cell)
+            progress()
+    return found
+
+
+def _test(subject: Subject, case: Case, data: ScanData) -> dict[str, Any]:
+    from snn.train import check_fits, logits_of
+
+    network = subject.weights.network
+    check_fits(config_of(network), data)
+    return {
+        "network": subject.network,
+        "fold": subject.fold,
+        "seed": subject.seed,
+        "weights": subject.digest,
+        "disturbance": case[0],
+        "strength": case[1],
+        "images": subject.images.tolist(),
+        "labels": data.labels.tolist(),
+        "predicted": logits_of(network, data).argmax(1).tolist(),
+        "rate_hz": data.rate_hz,
+    }
+
+
+def _read(path: Path, subject: Subject, case: Case) -> dict[str, Any]:
+    cell: dict[str, Any] = read_json(path, "the cell", dict)
+    if cell.get("weights") != subject.digest:
+        raise InputError(f"{path} is of other weights; remove the folder or choose another with --out")
+    same = (cell.get("disturbance"), cell.get("strength"), cell.get("images")) == (*case, subject.images.tolist())
+    answers = cell.get("predicted")
+    if not same or not isinstance(answers, list) or len(answers) != len(subject.images):
+        raise InputError(f"{path} is damaged or of another run; remove it")
+    return cell
+
+
+def summarise(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return a point for every network, disturbance and strength: accuracy, intervals, and the answers by image."""
+    points: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
+    for cell in cells:
+        points.setdefault((cell["network"], cell["disturbance"], cell["strength"]), []).append(cell)
+    found = []
+    for (network, name, strength), parts in points.items():
+        seeds = sorted({cell["seed"] for cell in parts})
+        images = sorted({image for cell in parts for image in cell["images"]})
+        right = np.full((len(images), len(seeds)), np.nan)
+        for cell in parts:
+            rows = np.searchsorted(images, cell["images"])
+            right[rows, seeds.index(cell["seed"])] = np.equal(cell["predicted"], cell["labels"])
+        of_image = np.nanmean(right, 1)
+        whole = not np.isnan(right).any()
+        found.append(
+            {
+                "network": network,
+                "disturbance": name,
+                "strength": strength,
+                "accuracy": float(of_image.mean()),
+                "wilson_95": wilson(float(of_image.sum()), len(images)),
+                "bootstrap_95": bootstrap(right if whole else of_image[:, None]),
+                "images": len(images),
+                "folds": sorted({cell["fold"] for cell in parts}),
+                "seeds": seeds,
+                "rate_hz": float(np.average([c["rate_hz"] for c in parts], weights=[len(c["images"]) for c in parts])),
+                "answers": [
+                    {key: cell[key] for key in ("fold", "seed", "images", "labels", "predicted")}
+                    for cell in sorted(parts, key=lambda cell: (cell["fold"], cell["seed"]))
+                ],
+            }
+        )
+    return found

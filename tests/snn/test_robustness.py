@@ -1,0 +1,221 @@
+"""Disturbances change what they say and nothing else; their results are resumed, paired and summed up by image."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from model.cli.app import make_app
+from model.cli.app import run as run_app
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.events.address import taxel_of
+from model.events.recording import Recording
+from model.textures.dataset import Texture, open_dataset
+from model.textures.presets import preset
+from snn.commands.robustness import robustness
+from snn.commands.train import train
+from snn.data.bins import BinConfig
+from snn.data.disturb import (
+    DISTURBANCES,
+    TRAINING,
+    Draft,
+    _scene_signals,
+    compare,
+    disturbed_dataset,
+    draw_strengths,
+    record_disturbed,
+)
+from snn.data.record import record
+from snn.experiments.robustness import cases, summarise
+
+CONFIG = ReadoutConfig(rows=3, columns=4, resolution=4)
+SCAN = preset("physical")
+
+
+@pytest.fixture(scope="module")
+def texture() -> Texture:
+    return open_dataset("embedded")[0]
+
+
+def disturbed(texture: Texture, **strengths: float) -> Recording:
+    named = {name.replace("_", "-"): strength for name, strength in strengths.items()}
+    return record_disturbed(texture, "embedded", SCAN, CONFIG, named, np.random.default_rng(0))
+
+
+@pytest.fixture(scope="module")
+def clean(texture: Texture) -> Recording:
+    return record(texture, "embedded", SCAN, CONFIG)
+
+
+def test_without_a_disturbance_the_events_are_those_of_a_recording(texture: Texture, clean: Recording) -> None:
+    found = disturbed(texture)
+    np.testing.assert_array_equal(found.events, clean.events)
+    assert found.duration_clocks == clean.duration_clocks
+    for name in ("noise", "dead", "hot", "lost", "jitter", "late", "mismatch", "offset", "height"):
+        np.testing.assert_array_equal(disturbed(texture, **{name: 0.0}).events, clean.events, name)
+    np.testing.assert_array_equal(disturbed(texture, gain=1.0, speed=1.0, rotation=0.0).events, clean.events)
+
+
+@pytest.mark.parametrize("name", DISTURBANCES)
+def test_every_disturbance_changes_the_events_and_repeats_itself(texture: Texture, clean: Recording, name: str) -> None:
+    disturbance = DISTURBANCES[name]
+    assert list(disturbance.strengths) == sorted(set(disturbance.strengths))
+    strength = disturbance.strengths[0 if name == "short" else -1]  # the embedded scans last 0.17 s
+    first, again = (disturbed(texture, **{name: strength}) for _ in range(2))
+    np.testing.assert_array_equal(first.events, again.events)
+    assert not np.array_equal(first.events, clean.events)
+    assert (np.diff(first.events["t"]) >= 0).all()
+    assert len(first.events) > 100
+
+
+def test_each_does_what_it_says(texture: Texture, clean: Recording) -> None:
+    n, clock_hz = len(clean.events), CONFIG.clock_hz
+    assert len(set(taxel_of(disturbed(texture, dead=0.25).events, CONFIG))) == 9
+    assert abs(len(disturbed(texture, lost=0.3).events) / n - 0.7) < 0.05
+    more = len(disturbed(texture, hot=0.25).events) - n
+    assert abs(more / (3 * 1000.0 * clean.duration_s) - 1) < 0.15
+    assert disturbed(texture, short=0.1).events["t"].max() < 0.1 * clock_hz
+    late = disturbed(texture, late=0.05).events
+    assert len(late) == (clean.events["t"] >= 0.05 * clock_hz).sum()
+    assert late["t"].min() < 0.01 * clock_hz
+    moved = disturbed(texture, jitter=0.001)
+    assert len(moved.events) == n
+    assert disturbed(texture, speed=0.5).duration_s == pytest.approx(2 * clean.duration_s, rel=1e-3)
+    assert len(disturbed(texture, noise=0.05).events) > 1.5 * n
+
+
+def scene(image: NDArray[Any], **fields: Any) -> NDArray[np.float64]:
+    config = CONFIG.replace(resolution=4)
+    return _scene_signals(Draft(config, SCAN, image, **fields)).reshape(-1, config.rows, config.columns)
+
+
+def test_directions_move_the_array_as_it_is(texture: Texture) -> None:
+    image = texture.load()[:300, :320]
+    mirrored = scene(np.ascontiguousarray(image[:, ::-1]))
+    np.testing.assert_allclose(scene(image, quarter_turns=2), mirrored[:, :, ::-1])
+    turned = CONFIG.replace(rows=CONFIG.columns, columns=CONFIG.rows)
+    downwards = SCAN.signals(turned, np.ascontiguousarray(image.T)).reshape(-1, CONFIG.columns, CONFIG.rows)
+    np.testing.assert_allclose(scene(image, quarter_turns=3, height=0.0), downwards.transpose(0, 2, 1))
+
+
+def test_ideal_comparators_give_the_counts_of_the_encoder(texture: Texture, clean: Recording) -> None:
+    signals = SCAN.signals(CONFIG, texture.load())
+    found = compare(CONFIG, signals, 0.0, 0.0, np.random.default_rng(0))
+    for polarity in (True, False):
+        counts = [
+            np.bincount(taxel_of(events[events["p"] == polarity], CONFIG), minlength=12)
+            for events in (found, clean.events)
+        ]
+        np.testing.assert_array_equal(*counts)
+    # An offset shifts the thresholds, so the number of crossings hardly changes; noise makes crossings of its own.
+    offset, noise = (
+        compare(CONFIG, signals, *levels, np.random.default_rng(0)) for levels in ((0.0, 0.005), (0.03, 0.0))
+    )
+    assert 0.8 < len(offset) / len(found) < 1.2
+    assert len(noise) > 1.2 * len(found)
+    with pytest.raises(InputError, match="are modelled for lcs, not for nlcs"):
+        compare(CONFIG.replace(encoding="nlcs"), signals, 0.0, 0.0, np.random.default_rng(0))
+
+
+def test_training_scans_are_disturbed_within_their_ranges_and_the_first_is_clean(clean: Recording) -> None:
+    generator = np.random.default_rng(1)
+    drawn = [draw_strengths(generator) for _ in range(300)]
+    for name, (probability, low, high) in TRAINING.items():
+        values = [strengths[name] for strengths in drawn if name in strengths]
+        assert abs(len(values) / 300 - probability) < 0.1
+        assert low <= min(values) <= max(values) <= high
+    assert {strengths.get("direction") for strengths in drawn} == {None, 0.0, 90.0, 180.0, 270.0}
+    dataset = open_dataset("embedded")
+    few = type(dataset)(dataset.name, dataset.class_names, tuple(dataset)[:2])
+    data = disturbed_dataset(few, SCAN, CONFIG, BinConfig(), 2)
+    assert data.images.tolist() == [0, 0, 0, 1, 1, 1]
+    assert int(data.values[0].sum()) >= 0.95 * len(clean.events)
+    assert len({scan.tobytes() for scan in data.values}) == 6
+
+
+# -- cells -------------------------------------------------------------------------------------------
+
+app = make_app("test")
+app.command()(robustness)
+app.command()(train)
+
+
+def call(line: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
+    with pytest.raises(SystemExit) as left:
+        run_app(app, "python -m snn", line.split())
+    assert isinstance(left.value.code, int)
+    out, err = capsys.readouterr()
+    return left.value.code, out + err
+
+
+def test_cells_are_kept_resumed_and_paired(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    generator = np.random.default_rng(0)
+    for name in ("rough", "smooth"):
+        (tmp_path / "textures" / name).mkdir(parents=True)
+        for number in range(4):
+            pixels = generator.integers(0, 256 if name == "rough" else 64, (40, 160), np.uint8)
+            Image.fromarray(pixels).save(tmp_path / "textures" / name / f"{number}.png")
+    small = "--dataset textures --folds 2 --epochs 1 --set hidden=8"
+    for name, options in (("a", ""), ("b", "--disturbed 1")):
+        assert call(f"train {small} {options} -o {name}/fold-0", capsys)[0] == 0
+    code, text = call("robustness a b --only dead=0.2,lost -o out", capsys)
+    assert code == 0, text
+    content = json.loads((tmp_path / "out" / "robustness.json").read_text())
+    points = content["points"]
+    assert [(p["disturbance"], p["strength"]) for p in points[::2]] == [
+        ("clean", 0.0),
+        ("dead", 0.2),
+        ("lost", 0.1),
+        ("lost", 0.3),
+        ("lost", 0.5),
+    ]
+    assert [point["network"] for point in points[:2]] == ["a", "b"]
+    assert points[0]["answers"][0]["labels"] == points[1]["answers"][0]["labels"]
+    assert points[0]["accuracy"] == np.mean(
+        np.equal(points[0]["answers"][0]["predicted"], points[0]["answers"][0]["labels"])
+    )
+    assert points[8]["rate_hz"] == pytest.approx(0.5 * points[0]["rate_hz"], rel=0.05)
+    assert (tmp_path / "out" / "robustness.png").stat().st_size > 10_000
+    (cell,) = (tmp_path / "out" / "a-fold-0-seed-0").glob("lost-0.5.json")
+    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "out").rglob("*-fold-*/*.json")}
+    cell.unlink()
+    assert call("robustness a b --only dead=0.2,lost -o out", capsys)[0] == 0
+    after = {path: path.stat().st_mtime_ns for path in before}
+    assert [path for path in before if after[path] != before[path]] == [cell]
+    assert json.loads((tmp_path / "out" / "robustness.json").read_text()) == content
+    (tmp_path / "a" / "fold-0").rename(tmp_path / "a" / "other")
+    (tmp_path / "a" / "fold-0").symlink_to(tmp_path / "b" / "fold-0")
+    for line, message in (
+        ("robustness b/fold-0 a/other a/other", "network 'a' comes twice with fold 0 and seed 0; rename a folder"),
+        ("robustness a --only colour", "disturbances are speed, height,"),
+        ("robustness a --only noise=much", "the strength of noise must be a number, not 'much'"),
+        ("robustness a --only noise=-1", "the strength of noise must be a number from 0, not -1.0"),
+        ("robustness out", "there is no trained network in out; make one with python -m snn train"),
+        ("train --disturbed 2 --preset paper", "disturbed scans are events of the model in the physical preset"),
+        ("train --disturbed 2 --start-rows 3", "disturbed takes a number from 1, and start-rows 1"),
+    ):
+        code, text = call(line, capsys)
+        assert (code, text.count("\n")) == (2, 1), text
+        assert text.startswith(f"error: {message}"), text
+
+
+def test_answers_of_folds_and_seeds_are_summed_up_by_image() -> None:
+    def cell(fold: int, seed: int, predicted: list[int]) -> dict[str, Any]:
+        images = [2 * i + fold for i in range(3)]
+        about = {"network": "a", "disturbance": "noise", "strength": 0.01, "rate_hz": 100.0 * (fold + 1)}
+        return about | {"fold": fold, "seed": seed, "images": images, "labels": [0, 1, 2], "predicted": predicted}
+
+    (point,) = summarise([cell(0, 0, [0, 1, 2]), cell(1, 0, [0, 0, 0]), cell(0, 1, [0, 1, 0]), cell(1, 1, [0, 1, 2])])
+    assert point["accuracy"] == pytest.approx((3 + 1 + 2 + 3) / 12)
+    assert (point["images"], point["folds"], point["seeds"], point["rate_hz"]) == (6, [0, 1], [0, 1], 150.0)
+    assert cases(["noise=0.01", "noise=0.01"]) == [("clean", 0.0), ("noise", 0.01)]
