@@ -20,7 +20,9 @@ def group() -> None:
 
 @app.command()
 def formal(
-    block: Annotated[str, typer.Option(help="only this block: arbiter, link, window, taxel")] = "",
+    block: Annotated[
+        str, typer.Option(help="only this block: arbiter, link, window, taxel, frame_readout, readout")
+    ] = "",
     small: Annotated[bool, typer.Option(help="only one small configuration of each block")] = False,
     limit: Annotated[int, typer.Option(min=1, metavar="SECONDS", help="most that one proof may take")] = 300,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON")] = None,

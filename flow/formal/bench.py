@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -26,7 +27,8 @@ from rtl import yosys
 from rtl.block import Netlist
 
 TOP = "bench"
-WATCH = "watch"
+CONSTANTS = ("watch", "rival")
+"""Inputs of a checker that are any value, for good."""
 
 
 class Bench(Elaboratable):
@@ -67,8 +69,11 @@ class Bench(Elaboratable):
             wires[f"{'i' if inward else 'o'}_{name}"] = wire
         wires |= {f"o_{name}": getattr(checker, name) for name in checker.inner(checker.config)}
         m.submodules.dut = Instance(block.module_name, **wires)
-        if checker.has(WATCH):
-            m.d.comb += getattr(checker, WATCH).eq(AnyConst(len(getattr(checker, WATCH))))
+        for name in filter(checker.has, CONSTANTS):
+            m.d.comb += getattr(checker, name).eq(AnyConst(len(getattr(checker, name))))
+        told = {*block.signature.members, *checker.inner(checker.config), *driven, *CONSTANTS}
+        if left := set(inputs(checker)) - told:
+            raise AssertionError(f"nothing drives {', '.join(sorted(left))} of {type(checker).__name__}")
         for name in self.bad:
             ok, seen = getattr(checker, f"ok_{name}"), getattr(checker, f"seen_{name}")
             m.d.comb += [self.bad[name].eq(~ok), self.seen[name].eq(seen), Assert(ok), Cover(seen)]
@@ -87,8 +92,9 @@ class Bench(Elaboratable):
 
 def netlist(checker: Checker[Any]) -> str:
     """Return the RTLIL of the block that a checker watches and of those within it, as the Verilog is made from."""
+    block = getattr(sys.modules[checker.block.__module__], checker.block.__name__)  # with the bug, if one is planted
     made = Netlist(async_reset=False)
-    made.add(checker.block(checker.config))
+    made.add(block(checker.config))
     return made.text
 
 

@@ -6,11 +6,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from flow.formal.blocks.arbiter import ArbiterChecker
+from flow.formal.blocks.frame import FrameChecker
 from flow.formal.blocks.link import LinkChecker
+from flow.formal.blocks.readout import ReadoutChecker
 from flow.formal.blocks.taxel import TaxelChecker
 from flow.formal.blocks.window import WindowChecker
 from flow.formal.checker import Checker
 from model.config import ReadoutConfig
+from model.frame_config import FrameConfig
 
 
 @dataclass(frozen=True)
@@ -25,13 +28,16 @@ class Proof:
     depth : int
         Clocks of the search for failures, and for what the properties speak of.
     small : bool
-        Part of the gate; a second solver looks at it too.
+        Part of the gate.
+    hunts : bool
+        Planted bugs are looked for in it.
     """
 
     checker: type[Checker[Any]]
     config: Any
     depth: int
     small: bool = False
+    hunts: bool = False
 
     @property
     def block(self) -> str:
@@ -44,6 +50,10 @@ class Proof:
         config = self.config
         if self.block in ("arbiter", "link"):
             return f"{config.rows} x {config.columns}{'' if config.has_polarity else ' unipolar'}"
+        if self.block == "frame_readout":
+            return f"{config.rows} x {config.columns}, {config.resolution} in {config.word_bits} bits"
+        if self.block == "readout":
+            return f"{config.rows} x {config.columns} {config.link}"
         what = f"{config.encoding} {config.frontend} {config.sample_bits} bits"
         return what + (" by the tick" if config.decide_every == "sample" else "")
 
@@ -59,7 +69,10 @@ def arbiters() -> list[Proof]:
     """Return the proofs of the arbiter; the depth reaches the bound on waiting."""
     sizes = [(1, 1, "lcs"), (2, 2, "lcs"), (1, 4, "lcs"), (4, 1, "lcs"), (3, 5, "lcs"), (3, 5, "nlcs")]
     configs = [ReadoutConfig(rows=rows, columns=columns, encoding=encoding) for rows, columns, encoding in sizes]  # type: ignore[arg-type]
-    return [Proof(ArbiterChecker, c, (c.rows + 1) * c.columns + 2, c.rows == c.columns == 2) for c in configs]
+    return [
+        Proof(ArbiterChecker, c, (c.rows + 1) * c.columns + 2, c.rows == c.columns == 2, c.rows == c.columns == 2)
+        for c in configs
+    ]
 
 
 def links() -> list[Proof]:
@@ -69,7 +82,7 @@ def links() -> list[Proof]:
         ReadoutConfig(rows=2, columns=2, link="four_phase"),
         ReadoutConfig(rows=3, columns=5, link="four_phase"),
     ]
-    return [Proof(LinkChecker, c, 16, c.rows == 2) for c in configs]
+    return [Proof(LinkChecker, c, 16, c.rows == 2, c.rows == 2) for c in configs]
 
 
 def taxels() -> list[Proof]:
@@ -85,12 +98,31 @@ def taxels() -> list[Proof]:
     wide = [NEAR_THE_END.replace(encoding=code, frontend=end) for code in codes for end in ends]
     return [
         *windows,
-        *(Proof(TaxelChecker, c, 14, c.encoding == "lcs" and c.frontend == "digital") for c in few),
-        *(Proof(TaxelChecker, c, 14) for c in by_tick),
+        *(Proof(TaxelChecker, c, 14, c == few[0], c in (few[0], few[3], few[4])) for c in few),
+        *(Proof(TaxelChecker, c, 14, hunts=c == by_tick[5]) for c in by_tick),
         *(Proof(TaxelChecker, c, 6) for c in wide),
+    ]
+
+
+def readouts() -> list[Proof]:
+    """Return the proofs of whole readouts: few bits, since every taxel of the array is in them."""
+    links: tuple[Any, ...] = ("stream", "four_phase")
+    few = ReadoutConfig(frontend="analog", sample_bits=4, resolution=2)
+    spiking = [few.replace(rows=side, columns=side, link=link) for side in (1, 2) for link in links]
+    # Codes of a word's size, of half a word, and such as do not fit it.
+    shapes = [(1, 1, 2, 2), (2, 2, 2, 4), (2, 2, 3, 8), (3, 5, 1, 2)]
+    frames = [
+        FrameConfig(
+            readout=ReadoutConfig(rows=rows, columns=columns, sample_bits=bits + 2, resolution=bits), word_bits=word
+        )
+        for rows, columns, bits, word in shapes
+    ]
+    return [
+        *(Proof(FrameChecker, c, 20, c.taxels == 1, c.rows == 2) for c in frames),
+        *(Proof(ReadoutChecker, c, 12, c == spiking[0], c in spiking[1:3]) for c in spiking),
     ]
 
 
 def proofs() -> list[Proof]:
     """Return all proofs, in the order in which they run."""
-    return [*arbiters(), *links(), *taxels()]
+    return [*arbiters(), *links(), *taxels(), *readouts()]

@@ -23,7 +23,7 @@ CONFIG = ReadoutConfig(rows=1, columns=1, link="four_phase")
 def test_the_command_ends_with_its_one_line() -> None:
     done = CliRunner().invoke(app, ["formal", "--block", "link", "--small"])
     assert done.exit_code == 0, done.output
-    assert done.output.splitlines()[-1] == "proved: 8 properties, 8 of them unbounded, 0 failed"
+    assert done.output.splitlines()[-1] == "proved: 9 properties, 9 of them unbounded, 0 failed"
 
 
 @pytest.mark.parametrize("proof", [p for p in SMALL if p.block != "link"], ids=lambda proof: proof.block)

@@ -71,7 +71,7 @@ class ArbiterChecker(Checker[ReadoutConfig]):
                 self.polarity.eq(free("polarity", self.config.taxels)),
                 self.column_polarity.eq(self._lines(self.polarity)[1]),
             ]
-        return {"row_request", "column_request", "column_polarity"}
+        return {"row_request", "column_request", "column_polarity", "request", "polarity"}
 
     def _lines(self, taxels: Signal) -> tuple[Any, Any]:
         """Return the row lines and the column lines, gated by ``select``, of a bit for each taxel."""
@@ -102,7 +102,9 @@ class ArbiterChecker(Checker[ReadoutConfig]):
             at_most_one(self.select) & at_most_one(self.granted) & within(self.granted, self.select),
             self.granted.any() & asked,
         )
-        self.promise(m, "grant_implies_request", within(self.select, self.row_request), self.granted.any())
+        self.promise(
+            m, "grant_implies_request", within(self.select | self.granted, self.row_request), self.granted.any()
+        )
         idle = ~self.event_valid & asked
         self.promise(m, "idle_grants", implies(idle, self.granted.any()), idle)
         asked_before = before(m, asked, "asked")

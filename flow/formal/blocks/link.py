@@ -31,6 +31,10 @@ class LinkChecker(Checker[ReadoutConfig]):
         Property("req_waits_for_ack", "REQ falls only when ACK has been high while REQ was"),
         Property("req_after_ack_low", "REQ rises only when the ACK of a receiver is low"),
         Property("req_answers_ack", "REQ falls three clocks after ACK at the latest"),
+        Property(
+            "ack_is_synchronised",
+            "an event is taken, and REQ falls, only for an ACK that has passed two flops",
+        ),
         Property("ready_answers_ack", "with nothing in hand, the third clock with ACK low takes an event"),
     )
     assumptions: ClassVar = {
@@ -66,6 +70,11 @@ class LinkChecker(Checker[ReadoutConfig]):
         m.d.sync += answered.eq(req & (answered | ack))
         self.promise(m, "req_waits_for_ack", implies(falls & receiver, answered), falls & receiver)
         self.promise(m, "req_after_ack_low", implies(rises & receiver, ~ack_before), rises & receiver & ack)
+        # In the first clocks after a reset ACK counts as high.
+        stages = [Signal(init=1, name=f"ack_{clocks}_before") for clocks in (1, 2, 3)]
+        m.d.sync += [new.eq(old) for new, old in zip(stages, [ack, *stages[:2]], strict=True)]
+        passed = implies(self.event_ready, ~stages[1]) & implies(falls, stages[2])
+        self.promise(m, "ack_is_synchronised", passed, self.event_ready & ack)
         for name, waiting, done in (
             ("req_answers_ack", req & ack, ~req),
             ("ready_answers_ack", ~in_hand & ~ack & ~req & ~setup, self.event_ready),
