@@ -22,9 +22,10 @@ settings.load_profile("no deadline")
 
 @pytest.fixture(autouse=True, scope="session")
 def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Keep scans and kernels of the tests apart from those of the user."""
+    """Keep scans and kernels of the tests apart from those of the user; all workers of a run share them."""
+    run = tmp_path_factory.getbasetemp()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ESKIN_CACHE", str(tmp_path_factory.mktemp("cache")))
+        patch.setenv("ESKIN_CACHE", str((run.parent if "PYTEST_XDIST_WORKER" in os.environ else run) / "cache"))
         yield
 
 

@@ -46,6 +46,7 @@ COMMANDS = {
     "snn crossval": "tests/snn/test_train.py::test_crossval_prints_both_readings",
     "snn robustness": "tests/snn/test_robustness.py::test_cells_are_kept_resumed_and_paired",
     "snn sweep": "tests/snn/test_sweep.py::test_bad_options_get_one_sentence",
+    "snn pair": "tests/snn/test_pairs.py::test_a_sweep_keeps_every_prediction",
     "snn predict": "tests/snn/test_predict.py::test_an_intact_replay_passes",
     "snn fig8": "tests/snn/test_figures.py::test_fig8_shows_the_first_test_image_and_its_logits",
     "snn fig9": "tests/snn/test_figures.py::test_what_is_drawn_is_what_the_sweeps_say",

@@ -13,6 +13,7 @@ from flow.__main__ import app as flow
 from model.__main__ import app as model
 from rtl.__main__ import app as rtl
 from snn.__main__ import app as snn
+from tests.order import LONG, long_first
 from tests.quick import BLOCKS, COMMANDS, OTHERS, chosen, fits
 
 ROOT = Path(__file__).parents[1]
@@ -33,7 +34,7 @@ def test_every_command_has_a_quick_test() -> None:
     assert set(COMMANDS) == names
 
 
-@pytest.mark.parametrize("entry", sorted({*BLOCKS.values(), *COMMANDS.values(), *OTHERS.values()}))
+@pytest.mark.parametrize("entry", sorted({*BLOCKS.values(), *COMMANDS.values(), *OTHERS.values(), *LONG}))
 def test_every_entry_names_a_test(entry: str) -> None:
     path, _, function = entry.partition("[")[0].partition("::")
     names = [node.name for node in ast.walk(ast.parse((ROOT / path).read_text())) if isinstance(node, ast.FunctionDef)]
@@ -48,3 +49,13 @@ def test_of_a_block_one_case_is_taken(request: pytest.FixtureRequest) -> None:
     for entry in BLOCKS.values():
         cases = [node for node in nodes if fits(node, entry.partition("[")[0])]
         assert len(cases) < 2 or chosen(nodes) & set(cases), f"no case is that of {entry}"
+
+
+@pytest.mark.parametrize("workers", [1, 2, 3, 7])
+def test_every_worker_begins_with_a_long_test_and_no_test_is_lost(workers: int) -> None:
+    nodes = [f"tests/test_a.py::test_{n}" for n in range(40)] + [f"{entry.partition('[')[0]}_0" for entry in LONG]
+    order = long_first(nodes, workers)
+    assert sorted(order) == list(range(len(nodes)))
+    blocks = [order[len(nodes) * k // workers :] for k in range(workers)] if workers in (1, 2) else [order]
+    assert all(block[0] >= 40 for block in blocks)
+    assert order[0] == 40

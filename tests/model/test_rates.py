@@ -8,8 +8,6 @@ import json
 import math
 import os
 import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -46,10 +44,17 @@ def paper(encoding: str, resolution: int, **fields) -> ReadoutConfig:
     return PAPER.configure(ReadoutConfig(encoding=encoding, resolution=resolution, **fields))
 
 
-def run(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "model", "rates", *arguments]
-    root = Path(__file__).resolve().parents[2]
-    return subprocess.run(command, capture_output=True, text=True, cwd=root, env=os.environ | environment, check=False)
+def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run the command in this process: a new interpreter would take seconds."""
+    output, errors = io.StringIO(), io.StringIO()
+    with (
+        contextlib.redirect_stdout(output),
+        contextlib.redirect_stderr(errors),
+        pytest.raises(SystemExit) as end,
+    ):
+        run_app(app, "python -m model", ["rates", *arguments])
+    assert isinstance(end.value.code, int)
+    return subprocess.CompletedProcess(arguments, end.value.code, output.getvalue(), errors.getvalue())
 
 
 # -- published rates ---------------------------------------------------------------------------------
@@ -192,14 +197,12 @@ def test_tau_is_ignored_where_nothing_leaks():
     assert table.stderr == "--tau is ignored: it is the leak of encoding nlcs, and lcs has none\n"
 
 
-def test_table_names_the_rate_and_follows_options(tmp_path):
+def test_table_names_the_rate_and_follows_options(tmp_path, monkeypatch):
+    monkeypatch.setenv("ESKIN_DATA", "embedded")
     config = tmp_path / "c.json"
     config.write_text('{"sample_bits": 10, "rows": 2, "encoding": "cw-lcs", "window_period": 8}')
     arguments = ["--config", str(config), "--columns", "3", "--resolution", "5", "--workers", "1"]
-    done = run(
-        "--preset", "physical", *arguments, "--start-row", "0", "--start-row", "9", "--limit", "2",
-        ESKIN_DATA="embedded",
-    )  # fmt: skip
+    done = run("--preset", "physical", *arguments, "--start-row", "0", "--start-row", "9", "--limit", "2")
     assert (done.returncode, done.stderr) == (0, "")
     assert "cw-lcs 5 b" in done.stdout
     assert "2 x 3 taxels" in done.stdout
@@ -231,19 +234,11 @@ def test_table_names_the_rate_and_follows_options(tmp_path):
 def test_wrong_options_are_one_sentence_and_exit_code_2(arguments, sentence):
     if arguments[0] == "--rows":
         arguments = [*arguments, "--preset", "physical"]
-    # In this process: a new interpreter per case would take seconds.
-    output, errors = io.StringIO(), io.StringIO()
     dataset = [] if "--dataset" in arguments else ["--dataset", "embedded"]
-    with (
-        contextlib.redirect_stdout(output),
-        contextlib.redirect_stderr(errors),
-        pytest.raises(SystemExit) as end,
-    ):
-        run_app(app, "python -m model", ["rates", *dataset, *arguments])
-    assert end.value.code == 2
-    assert output.getvalue() == ""
-    assert errors.getvalue().startswith(f"error: {sentence}")
-    assert errors.getvalue().count("\n") == 1
+    done = run(*dataset, *arguments)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"error: {sentence}")
+    assert done.stderr.count("\n") == 1
 
 
 def test_damaged_image_stops_the_run_with_its_name(tmp_path):

@@ -1,0 +1,45 @@
+"""Long tests begin first, dealt out to the workers, so that none is left with one of them at the end."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from tests.quick import fits
+
+LONG = (
+    "cocotb_tests/test_readout.py::test_verilator_sees_the_same",
+    "tests/docs/test_tutorial.py::test_the_page_shows",
+    "tests/docs/test_site.py::test_the_site",
+    "tests/snn/test_train.py::test_a_killed_command",
+    "tests/snn/test_sweep.py::test_a_sweep_outlives",
+    "tests/test_wheel.py::test_commands_work_elsewhere",
+    "cocotb_tests/test_commands.py::test_replay",
+    "cocotb_tests/test_readout.py::test_rtl_equals_model_in_every_encoding[cw-lcs-12x16",
+    "cocotb_tests/test_readout.py::test_rtl_equals_model_in_every_encoding[nlcs-12x16",
+    "cocotb_tests/test_readout.py::test_rtl_equals_model_in_every_encoding[lcs-12x16",
+)
+"""Those of ten seconds and more, the longest first; a function, or the beginning of a case's name."""
+
+
+def long_first(nodes: Sequence[str], workers: int) -> list[int]:
+    """Return the places of tests in the order in which they are run.
+
+    ``--dist worksteal`` gives every worker a block of equal size to begin with; who is done first takes from the end
+    of another's.
+
+    Parameters
+    ----------
+    nodes : sequence of str
+        The names that pytest gives the tests.
+    workers : int
+    """
+    entry = [next((place for place, entry in enumerate(LONG) if fits(node, entry)), len(LONG)) for node in nodes]
+    long = sorted((place for place in range(len(nodes)) if entry[place] < len(LONG)), key=lambda place: entry[place])
+    short = [place for place in range(len(nodes)) if entry[place] == len(LONG)]
+    order: list[int] = []
+    for worker in range(workers):
+        block = long[worker::workers]
+        room = max((len(nodes) - len(order)) // (workers - worker) - len(block), 0)
+        order += block + short[:room]
+        short = short[room:]
+    return order
