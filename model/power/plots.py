@@ -173,7 +173,7 @@ def plot_sensitivity(data: Data, path: Path) -> None:
         panel.set_xlabel("spikes cost less  |  frames cost less", fontsize=8)
     panels[0].set_yticks(heights, [row["case"] for row in rows], fontsize=8)
     panels[0].invert_yaxis()
-    panels[0].legend(fontsize=8, frameon=False, loc="best")
+    panels[0].legend(fontsize=8, frameon=False, loc="upper right")
     save_figure(figure, path)
 
 

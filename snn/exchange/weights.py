@@ -133,7 +133,10 @@ def _from_arrays(arrays: dict[str, NDArray[Any]]) -> Weights:
         shapes = {name: tuple(tensor.shape) for name, tensor in build(config, seed=0).state_dict().items()}
     state = {}
     for name, shape in shapes.items():
-        values = _plain(arrays, name).astype(np.float32)
+        values = _plain(arrays, name)
+        if values.dtype.kind not in "fiu":
+            raise InputError(f"{name} holds values of type {values.dtype}, where real numbers belong; train again")
+        values = values.astype(np.float32)
         if values.shape != shape:
             raise InputError(f"{name} has the shape {values.shape}, where the network has {shape}; train again")
         if not np.isfinite(values).all():

@@ -1,4 +1,8 @@
-"""``python -m tests.fuzz CASES``: a long campaign; keeps what it counted in docs/data/verification/fuzz.json."""
+"""``python -m tests.fuzz CASES``: a long campaign in pieces; keeps what it counted in docs/data/verification/fuzz.json.
+
+A piece is a process of its own with a seed of its own. What is counted stands in out/fuzz, so that a campaign that was
+stopped goes on where it was, and pieces in which something was wrong run again once it is mended.
+"""
 
 from __future__ import annotations
 
@@ -7,35 +11,71 @@ import json
 import os
 import subprocess
 import sys
-import tempfile
+from collections import Counter
 from pathlib import Path
+from typing import Any
 
 from model.files import write_json
 
 ROOT = Path(__file__).parents[2]
 KEPT = ROOT / "docs" / "data" / "verification" / "fuzz.json"
+WORK = ROOT / "out" / "fuzz"
+PIECE = 200
+"""Cases of files, and as many of options, in a piece."""
+NAMES = ("files", "options")
 
 
 def main() -> None:
-    """Run the campaign, and keep its counts if nothing was wrong."""
-    if len(sys.argv) != 2 or not sys.argv[1].isdecimal() or int(sys.argv[1]) < 100:
-        sys.exit("usage: python -m tests.fuzz CASES, at least 100 of files and as many of options")
-    with tempfile.TemporaryDirectory() as folder:
-        environment = os.environ | {"ESKIN_FUZZ": sys.argv[1], "ESKIN_FUZZ_COUNTS": folder}
-        code = subprocess.call([sys.executable, "-m", "pytest", "-q", "tests/fuzz"], cwd=ROOT, env=environment)
-        if code:
-            sys.exit(code)
-        counts = {name: json.loads((Path(folder) / f"fuzz-{name}.json").read_text()) for name in ("files", "options")}
+    """Run what is not yet counted, and keep the sums if nothing was wrong."""
+    if len(sys.argv) != 2 or not sys.argv[1].isdecimal() or int(sys.argv[1]) < PIECE:
+        sys.exit(f"usage: python -m tests.fuzz CASES, at least {PIECE} of files and as many of options")
+    pieces = [WORK / f"piece-{number:04d}" for number in range(int(sys.argv[1]) // PIECE)]
+    bad = [piece.name for number, piece in enumerate(pieces) if not (counted(piece) or run(piece, number))]
+    if bad:
+        sys.exit(f"something was wrong in {', '.join(bad)}: see log.txt and out.txt there")
+    keep([{name: json.loads((piece / f"fuzz-{name}.json").read_text()) for name in NAMES} for piece in pieces])
+
+
+def counted(piece: Path) -> bool:
+    """Return whether a piece came to its end with nothing wrong."""
+    files = [piece / f"fuzz-{name}.json" for name in NAMES]
+    return all(file.is_file() and json.loads(file.read_text())["wrong"] == 0 for file in files)
+
+
+def run(piece: Path, number: int) -> bool:
+    """Run a piece and return whether it is counted; its last case in log.txt is the one that ended it, if one did."""
+    piece.mkdir(parents=True, exist_ok=True)
+    (piece / "log.txt").unlink(missing_ok=True)
+    environment = os.environ | {
+        "ESKIN_FUZZ": str(PIECE),
+        "ESKIN_FUZZ_SEED": str(number),
+        "ESKIN_FUZZ_COUNTS": str(piece),
+        "ESKIN_FUZZ_LOG": str(piece / "log.txt"),
+    }
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "tests/fuzz/test_campaign.py", "-k",
+               "damaged_files or hostile_options"]  # fmt: skip
+    with (piece / "out.txt").open("w") as out:
+        code = subprocess.call(command, cwd=ROOT, env=environment, stdout=out, stderr=subprocess.STDOUT)
+    print(f"{piece.name}: {'nothing wrong' if code == 0 else f'wrong, exit code {code}'}", flush=True)
+    return code == 0 and counted(piece)
+
+
+def keep(pieces: list[Any]) -> None:
+    """Write the sums over all pieces."""
+    sums: dict[str, Any] = {}
+    for name in NAMES:
+        total: Counter[str] = Counter()
+        by: dict[str, Counter[str]] = {}
+        for piece in pieces:
+            for key, value in piece[name].items():
+                if isinstance(value, dict):
+                    by.setdefault(key, Counter()).update(value)
+                else:
+                    total[key] += value
+        sums[name] = dict(total) | {key: dict(sorted(counter.items())) for key, counter in by.items()}
     commit = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=ROOT, capture_output=True, text=True).stdout
-    write_json(
-        KEPT,
-        {
-            "command": f"python -m tests.fuzz {sys.argv[1]}",
-            "commit": commit.strip(),
-            "date": datetime.date.today().isoformat(),
-            **counts,
-        },
-    )
+    head = {"command": f"python -m tests.fuzz {len(pieces) * PIECE}", "commit": commit.strip()}
+    write_json(KEPT, head | {"date": datetime.date.today().isoformat(), **sums})
     print(f"kept {KEPT.relative_to(ROOT)}")
 
 

@@ -83,6 +83,12 @@ def test_weights_that_are_no_numbers_are_refused(tmp_path: Path, bad: float) -> 
         load_weights(changed(tmp_path / "w.npz", w_rec=matrix))
 
 
+@pytest.mark.parametrize("kind", [np.complex64, np.bool_, "U3"])
+def test_weights_of_another_type_are_refused(tmp_path: Path, kind: Any) -> None:
+    with pytest.raises(InputError, match=r"w_rec holds values of type .*, where real numbers belong; train again"):
+        load_weights(changed(tmp_path / "w.npz", w_rec=np.zeros((5, 5), kind)))
+
+
 @pytest.mark.parametrize("step", [0, -1, 0.0, math.nan, math.inf, True, "0.1", None])
 def test_a_time_step_that_is_none_is_refused(tmp_path: Path, step: object) -> None:
     with pytest.raises(InputError, match="the time step must be a positive number of seconds, not"):
