@@ -103,7 +103,7 @@ def _print(data: dict[str, Any]) -> None:
     """Print the study as a table, the cheapest of every resolution marked, and the answer."""
     from rich.text import Text
 
-    from model.power.plots import watts
+    from model.figures.units import with_unit
 
     sensor = data["sensor"]
     title = (
@@ -116,12 +116,12 @@ def _print(data: dict[str, Any]) -> None:
         cells = []
         for readout in READOUTS:
             best = readout == row["cheapest"]
-            cells.append(Text(watts(row[readout]["total"]), style="bold" if best else ""))
+            cells.append(Text(with_unit(row[readout]["total"], "W"), style="bold" if best else ""))
         remark = "below the noise" if row["resolution"] > data["noise_resolution"] else ""
         table.add_row(str(row["resolution"]), *cells, READOUT_NAMES[row["cheapest"]], remark)
     show(table)
     best = data["cheapest"]
     print(
         f"cheapest with at least {data['least_resolution']} bit: {READOUT_NAMES[best['readout']]} at "
-        f"{best['resolution']} bit, {watts(best['total'])}"
+        f"{best['resolution']} bit, {with_unit(best['total'], 'W')}"
     )

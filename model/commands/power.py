@@ -101,19 +101,21 @@ def _mode_text(model: PowerModel) -> str:
 
 def _print_breakdown(data: dict[str, Any], model: PowerModel, title: str) -> None:
     """Print breakdowns as a table, a column for each readout."""
+    from model.figures.units import with_unit
     from model.power.equations import READOUT_NAMES, READOUTS
-    from model.power.plots import watts
 
     table = new_table(("power", *(READOUT_NAMES[readout] for readout in READOUTS)), f"{title}, {_mode_text(model)}")
     parts = list(dict.fromkeys(part for readout in READOUTS for part in data[readout]["converter_parts"]))
-    table.add_row("AFE", *(watts(data[r]["afe"]) for r in READOUTS))
-    table.add_row("converter", *(watts(data[r]["converter"]) for r in READOUTS))
+    table.add_row("AFE", *(with_unit(data[r]["afe"], "W") for r in READOUTS))
+    table.add_row("converter", *(with_unit(data[r]["converter"], "W") for r in READOUTS))
     for part in parts:
         values = [data[r]["converter_parts"].get(part) for r in READOUTS]
-        table.add_row(f"  {part.replace('_', ' ')}", *("" if v is None else watts(v) for v in values), style="dim")
-    table.add_row("I/O", *(watts(data[r]["io"]) for r in READOUTS))
+        table.add_row(
+            f"  {part.replace('_', ' ')}", *("" if v is None else with_unit(v, "W") for v in values), style="dim"
+        )
+    table.add_row("I/O", *(with_unit(data[r]["io"], "W") for r in READOUTS))
     table.add_section()
-    table.add_row("total", *(watts(data[r]["total"]) for r in READOUTS), style="bold")
+    table.add_row("total", *(with_unit(data[r]["total"], "W") for r in READOUTS), style="bold")
     frame = data["frame"]["total"]
     table.add_row("total / frame", *(f"{data[r]['total'] / frame:.3g}" for r in READOUTS))
     show(table)

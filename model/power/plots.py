@@ -17,19 +17,12 @@ from model.figures.style import (
     new_figure,
     save_figure,
 )
+from model.figures.units import with_unit
 from model.power.equations import READOUT_NAMES, READOUTS, SPIKING
 
 Data = dict[str, Any]
 
 PART_NAMES = {"afe": "AFE", "converter": "converter", "io": "I/O"}
-
-
-def watts(value: float) -> str:
-    """Return a power with three digits and its unit: 26.9 mW, 80.2 uW."""
-    for factor, unit in ((1.0, "W"), (1e-3, "mW"), (1e-6, "uW"), (1e-9, "nW")):
-        if value >= 0.9995 * factor:
-            return f"{value / factor:.3g} {unit}" if value < 999.5 * factor else f"{value / factor:.0f} {unit}"
-    return f"{value * 1e12:.3g} pW"
 
 
 def plot_fig6(data: Data, path: Path) -> None:
@@ -57,7 +50,7 @@ def plot_fig6(data: Data, path: Path) -> None:
                     panel.bar(x + place, entry[readout][part], width=0.26, color=colour, label=PART_NAMES[part])
                 total = entry[readout]["total"]
                 panel.plot([x - 0.41, x + 0.41], [total, total], color=PALETTE["black"], lw=1.4, label="sum")
-                panel.text(x, total * 1.15, watts(total), ha="center", va="bottom", fontsize=6.3, color=GREY)
+                panel.text(x, total * 1.15, with_unit(total, "W"), ha="center", va="bottom", fontsize=6.3, color=GREY)
             panel.text(3.7 * group + 1, -0.15, f"noise {noise * 1e3:.3g} mV rms", ha="center", va="top", fontsize=8.5,
                        transform=panel.get_xaxis_transform())  # fmt: skip
         panel.set_yscale("log")

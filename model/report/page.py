@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from model.figures.style import OFF_COLOUR, ON_COLOUR, PALETTE, PART_COLOURS, READOUT_COLOURS, TAU_COLOURS
+from model.figures.units import plain, with_unit
 
 Data = dict[str, Any]
 
@@ -28,6 +29,8 @@ REPLAY = Path("out/replay")
 
 SOURCES = ("page.html", "page.css", "drawing.js", "charts.js", "raster.js")
 """What the page is made of, beside this module."""
+
+SYNTHESIS_UNITS = {"leakage_w": "W", "clock_power_w_per_hz": "W/Hz", "energy_per_event_j": "J"}
 
 SECTIONS = ("raster", "replay", "fig9", "benchmarks", "synthesis")
 """Sections of which something may be missing."""
@@ -90,7 +93,7 @@ def _table(caption: str, headings: Sequence[str], rows: Iterable[Sequence[Any]])
     """Return a table whose first column names the rows; nothing without rows."""
 
     def cell(value: Any) -> str:
-        text = "-" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
+        text = "-" if value is None else plain(value) if isinstance(value, float) else str(value)
         return f"<td>{html.escape(text)}</td>"
 
     lines = [
@@ -113,13 +116,13 @@ def _raster_table(runs: list[Data]) -> str:
             f"{run['encoding']} {run['resolution']} b",
             f"{run['rows']} x {run['columns']}",
             run["texture"],
-            f"{run['duration_clocks'] * 1e3 / run['clock_hz']:.4g}",
+            with_unit(run["duration_clocks"] / run["clock_hz"], "s"),
             *(f"{recording['events']:,}" if recording else None for recording in _both(run)),
             run["verdict"],
         )
         for run in runs
     ]
-    headings = ("run", "encoding", "array", "texture", "length (ms)", "events, RTL", "events, model", "outcome")
+    headings = ("run", "encoding", "array", "texture", "length", "events, RTL", "events, model", "outcome")
     return _table("Recordings, and what their comparison says", headings, rows)
 
 
@@ -150,21 +153,23 @@ def _fig6_table(fig6: Data) -> str:
     rows = [
         (
             f"{mode}, {noise * 1e3:.3g} mV, {READOUT_NAMES[r]}",
-            *(entry[r][p] for p in ("afe", "converter", "io", "total")),
+            *(with_unit(entry[r][p], "W") for p in ("afe", "converter", "io", "total")),
         )
         for mode, entries in fig6["modes"].items()
         for noise, entry in zip(fig6["noise_v_rms"], entries, strict=True)
         for r in READOUTS
     ]
-    return _table("Fig. 6 in W", ("mode, noise, readout", "AFE", "converter", "I/O", "total"), rows)
+    return _table("Fig. 6", ("mode, noise, readout", "AFE", "converter", "I/O", "total"), rows)
 
 
 def _fig7_table(fig7: Data) -> str:
     rows: list[Sequence[Any]] = []
     for mode, entry in fig7["modes"].items():
-        for what, values in (("crossover (V)", entry["crossover"]), ("spiking / frame at 1 mV", entry["ratio"])):
+        for what, values in (("crossover", entry["crossover"]), ("spiking / frame at 1 mV", entry["ratio"])):
             lines = {f"N-LCS {float(tau):g} s": line for tau, line in values["nlcs"].items()} | {"LCS": values["lcs"]}
-            rows += [(f"{mode}, {what}, {name}", *line) for name, line in lines.items()]
+            for name, line in lines.items():
+                cells = [with_unit(v, "V") if what == "crossover" and v is not None else v for v in line]
+                rows.append((f"{mode}, {what}, {name}", *cells))
     headings = ("mode, quantity, readout", *(f"N = {n}" for n in fig7["resolution"]))
     return _table("Fig. 7; a dash where there is no crossover", headings, rows)
 
@@ -187,13 +192,13 @@ def _fig9_table(fig9: Data | None) -> str:
     rows = [
         (
             p["label"],
-            float(p["data_rate_bps"]),
-            p["accuracy"] * 100,
-            " to ".join(f"{e:.1%}" for e in p.get("interval", ())),
+            with_unit(p["data_rate_bps"], "bit/s"),
+            f"{100 * p['accuracy']:.1f} %",
+            "\N{NO-BREAK SPACE}to\N{NO-BREAK SPACE}".join(f"{100 * end:.1f}" for end in p.get("interval", ())),
         )
         for p in (fig9["points"] if fig9 else [])
     ]
-    return _table("Fig. 9", ("readout", "data rate (bit/s)", "accuracy (%)", "interval"), rows)
+    return _table("Fig. 9", ("readout", "data rate", "accuracy", "interval (%)"), rows)
 
 
 def _benchmarks_table(charts: list[Data]) -> str:
@@ -213,15 +218,11 @@ def _synthesis_table(reports: list[Data]) -> str:
             READOUT_NAMES[r["readout"]],
             f"{r['rows']} x {r['columns']}",
             r["process"] or None,
-            *(float(r[key]) for key in ("supply_v", "clock_hz", "area_um2", "leakage_w")),
-            *(float(r[key]) for key in ("clock_power_w_per_hz", "energy_per_event_j")),
+            *(with_unit(r[key], unit) for key, unit in (("supply_v", "V"), ("clock_hz", "Hz"))),
+            f"{plain(r['area_um2'])} um^2",
+            *(with_unit(r[key], unit) for key, unit in SYNTHESIS_UNITS.items()),
         )
         for r in reports
     ]
-    headings = ("readout", "array", "process", "supply (V)", "clock (Hz)", "area (um^2)", "leakage (W)")
-    return _table(
-        "Digital part by synthesis", (*headings, "clock power (W/Hz)", "energy per event or sample (J)"), rows
-    )
-
-
-# -- the command -------------------------------------------------------------------------------------
+    headings = ("readout", "array", "process", "supply", "clock", "area", "leakage", "clock power", "event or sample")
+    return _table("Digital part by synthesis", headings, rows)

@@ -21,6 +21,7 @@ from model.errors import InputError
 from model.events.address import Events, make_events
 from model.events.recording import Recording
 from model.figures.style import OFF_COLOUR, ON_COLOUR, PALETTE, PART_COLOURS, READOUT_COLOURS
+from model.figures.units import with_unit
 from model.power.equations import CORRECTIONS, READOUTS, PowerModel
 from model.power.rates import load_tables, stored_table
 from model.power.study import fig6_data, fig7_data, sensitivity_data, sensitivity_models
@@ -49,6 +50,7 @@ POINTS = {
     ],
 }
 CLOCKS = 6400
+UNROUNDED = re.compile(r"\d\.\d{6,}|\d[eE][+-]?\d")
 
 
 def some_events(count: int = 300, seed: int = 0) -> Events:
@@ -314,6 +316,39 @@ def test_the_page_has_no_machine_paths_and_is_the_same_every_time(full, folder, 
     assert (folder / "again.html").read_text() == full
 
 
+def test_numbers_are_rounded_for_people_and_kept_whole_in_the_data(full):
+    seen = re.sub(r"<(script|style)\b.*?</\1>", "", full, flags=re.DOTALL)
+    assert UNROUNDED.findall(seen) == []
+    for cell in (
+        "26.9 mW",
+        "150 uV",
+        "20 kbit/s",
+        "80.0\N{NO-BREAK SPACE}to\N{NO-BREAK SPACE}95.0",
+        "100,000 um^2",
+        "100 fJ",
+    ):
+        assert f"<td>{cell}</td>" in seen
+    assert UNROUNDED.search(json.dumps(data_of(full)["fig6"]))
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0, "0 V"),
+        (0.0009236708571873865, "924 uV"),
+        (0.9996, "1 V"),
+        (0.9994, "999 mV"),
+        (-1234.5, "-1.23 kV"),
+        (1e-20, "0.01 aV"),
+        (2.5e16, "25,000 TV"),
+        (float("inf"), "inf V"),
+        (float("nan"), "nan V"),
+    ],
+)
+def test_units(value, text):
+    assert with_unit(value, "V") == text
+
+
 def test_text_from_files_cannot_leave_its_place(folder):
     (folder / "bench").mkdir()
     evil = "</script><script>alert(1)</script>"
@@ -487,6 +522,7 @@ HTMLAnchorElement.prototype.click = function () { found.file = this.download; };
 [...by("downloads").children].find((button) => button.textContent === "fig6.json").click();
 found.wide = document.documentElement.scrollWidth <= innerWidth;
 found.width = innerWidth;
+found.tips = [...document.querySelectorAll(".mark")].map((mark) => mark.dataset.tip);
 const texts = [...document.querySelectorAll(".chart figure > svg text")];
 found.letters = Math.min(...texts.map((text) => {
   const svg = text.ownerSVGElement;
@@ -634,6 +670,8 @@ def test_charts_use_the_width_that_they_have(call, folder, width):
     assert found["crossed"] == []
     assert found["hidden_marks"] == 0
     assert min(found["labels"]) >= 4
+    assert len(found["tips"]) > 200
+    assert [tip for tip in found["tips"] if UNROUNDED.search(tip)] == []
     points = json.loads(ACCURACY.read_text())["points"]
     assert set(found["legend"]) == {"LCS", "N-LCS", "frame"} | {point["title"] for point in points}
 
