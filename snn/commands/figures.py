@@ -62,7 +62,9 @@ def fig8(
     ] = None,
     image: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="texture or recording, as brick/brick-00 [first test image of the fold]"),
+        typer.Option(
+            metavar="NAME", help="texture or recording, as brick/brick-00 [first test one that is classified rightly]"
+        ),
     ] = None,
     out: OutOption = DEFAULT_OUT,
     data_out: DataOutOption = None,
@@ -76,3 +78,6 @@ def fig8(
     played = play(weights, result or weights.parent / "result.json", Places(dataset, data), image)
     print(printable(write_results(out, "fig8", played.to_dict(), lambda _, path: plot_fig8(played, path), data_out)))
     print(printable(f"{played.name}: true {played.true}, predicted {played.predicted}"))
+    if played.tests:
+        noun = "recordings" if played.pixels is None else "images"
+        print(f"the network is right for {played.right} of {played.tests} test {noun}")

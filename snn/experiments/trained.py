@@ -40,6 +40,8 @@ class TrainingResult:
         Of the test images.
     own : OwnReadout or None
         Where they were a user's own recordings.
+    predicted : list of int
+        What the network said of them; empty in a file that does not say it.
     """
 
     experiment: Experiment
@@ -48,6 +50,16 @@ class TrainingResult:
     folds: int
     labels: list[int]
     own: OwnReadout | None = None
+    predicted: list[int] = field(default_factory=list)
+
+    @property
+    def right(self) -> list[bool]:
+        """Whether the network classified each test image rightly, where that is known."""
+        return [a == b for a, b in zip(self.labels, self.predicted, strict=True)] if self.predicted else []
+
+    def default_image(self, test: NDArray[np.int64]) -> int:
+        """Return the first test image that is classified rightly, as far as that is known, else the first one."""
+        return int(test[self.right.index(True)] if True in self.right else test[0])
 
     def test_images(self, labels: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the images of the fold; refuse others than those of the training, by their labels."""
@@ -74,9 +86,12 @@ def read_result(path: Path, weights_file: Path, weights: Weights) -> TrainingRes
             folds=content["folds"],
             labels=content["labels"],
             own=OwnReadout.from_dict(content["recordings"]) if content.get("recordings") else None,
+            predicted=content.get("predicted", []),
         )
-        numbers = [result.fold, result.folds, *result.labels]
+        numbers = [result.fold, result.folds, *result.labels, *result.predicted]
         if not all(type(number) is int for number in numbers) or not 0 <= result.fold < result.folds:
+            raise ValueError
+        if len(result.predicted) not in (0, len(result.labels)):
             raise ValueError
     except (KeyError, TypeError, ValueError, AttributeError):
         raise InputError(f"{path} is damaged or not the result of a training; remove it or train again") from None

@@ -23,6 +23,7 @@ CLASS_COLOURS = tuple(
 """Colours of the classes; more classes take them again."""
 
 _INK = "#333333"
+_WAY, _ARRAY = PALETTE["vermilion"], PALETTE["blue"]  # not among the greys of a texture
 _SHOWN = 3  # taxels whose signal is drawn
 _NOTE = 0.15  # this part of a panel's width has room for words
 
@@ -38,7 +39,10 @@ def draw_fig8(played: Played) -> Figure:
     verdict = "right" if true == predicted else "wrong"
     noun = "recording" if played.pixels is None else "image"
     learned = f"test {noun}" if played.tested else f"training {noun}"
-    figure = new_figure(12, 8.4, f"{played.name} ({learned}): true {true}, predicted {predicted}, {verdict}")
+    title = f"{played.name} ({learned}): true {true}, predicted {predicted}, {verdict}"
+    if played.tests:
+        title += f"; the network is right for {played.right} of {played.tests} test {noun}s"
+    figure = new_figure(12, 8.4, title)
     grid = figure.add_gridspec(4, 2, width_ratios=(1, 2.9), height_ratios=(1.5, 1.3, 1.5, 1.4))
     draw_source = _draw_array if played.pixels is None else _draw_texture
     draw_source(figure.add_subplot(grid[:2, 0]), played)
@@ -71,11 +75,21 @@ def _draw_texture(panel: Axes, played: Played) -> None:
     dress(panel, "texture and scan")
     panel.grid(visible=False)
     panel.imshow(pixels, cmap="gray", vmin=0, vmax=255)
+    from matplotlib.patheffects import withStroke
+
     way = (width, down) if rightwards else (across, height)
-    panel.add_patch(Rectangle((-0.5, -0.5), *way, color=OFF_COLOUR, alpha=0.3, lw=0))
-    panel.add_patch(Rectangle((-0.5, -0.5), across, down, fill=False, ec=OFF_COLOUR, lw=1.8))
-    at, to = ((across, down / 2), (width, down / 2)) if rightwards else ((across / 2, down), (across / 2, height))
-    panel.annotate("", to, at, arrowprops={"arrowstyle": "->", "color": OFF_COLOUR, "lw": 1.5})
+    halo = [withStroke(linewidth=4.5, foreground="white")]
+    panel.add_patch(Rectangle((-0.5, -0.5), *way, fill=False, ec=_WAY, lw=2, path_effects=halo))
+    panel.add_patch(Rectangle((-0.5, -0.5), across, down, fill=False, ec=_ARRAY, lw=2.5, path_effects=halo))
+    beside = 0.05 * min(width, height)  # what the array covers may be less than a line of the picture
+    long, far = (width, down + beside) if rightwards else (height, across + beside)
+    ends = ((0.02 * long, far), (0.97 * long, far))
+    start, end = ends if rightwards else tuple((y, x) for x, y in ends)
+    panel.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "color": _WAY, "lw": 2.5, "path_effects": halo})
+    place, offset = ((width / 2, far), (0, -6)) if rightwards else ((far, height / 2), (6, 0))
+    panel.annotate("way of the array", place, xytext=offset, textcoords="offset points", color=_WAY, fontsize=8.5,
+                   fontweight="bold", path_effects=halo, rotation=0 if rightwards else 90,
+                   ha="center" if rightwards else "left", va="top" if rightwards else "center")  # fmt: skip
     panel.set_xlabel(f"pixels; {config.rows} x {config.columns} taxels, {scan.name} scan", fontsize=8.5)
 
 

@@ -59,6 +59,8 @@ class Played:
     class_names : tuple of str
     meaning : str
         What the evidence is, in words.
+    right, tests : int
+        How many of so many test images the network classified rightly; 0 of 0 where that is not known.
     """
 
     name: str
@@ -75,6 +77,8 @@ class Played:
     evidence: NDArray[np.float32]
     class_names: tuple[str, ...]
     meaning: str
+    right: int = 0
+    tests: int = 0
 
     @property
     def predicted(self) -> str:
@@ -99,6 +103,7 @@ class Played:
             "class_names": list(self.class_names),
             "true": self.true,
             "predicted": self.predicted,
+            "test_images_right": [self.right, self.tests],
             "evidence": self.evidence.tolist(),
             "hidden_spikes": np.argwhere(self.spikes).tolist(),
         }
@@ -157,7 +162,8 @@ def play(weights_file: Path, result_file: Path, places: Places | None = None, im
         What ``python -m snn train`` wrote: the network, and the experiment that says how scans are made.
     places : Places, optional
     image : str, optional
-        Name of the texture or recording; by default the first test image of the fold.
+        Name of the texture or recording; by default the first of the test fold that the network classifies rightly, as
+        its result says, or the first one where there is none.
 
     Raises
     ------
@@ -187,7 +193,7 @@ def play(weights_file: Path, result_file: Path, places: Places | None = None, im
             f"{', '.join(textures.class_names)}; give the textures of the training with --dataset"
         )
     test = result.test_images(textures.labels)
-    index = int(test[0]) if image is None else _index(image, [texture.name for texture in textures])
+    index = result.default_image(test) if image is None else _index(image, [texture.name for texture in textures])
     texture = textures[index]
     return _played(
         weights,
@@ -198,6 +204,8 @@ def play(weights_file: Path, result_file: Path, places: Places | None = None, im
         true=texture.class_name,
         label=texture.label,
         tested=index in test,
+        right=sum(result.right),
+        tests=len(result.right),
         scan=scan,
         pixels=texture.load(),
     )
@@ -213,7 +221,7 @@ def _play_own(weights: Weights, result: TrainingResult, place: Path, image: str 
         raise InputError(f"{strange[0].path} is in none of the classes of the network: {', '.join(classes)}")
     labels = np.array([classes.index(str(source.class_name)) for source in found.sources])
     test = result.test_images(labels)
-    index = int(test[0]) if image is None else _index(image, names)
+    index = result.default_image(test) if image is None else _index(image, names)
     return _played(
         weights,
         result.experiment.bins,
@@ -223,6 +231,8 @@ def _play_own(weights: Weights, result: TrainingResult, place: Path, image: str 
         true=classes[labels[index]],
         label=int(labels[index]),
         tested=index in test,
+        right=sum(result.right),
+        tests=len(result.right),
         scan=None,
         pixels=None,
     )

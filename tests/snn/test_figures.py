@@ -485,7 +485,8 @@ EXPERIMENT = Experiment(
 
 def trained(folder: Path, experiment: Experiment = EXPERIMENT, **fields: Any) -> list[str]:
     """Write weights and result of a training of no epoch; return the option that names them."""
-    channels = 12 if experiment.readout.encoding == "lcs" else 6
+    taxels = experiment.readout.rows * experiment.readout.columns
+    channels = 2 * taxels if experiment.readout.encoding == "lcs" else taxels
     network = build(
         NetworkConfig.from_dict(dict(inputs=channels, classes=3, hidden=32, decay=0.9, output_decay=0.9, **fields)),
         seed=0,
@@ -538,6 +539,54 @@ def test_fig8_shows_the_first_test_image_and_its_logits(snn: Call, folder: Path,
     drawn = sum(len(line.get_xdata()) for line in panels["address events"].lines)
     assert drawn == len(recording.events)
     assert len(panels["hidden neurons"].lines[0].get_xdata()) == len(data["hidden_spikes"])
+
+
+def test_the_way_of_the_scan_is_seen_on_the_texture(folder: Path) -> None:
+    """Even where the array is thin: some of the picture has a colour, which no texture has."""
+    for preset, rows in (("physical", 2), ("paper", 1)):
+        config = ReadoutConfig(rows=rows, columns=12 // rows // 2, resolution=4)
+        experiment = Experiment(dataset="embedded", preset=preset, readout=config, bins=EXPERIMENT.bins)
+        trained(folder / preset, experiment)
+        figure = draw_fig8(play(folder / preset / "weights.npz", folder / preset / "result.json"))
+        panel = next(panel for panel in figure.axes if panel.get_title("left") == "texture and scan")
+        figure.canvas.draw()
+        drawn = np.asarray(figure.canvas.buffer_rgba()).astype(int)  # type: ignore[attr-defined]
+        box = panel.get_window_extent()
+        inside = drawn[-int(box.y1) : -int(box.y0), int(box.x0) : int(box.x1), :3]
+        coloured = (np.ptp(inside, axis=2) > 100).mean()
+        assert coloured > 0.02, preset
+
+
+def test_the_default_of_fig8_is_right_and_says_how_many_are(snn: Call, folder: Path) -> None:
+    options = trained(folder / "train")
+    file = folder / "train" / "result.json"
+    result = json.loads(file.read_text())
+    textures = open_dataset("embedded")
+    test = stratified_folds(textures.labels, 6)[1]
+    network = load_weights(folder / "train" / "weights.npz").network.eval()
+    predicted = []
+    for index in test:
+        recording = record(textures[int(index)], "embedded", EXPERIMENT.scan_and_config()[0], EXPERIMENT.readout)
+        logits = network(collect([recording], EXPERIMENT.bins, textures.class_names).batch([0])).logits
+        predicted.append(int(logits.argmax()))
+    right = [a == b for a, b in zip(predicted, result["labels"], strict=True)]
+    assert not right[0]
+    assert any(right)
+    file.write_text(json.dumps(result | {"predicted": predicted}))
+    code, out, _ = snn("fig8", *options)
+    assert code == 0
+    assert f"the network is right for {sum(right)} of {len(test)} test images" in out
+    data = json.loads((folder / "out" / "fig8.json").read_text())
+    assert data["image"] == textures[int(test[right.index(True)])].name
+    assert data["predicted"] == data["true"]
+    file.write_text(json.dumps(result | {"predicted": [2 - a for a in result["labels"]]}))  # none, or class 1 alone
+    code, out, _ = snn("fig8", *options, "--image", textures[int(test[0])].name)
+    assert code == 0
+    title = draw_fig8(play(folder / "train" / "weights.npz", file, image=textures[int(test[0])].name)).get_suptitle()
+    assert ", wrong; the network is right for " in title
+    for bad in ([0], ["a"] * len(test), 3):
+        file.write_text(json.dumps(result | {"predicted": bad}))
+        refused(snn, "result.json is damaged or not the result of a training", "fig8", *options)
 
 
 def test_fig8_of_the_paper_scan_counts_from_where_events_count(folder: Path) -> None:
