@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from model.cli.app import make_app, run
 from snn.commands.cache import cache
-from snn.commands.exchange import convert, export, import_
+from snn.commands.exchange import convert, export, import_, quantise
 from snn.commands.figures import fig8, fig9
 from snn.commands.pair import pair
 from snn.commands.predict import predict
@@ -17,7 +17,7 @@ from snn.commands.train import crossval, train
 
 app = make_app("Classifier of the spiking e-skin readout: from address events to texture class.")
 
-for command in (train, crossval, sweep, pair, predict, robustness, fig8, fig9, export, convert, cache):
+for command in (train, crossval, sweep, pair, predict, robustness, fig8, fig9, export, convert, quantise, cache):
     app.command()(command)
 app.command("import")(import_)
 

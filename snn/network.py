@@ -16,6 +16,7 @@ from torch.nn import functional
 from model.errors import InputError
 from snn.kernels.layer import Backend, layer
 from snn.network_config import BaselineConfig, NetworkConfig
+from snn.rounding import rounded_weights
 
 
 class Output(NamedTuple):
@@ -94,16 +95,29 @@ class SpikingNetwork(nn.Module):
             return torch.sigmoid(self.raw_decay), torch.sigmoid(self.raw_output_decay)
         return self.raw_decay, self.raw_output_decay
 
+    def weights(self) -> tuple[Tensor, Tensor, Tensor]:
+        """Return w_in, w_rec and w_out as the network computes with them: rounded where ``weight_bits`` says so."""
+        bits, scale = self.config.neurons.weight_bits, self.config.input_scale
+        if not bits:
+            return self.w_in, self.w_rec, self.w_out
+        w_in, w_rec, w_out = rounded_weights((self.w_in * scale, self.w_rec, self.w_out), bits)
+        return w_in / scale, w_rec, w_out
+
     def spikes(self, x: Tensor) -> Tensor:
         """Return the hidden spikes, shape (steps, scans, hidden)."""
-        x = _scaled(self.config, x)
+        w_in, w_rec, _ = self.weights()
+        return self._hidden(x, w_in, w_rec)
+
+    def _hidden(self, x: Tensor, w_in: Tensor, w_rec: Tensor) -> Tensor:
         decay, _ = self.decays()
-        return layer(self.config.neurons.rule, x, self.w_in, self.b_hidden, decay, self.w_rec, self.backend)
+        x = _scaled(self.config, x)
+        return layer(self.config.neurons.rule, x, w_in, self.b_hidden, decay, w_rec, self.backend)
 
     def forward(self, x: Tensor) -> Output:
         """Return logits, penalty and rate for scans of shape (steps, scans, inputs)."""
         config, neurons = self.config, self.config.neurons
-        s = self.spikes(x)
+        w_in, w_rec, w_out = self.weights()
+        s = self._hidden(x, w_in, w_rec)
         penalty = s.new_zeros(())
         if neurons.rate_weight:
             excess = (s.mean((0, 1)) - neurons.rate_limit).clamp_min(0.0)
@@ -113,9 +127,9 @@ class SpikingNetwork(nn.Module):
             s = s * functional.dropout(s.new_ones(s.shape[1:]), config.dropout)
         _, decay = self.decays()
         if neurons.readout == "spikes":
-            out = layer(neurons.rule, s, self.w_out, self.b_out, decay, None, self.backend).sum(0)
+            out = layer(neurons.rule, s, w_out, self.b_out, decay, None, self.backend).sum(0)
         else:
-            out = self._mean_membrane(functional.linear(s, self.w_out, self.b_out), decay)
+            out = self._mean_membrane(functional.linear(s, w_out, self.b_out), decay)
         return Output(out * config.output_scale, penalty, rate)
 
     @staticmethod

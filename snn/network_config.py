@@ -35,6 +35,9 @@ class SpikingConfig:
     rule : NeuronRule
     readout : "spikes" or "membrane"
         The outputs fire and their spikes are added up; or their membranes do not fire and are averaged over time.
+    weight_bits : int
+        Where not 0, the network computes with weights rounded to so many bits, as ``python -m snn quantise`` does
+        it, and learns through the rounding (straight-through).
     rate_weight, rate_limit : float
         Penalty: weight times the mean over hidden neurons of the square by which their mean spikes per step
         exceed the limit.
@@ -47,6 +50,7 @@ class SpikingConfig:
     learn_decay: bool = False
     rule: NeuronRule = field(default_factory=NeuronRule)
     readout: OutputMode = "spikes"
+    weight_bits: int = 0
     rate_weight: float = 0.0
     rate_limit: float = 0.0
 
@@ -62,6 +66,8 @@ class SpikingConfig:
         for name in ("hidden_rate", "output_rate"):
             if not 0 <= getattr(self, name) < 1:
                 raise InputError(f"{name} must be from 0 to below 1 spikes per step, not {getattr(self, name)!r}")
+        if self.weight_bits != 0 and not 2 <= self.weight_bits <= 8:
+            raise InputError(f"weight_bits must be 0 or in 2..8, not {self.weight_bits}")
         _from_zero(self, "rate_weight", "rate_limit")
 
 
@@ -186,7 +192,7 @@ FIELDS = (
     *("inputs", "classes", "kind", "hidden", "input_scale", "input_offset", "input_rms", "input_center"),
     *("hidden_rate", "output_rate", "decay", "output_decay", "learn_decay"),
     *("reset", "reset_gradient", "floor", "surrogate", "surrogate_scale", "surrogate_width"),
-    *("readout", "output_scale", "dropout", "rate_weight", "rate_limit"),
+    *("readout", "weight_bits", "output_scale", "dropout", "rate_weight", "rate_limit"),
 )
 """Names of the flat fields, in the order of the files."""
 

@@ -47,7 +47,7 @@ LAYERS = {
         "__main__",
     ),
     "snn": (
-        "flat cache",
+        "flat cache rounding",
         "kernels",
         "network_config",
         "network calibration",

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from model.classifier.config import ClassifierConfig, bits_of, highest, lowest
+from model.classifier.config import MAX_BITS, ClassifierConfig, bits_of, highest, lowest
 from model.errors import InputError
 
 Whole = NDArray[np.int64]
@@ -112,12 +112,17 @@ class IntegerNetwork:
     def sized(self) -> IntegerNetwork:
         """Return the network with the fewest bits in which none of its potentials can ever saturate.
 
-        Where there is no such width, or it has more than 32 bits, the widths stay and potentials saturate.
+        A bit more is taken where it holds any weights, since that needs no saturation. Where there is no such width, or
+        it has more than 32 bits, the widths stay and potentials saturate.
         """
         changes = {}
-        for name, found in (("membrane_bits", self.hidden_ends), ("output_bits", self.output_ends)):
-            if bits_of(found) <= 32:
-                changes[name] = max(int(bits_of(found)), 4)
+        for name, own, any_weights in (
+            ("membrane_bits", self.hidden_ends, self.config.hidden_range),
+            ("output_bits", self.output_ends, self.config.output_range),
+        ):
+            bits, enough = bits_of(own), bits_of(any_weights)
+            if (found := enough if enough <= bits + 1 else bits) <= MAX_BITS:
+                changes[name] = max(int(found), 4)
         arrays = {name: getattr(self, name) for name in ("w_in", "w_rec", "w_out", "b_hidden", "b_out")}
         return IntegerNetwork(self.config.replace(**changes), **arrays)
 

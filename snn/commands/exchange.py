@@ -1,4 +1,4 @@
-"""The commands export, import and convert (docs/guide/exchange.md)."""
+"""The commands export, import, convert and quantise (docs/guide/exchange.md)."""
 
 from __future__ import annotations
 
@@ -139,3 +139,51 @@ def _read(source: Path) -> Recording:
     if source.suffix == ".nir":
         return load_nir_data(source)
     raise InputError(f"{source} is of unknown kind; give an event file (.npz) or NIRData (.nir)")
+
+
+def quantise(
+    weights: Annotated[Path, typer.Argument(metavar="WEIGHTS.npz", help="trained network")],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="INTEGER.npz", help="file to write; images beside it")],
+    bits: Annotated[int, typer.Option(min=2, max=8, help="bits of all weights")] = 8,
+    in_bits: Annotated[int | None, typer.Option(metavar="2..8", help="bits of the input weights")] = None,
+    rec_bits: Annotated[int | None, typer.Option(metavar="2..8", help="bits of the recurrent weights")] = None,
+    out_bits: Annotated[int | None, typer.Option(metavar="2..8", help="bits of the output weights")] = None,
+    bias_bits: Annotated[int, typer.Option(help="bits of a bias, 2..16")] = 9,
+    threshold_bits: Annotated[int, typer.Option(help="least bits of the threshold, 2..16")] = 8,
+    membrane_bits: Annotated[
+        int | None, typer.Option(help="bits of a hidden potential [as many as it can ever need]")
+    ] = None,
+    lanes: Annotated[int, typer.Option(help="weights added in one clock")] = 16,
+    clock: Annotated[float, typer.Option(metavar="HZ", help="clock of the hardware")] = 50e6,
+    accuracy: Annotated[
+        bool, typer.Option("--accuracy", help="classify the test images of the training, float and integer")
+    ] = False,
+) -> None:
+    """Write a trained network as whole numbers for the classifier in hardware, with images of its memories."""
+    if out.suffix != ".npz":
+        raise InputError(f"integer networks end in .npz, {out.name} does not; rename the output")
+    check_writable(out)
+    from model.classifier.file import write_images
+    from snn.exchange.integer import Precision, quantise, summary
+    from snn.exchange.weights import load_weights
+
+    given = {"in_bits": in_bits, "rec_bits": rec_bits, "out_bits": out_bits}
+    precision = Precision(
+        **{name: bits if value is None else value for name, value in given.items()},
+        bias_bits=bias_bits,
+        threshold_bits=threshold_bits,
+        membrane_bits=membrane_bits,
+        lanes=lanes,
+        clock_hz=clock,
+    )
+    made = quantise(load_weights(weights), precision)
+    lines = summary(made)
+    if accuracy:
+        from snn.experiments.integer import compare
+
+        lines.append(compare(weights, made))
+    made.save(out)
+    images = write_images(made.network, out.parent, out.stem)
+    for line in lines:
+        print(printable(line))
+    print(printable(f"written: {', '.join(str(path) for path in [out, *images])}"))

@@ -68,6 +68,11 @@ def to_nir(weights: Weights) -> nir.NIRGraph:
     network, config = weights.network, config_of(weights.network)
     if not isinstance(network, SpikingNetwork):
         raise InputError(f"a network of kind {config.kind} has no neurons that NIR knows; export it as .npz")
+    if config.neurons.weight_bits:
+        raise InputError(
+            f"the network rounds its weights to {config.neurons.weight_bits} bits, for which NIR has no word; "
+            f"export .npz"
+        )
     if not math.isfinite(weights.step_s / SMALLEST_LOSS):
         raise InputError(f"a time step of {weights.step_s:g} s has no time constants that NIR can hold; export .npz")
     arrays = {name: tensor.detach().cpu().numpy() for name, tensor in network.state_dict().items()}

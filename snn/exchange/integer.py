@@ -1,0 +1,215 @@
+"""A trained network as whole numbers, for the classifier in hardware (docs/reference/classifier.md)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.classifier.config import ClassifierConfig, bits_of
+from model.classifier.file import IntegerWeights
+from model.classifier.network import IntegerNetwork
+from model.errors import InputError
+from snn.exchange.weights import Weights, config_of
+from snn.network import SpikingNetwork
+from snn.rounding import Grid, grid_of, related_grids
+
+LARGEST_SHIFT = 16
+
+
+@dataclass(frozen=True, kw_only=True)
+class Precision:
+    """In how many bits a network is written, and for which hardware.
+
+    Parameters
+    ----------
+    in_bits, rec_bits, out_bits, bias_bits : int
+    threshold_bits : int
+        The potential's unit is a weight of 1 divided by a power of two such that the threshold has at least so many
+        bits: the leak is rounded to it.
+    membrane_bits, output_bits : int or None
+        Bits of the potentials; None for as many as they can ever need.
+    lanes : int
+    clock_hz : float
+    """
+
+    in_bits: int = 8
+    rec_bits: int = 8
+    out_bits: int = 8
+    bias_bits: int = 9
+    threshold_bits: int = 8
+    membrane_bits: int | None = None
+    output_bits: int | None = None
+    lanes: int = 16
+    clock_hz: float = 50e6
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in {"threshold_bits": (2, 16), "bias_bits": (2, 16)}.items():
+            if not low <= getattr(self, name) <= high:
+                raise InputError(f"{name} must be in {low}..{high}, not {getattr(self, name)}")
+        for name in ("in_bits", "rec_bits", "out_bits"):
+            if not 2 <= getattr(self, name) <= 8:
+                raise InputError(f"{name} must be in 2..8, not {getattr(self, name)}")
+        if not (math.isfinite(self.clock_hz) and self.clock_hz > 0):
+            raise InputError(f"the clock must be a positive number of hertz, not {self.clock_hz!r}")
+
+
+@dataclass
+class _Units:
+    """Grids of some matrices, the unit of the potential to which they are added, and what follows from it."""
+
+    unit: float
+    shifts: list[int]
+    threshold: int
+    bias: NDArray[np.int64]
+    bias_shift: int
+    notes: dict[str, float] = field(default_factory=dict)
+
+
+def quantise(weights: Weights, precision: Precision) -> IntegerWeights:
+    """Return a trained network in whole numbers, with what rounding changes in its notes.
+
+    The input scale is folded into the input weights. Every matrix takes the step with the smallest error, clipping
+    counted; those of input and recurrence are powers of two of each other.
+
+    Raises
+    ------
+    InputError
+        If the network is none that the hardware has.
+    """
+    network = weights.network
+    if not isinstance(network, SpikingNetwork):
+        raise InputError(f"only a spiking network becomes hardware, not one of kind {config_of(network).kind}")
+    config, neurons = network.config, network.config.neurons
+    arrays = {name: value.detach().cpu().double().numpy() for name, value in network.named_parameters()}
+    _check(network, arrays)
+    notes: dict[str, Any] = {}
+    leak, notes["decay"] = _leak(network.decays()[0].detach().cpu().double().numpy(), "decay")
+    out_leak, notes["output_decay"] = _leak(network.decays()[1].detach().cpu().double().numpy(), "output_decay")
+
+    w_in, w_rec, w_out = arrays["w_in"].T * config.input_scale, arrays["w_rec"].T, arrays["w_out"].T
+    in_grid, rec_grid = related_grids((w_in, w_rec), (precision.in_bits, precision.rec_bits))
+    out_grid = grid_of(w_out, precision.out_bits)
+    hidden = _units([in_grid, rec_grid], arrays["b_hidden"], precision)
+    outputs = _units([out_grid], arrays["b_out"], precision)
+    grids = {"w_in": (in_grid, w_in), "w_rec": (rec_grid, w_rec), "w_out": (out_grid, w_out)}
+    for name, (grid, matrix) in grids.items():
+        notes[name] = {"step": grid.step, "error": grid.error(matrix)}
+    notes["unit"], notes["output_unit"] = hidden.unit, outputs.unit
+
+    fields: dict[str, Any] = {
+        "inputs": config.inputs,
+        "hidden": config.hidden,
+        "classes": config.classes,
+        "lanes": precision.lanes,
+        "clocks_per_bin": max(round(precision.clock_hz * weights.step_s), 1),
+        "bin_s": weights.step_s,
+        **{name: getattr(precision, name) for name in ("in_bits", "rec_bits", "out_bits", "bias_bits")},
+        "in_shift": hidden.shifts[0],
+        "rec_shift": hidden.shifts[1],
+        "bias_shift": hidden.bias_shift,
+        "out_shift": outputs.shifts[0],
+        "out_bias_shift": outputs.bias_shift,
+        "threshold": hidden.threshold,
+        "floor": _floor(neurons.rule.floor, hidden.unit),
+        "neuron_reset": neurons.rule.reset,
+        "leak_shift": leak,
+        "readout": neurons.readout,
+        "out_threshold": outputs.threshold,
+        "out_floor": _floor(neurons.rule.floor, outputs.unit),
+        "out_leak_shift": out_leak,
+        "membrane_bits": 32,
+        "output_bits": 32,
+    }
+    whole = {name: grid.whole(matrix) for name, (grid, matrix) in grids.items()}
+    made = IntegerNetwork(ClassifierConfig.from_dict(fields), **whole, b_hidden=hidden.bias, b_out=outputs.bias).sized()
+    return IntegerWeights(_with_widths(made, precision), weights.class_names, notes)
+
+
+def _with_widths(made: IntegerNetwork, precision: Precision) -> IntegerNetwork:
+    """Return a network with the widths that were asked for, and room for the evidence of a thousand bins."""
+    changes: dict[str, Any] = {
+        name: getattr(precision, name)
+        for name in ("membrane_bits", "output_bits")
+        if getattr(precision, name) is not None
+    }
+    per_bin = int(min(bits_of(made.output_ends), 22)) if made.config.readout == "membrane" else 1
+    config = made.config.replace(**changes, evidence_bits=per_bin + 10)
+    return IntegerNetwork(config, made.w_in, made.w_rec, made.w_out, made.b_hidden, made.b_out)
+
+
+def _check(network: SpikingNetwork, arrays: dict[str, NDArray[np.float64]]) -> None:
+    """Refuse what the hardware does not have."""
+    for name, values in arrays.items():
+        if not np.isfinite(values).all():
+            raise InputError(f"{name} has values that are no finite numbers; train again")
+    floor = network.config.neurons.rule.floor
+    if floor > 0:
+        raise InputError(f"the hardware holds potentials from a floor of at most 0, the network's is {floor:g}")
+
+
+def _leak(decays: NDArray[np.float64], name: str) -> tuple[int, dict[str, float]]:
+    """Return the shift that comes nearest to a decay, 0 for none, and both decays.
+
+    Raises
+    ------
+    InputError
+        If neurons have decays of their own.
+    """
+    if decays.max() - decays.min() > 1e-6:
+        raise InputError(
+            f"the hardware has one {name} for all neurons, the network learned {decays.min():.3g} to "
+            f"{decays.max():.3g}; train it with --recipe hardware"
+        )
+    decay = float(decays.mean())
+    shift = min(range(LARGEST_SHIFT + 1), key=lambda k: abs((1 - 2.0**-k if k else 1.0) - decay))
+    return shift, {"trained": decay, "hardware": 1 - 2.0**-shift if shift else 1.0}
+
+
+def _units(grids: list[Grid], bias: NDArray[np.float64], precision: Precision) -> _Units:
+    """Return the unit of a potential: the smallest step, halved until the threshold has enough bits."""
+    smallest = min(grid.step for grid in grids)
+    wanted = 2.0 ** (precision.threshold_bits - 1)
+    finer = max(math.ceil(math.log2(wanted * smallest)), 0)
+    unit = smallest / 2.0**finer
+    shifts = [round(math.log2(grid.step / unit)) for grid in grids]
+    if max(shifts) > LARGEST_SHIFT:
+        raise InputError(
+            f"the steps of the weights are too far apart for a shift of at most {LARGEST_SHIFT}; "
+            f"give fewer threshold bits"
+        )
+    threshold = max(round(1 / unit), 1)
+    if threshold >= 2**30:
+        raise InputError(f"the weights are so small that the threshold is {threshold} of their steps; train again")
+    largest = (1 << precision.bias_bits - 1) - 1
+    top = float(np.abs(bias).max()) / unit
+    bias_shift = min(max(math.ceil(math.log2(top / largest)), 0) if top > largest else 0, LARGEST_SHIFT)
+    return _Units(unit, shifts, threshold, Grid(unit * 2.0**bias_shift, largest).whole(bias), bias_shift)
+
+
+def _floor(floor: float, unit: float) -> int | None:
+    return None if math.isinf(floor) else max(round(floor / unit), -(2**31))
+
+
+def summary(made: IntegerWeights) -> list[str]:
+    """Return what the quantiser has done, as sentences."""
+    config, notes = made.network.config, made.notes
+    lines = [
+        f"{config.inputs} inputs, {config.hidden} hidden neurons, {config.classes} classes: "
+        f"{config.memory_bits / 8000:.1f} kB of memory"
+    ]
+    for name, bits in (("w_in", config.in_bits), ("w_rec", config.rec_bits), ("w_out", config.out_bits)):
+        lines.append(
+            f"{name}: {bits} bits, a 1 is {notes[name]['step']:.4g}, rounding changes {notes[name]['error']:.1%}"
+        )
+    for name in ("decay", "output_decay"):
+        trained, hardware = notes[name]["trained"], notes[name]["hardware"]
+        if abs(trained - hardware) > 1e-6:
+            lines.append(f"{name} of {trained:.4g} becomes {hardware:.4g}, the nearest that a shift gives")
+    fits = bits_of(made.network.hidden_ends) <= config.membrane_bits
+    saturates = "which they never leave" if fits else "at whose ends they stop"
+    lines.append(f"threshold {config.threshold}, potentials of {config.membrane_bits} bits, {saturates}")
+    return lines

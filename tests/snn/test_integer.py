@@ -1,0 +1,152 @@
+"""A trained network as whole numbers: equal to the float network where that has whole numbers, near it elsewhere."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from typer.testing import CliRunner
+
+from model.classifier.file import IntegerWeights, weight_image
+from model.classifier.network import State
+from model.errors import InputError
+from snn.__main__ import app
+from snn.exchange.integer import Precision, quantise
+from snn.exchange.nir_network import to_nir
+from snn.exchange.weights import Weights, save_weights
+from snn.network import SpikingNetwork, build
+from snn.network_config import NetworkConfig
+from snn.rounding import grid_of, related_grids
+
+
+def network(seed: int = 0, step: float | None = None, **fields: Any) -> SpikingNetwork:
+    """Return a network with random weights; with a step, of whole multiples of it that fill 8 bits."""
+    base = {"inputs": 6, "classes": 3, "hidden": 24, "input_scale": 0.5}
+    made = build(NetworkConfig.from_dict(base | fields), seed)
+    assert isinstance(made, SpikingNetwork)
+    generator = torch.Generator().manual_seed(seed)
+    with torch.no_grad():
+        for name, parameter in made.named_parameters():
+            if step is None:
+                parameter.copy_(torch.randn(parameter.shape, generator=generator) * (0.1 if "b_" in name else 0.4))
+            else:
+                whole = torch.randint(-100, 101, parameter.shape, generator=generator).float()
+                whole.view(-1)[0] = 127
+                parameter.copy_(whole * step / (made.config.input_scale if name == "w_in" else 1))
+    return made
+
+
+def weights_of(made: SpikingNetwork) -> Weights:
+    return Weights(made, ("a", "b", "c"), 0.004)
+
+
+COUNTS = np.random.default_rng(5).poisson(0.8, (4, 30, 6))
+
+
+@pytest.mark.parametrize("reset", ["zero", "subtract"])
+@pytest.mark.parametrize("readout", ["spikes", "membrane"])
+def test_a_network_of_whole_numbers_stays_what_it_is(reset: str, readout: str) -> None:
+    """Steps of 1/128 and no leak: every hidden spike and every output of the float network comes out, exactly."""
+    made = network(step=1 / 128, reset=reset, readout=readout)
+    whole = quantise(weights_of(made), Precision())
+    x = torch.from_numpy(COUNTS.transpose(1, 0, 2)).float()
+    spikes, logits = made.eval().spikes(x).detach().numpy(), made(x).logits.detach().numpy()
+    state = State(whole.network, len(COUNTS))
+    for number in range(COUNTS.shape[1]):
+        state.add_counts(COUNTS[:, number])
+        _, fired, *_ = state.end_bin()
+        assert np.array_equal(fired, spikes[number])
+    assert 0.02 < spikes.mean() < 0.98
+    expected = state.evidence if readout == "spikes" else state.evidence * whole.notes["output_unit"] / COUNTS.shape[1]
+    assert np.allclose(logits, expected, rtol=1e-5)
+    assert np.array_equal(whole.network.run_counts(COUNTS)[0], state.evidence)
+
+
+def test_more_bits_make_a_smaller_error_and_steps_are_powers_of_two_of_each_other() -> None:
+    made = network(1)
+    errors = []
+    for bits in range(2, 9):
+        precision = Precision(in_bits=bits, rec_bits=bits, out_bits=bits)
+        whole = quantise(weights_of(made), precision)
+        errors.append(whole.notes["w_rec"]["error"])
+        ratio = np.log2(whole.notes["w_in"]["step"] / whole.notes["w_rec"]["step"])
+        assert ratio == round(ratio) == whole.network.config.in_shift - whole.network.config.rec_shift
+        assert abs(whole.network.w_rec).max() < 2 ** (bits - 1)
+        assert whole.network.config.threshold.bit_length() >= 8
+        assert not whole.network.config.saturates
+    assert errors == sorted(errors, reverse=True)
+    assert errors[-1] < 0.01
+
+
+def test_clipping_is_chosen_where_it_makes_the_error_smaller() -> None:
+    values = np.random.default_rng(0).normal(size=4000)
+    top = float(np.abs(values).max())
+    grid = grid_of(values, 4)
+    assert grid.step < top / 7
+    assert grid.error(values) < grid.__class__(top / 7, 7).error(values)
+    first, second = related_grids((values[:, None], values[:, None] * 5), (4, 4))
+    assert second.step / first.step in (4.0, 8.0)
+
+
+def test_the_nearest_leak_is_taken_and_said() -> None:
+    whole = quantise(weights_of(network(decay=0.8, output_decay=0.95, readout="membrane")), Precision())
+    assert (whole.network.config.leak_shift, whole.network.config.out_leak_shift) == (2, 4)
+    assert whole.notes["decay"]["hardware"] == 0.75
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"decay": 0.9, "output_decay": 0.9, "learn_decay": True}, "one decay for all neurons, the network learned"),
+        ({"floor": 0.5}, "from a floor of at most 0, the network's is 0.5"),
+        ({"kind": "gru"}, "only a spiking network becomes hardware, not one of kind gru"),
+    ],
+)
+def test_what_the_hardware_has_not_is_refused(fields: dict[str, Any], said: str) -> None:
+    config = NetworkConfig.from_dict({"inputs": 6, "classes": 3, "hidden": 24} | fields)
+    made = build(config, 0)
+    if isinstance(made, SpikingNetwork) and config.neurons.learn_decay:
+        with torch.no_grad():
+            made.raw_decay[0] += 1
+    with pytest.raises(InputError, match=said):
+        quantise(Weights(made, ("a", "b", "c"), 0.004), Precision())
+
+
+def test_a_network_that_rounds_its_weights_learns_through_it_and_becomes_what_it_was() -> None:
+    made = network(2, weight_bits=3)
+    x = torch.from_numpy(COUNTS.transpose(1, 0, 2)).float()
+    made(x).logits.sum().backward()
+    gradient = made.w_rec.grad
+    assert gradient is not None
+    assert gradient.abs().sum() > 0
+    w_in, w_rec, w_out = (matrix.detach().numpy() for matrix in made.weights())
+    assert len(np.unique(w_rec)) <= 7
+    whole = quantise(weights_of(made), Precision(in_bits=3, rec_bits=3, out_bits=3))
+    for name, matrix, scale in (("w_in", w_in, 0.5), ("w_rec", w_rec, 1.0), ("w_out", w_out, 1.0)):
+        integers = getattr(whole.network, name).T
+        assert np.allclose(integers * whole.notes[name]["step"], matrix * scale, atol=1e-6)
+    with pytest.raises(InputError, match="rounds its weights to 3 bits, for which NIR has no word"):
+        to_nir(weights_of(made))
+    with pytest.raises(InputError, match=r"weight_bits must be 0 or in 2\.\.8, not 9"):
+        network(weight_bits=9)
+
+
+def test_the_command_writes_the_network_and_its_images(tmp_path: Path) -> None:
+    made = network(3, decay=0.8)
+    save_weights(tmp_path / "weights.npz", weights_of(made))
+    arguments = ["quantise", str(tmp_path / "weights.npz"), "-o", str(tmp_path / "integer.npz"), "--bits", "4"]
+    done = CliRunner().invoke(app, [*arguments, "--out-bits", "6"])
+    assert done.exit_code == 0, done.output
+    assert "decay of 0.8 becomes 0.75" in done.output
+    loaded = IntegerWeights.load(tmp_path / "integer.npz")
+    expected = quantise(weights_of(made), Precision(in_bits=4, rec_bits=4, out_bits=6))
+    assert loaded.network.config == expected.network.config
+    assert loaded.network.config.clocks_per_bin == 200_000
+    lines = (tmp_path / "integer.weights.hex").read_text().split()
+    assert [int(line, 16) for line in lines] == weight_image(expected.network)
+    assert (tmp_path / "integer.neurons.hex").exists()
+    assert dataclasses.asdict(loaded.network.config) == loaded.network.config.to_dict()
