@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from model.cli.app import make_app, run
 from model.errors import InputError
+
+if TYPE_CHECKING:
+    from flow.formal.mutants import Mutant
 
 app = make_app("Design flow of the readout: proofs of its RTL.")
 
@@ -24,6 +28,7 @@ def formal(
         str, typer.Option(help="only this block: arbiter, link, window, taxel, frame_readout, readout")
     ] = "",
     small: Annotated[bool, typer.Option(help="only one small configuration of each block")] = False,
+    mutants: Annotated[bool, typer.Option(help="plant bugs too, and see the properties fail")] = False,
     limit: Annotated[int, typer.Option(min=1, metavar="SECONDS", help="most that one proof may take")] = 300,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON")] = None,
 ) -> None:
@@ -31,7 +36,7 @@ def formal(
     from flow.formal.engine import solve
     from flow.formal.plan import proofs
     from flow.formal.report import write
-    from flow.formal.run import closing_line, outcomes
+    from flow.formal.run import closing_line, judge, outcomes
 
     known = sorted({proof.block for proof in proofs()})
     if block and block not in known:
@@ -41,16 +46,29 @@ def formal(
     for proof in chosen:
         verdicts.append((proof, solve(proof.checker(proof.config), proof.depth, limit)))
         said = verdicts[-1][1]
-        print(f"{proof.block:<10}{proof.size:<28}{len(said.proved):>3} proved{said.seconds:>7.1f} s", flush=True)
+        print(f"{proof.block:<15}{proof.size:<28}{len(said.proved):>3} proved{said.seconds:>7.1f} s", flush=True)
     results = outcomes(verdicts, whole=not small)
+    if mutants:
+        judge(results, _hunt(sorted({proof.block for proof in chosen})))
     for outcome in results:
         for problem in outcome.problems:
             print(f"{outcome.block}: {outcome.property.name}: {problem}")
     if out:
-        write(results, out, "make formal")
+        write(results, out, f"make formal{' MUTANTS=1' if mutants else ''}")
     print(closing_line(results))
     if any(outcome.problems for outcome in results):
         raise typer.Exit(1)
+
+
+def _hunt(blocks: list[str]) -> Iterator[tuple[str, Mutant, set[str]]]:
+    """Plant the bugs of some blocks; print a line for each."""
+    from flow.formal.plan import proofs
+    from flow.formal.run import hunt
+
+    for block in blocks:
+        for mutant, failed in hunt(block, proofs()):
+            print(f"{block:<15}{mutant.name:<45}{len(failed):>3} fail", flush=True)
+            yield block, mutant, failed
 
 
 def main() -> None:

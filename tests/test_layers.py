@@ -39,7 +39,7 @@ LAYERS = {
         "__main__",
     ),
     "flow": (
-        "formal.checker",
+        "formal.checker formal.mutants",
         "formal.blocks formal.bench",
         "formal.plan formal.engine",
         "formal.run",

@@ -31,15 +31,12 @@ class Property:
         Snake case; the checker's outputs ``ok_NAME`` and ``seen_NAME`` are called after it.
     meaning : str
         The sentence.
-    mutants : tuple of str
-        Names of planted bugs (``flow.formal.mutants``) under which it must fail; three or more.
     applies : callable
         Whether a configuration has anything that the property speaks of.
     """
 
     name: str
     meaning: str
-    mutants: tuple[str, ...] = ()
     applies: Callable[[Any], bool] = lambda config: True
 
 

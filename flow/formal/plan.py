@@ -90,7 +90,13 @@ def taxels() -> list[Proof]:
     ends: tuple[Any, ...] = ("digital", "analog")
     codes: tuple[Any, ...] = ("lcs", "cw-lcs", "nlcs")
     windows = [
-        Proof(WindowChecker, SMALL.replace(encoding="cw-lcs", frontend=end, sample_bits=8), 12, end == "digital")
+        Proof(
+            WindowChecker,
+            SMALL.replace(encoding="cw-lcs", frontend=end, sample_bits=8),
+            12,
+            end == "digital",
+            end == "digital",
+        )
         for end in ends
     ]
     few = [SMALL.replace(encoding=code, frontend=end) for code in codes for end in ends]
@@ -98,8 +104,8 @@ def taxels() -> list[Proof]:
     wide = [NEAR_THE_END.replace(encoding=code, frontend=end) for code in codes for end in ends]
     return [
         *windows,
-        *(Proof(TaxelChecker, c, 14, c == few[0], c in (few[0], few[3], few[4])) for c in few),
-        *(Proof(TaxelChecker, c, 14, hunts=c == by_tick[5]) for c in by_tick),
+        *(Proof(TaxelChecker, c, 14, c == few[0], c in (few[0], few[3], few[5])) for c in few),
+        *(Proof(TaxelChecker, c, 14, hunts=c == by_tick[4]) for c in by_tick),
         *(Proof(TaxelChecker, c, 6) for c in wide),
     ]
 
@@ -110,15 +116,17 @@ def readouts() -> list[Proof]:
     few = ReadoutConfig(frontend="analog", sample_bits=4, resolution=2)
     spiking = [few.replace(rows=side, columns=side, link=link) for side in (1, 2) for link in links]
     # Codes of a word's size, of half a word, and such as do not fit it.
-    shapes = [(1, 1, 2, 2), (2, 2, 2, 4), (2, 2, 3, 8), (3, 5, 1, 2)]
+    shapes = [(1, 1, 2, 2), (1, 1, 3, 4), (2, 2, 2, 4), (2, 2, 3, 8), (3, 5, 1, 2)]
     frames = [
         FrameConfig(
-            readout=ReadoutConfig(rows=rows, columns=columns, sample_bits=bits + 2, resolution=bits), word_bits=word
+            readout=ReadoutConfig(rows=rows, columns=columns, sample_bits=bits + 2, resolution=bits),
+            word_bits=word,
+            settle_clocks=3 if word == 8 else 1,
         )
         for rows, columns, bits, word in shapes
     ]
     return [
-        *(Proof(FrameChecker, c, 20, c.taxels == 1, c.rows == 2) for c in frames),
+        *(Proof(FrameChecker, c, 20, c == frames[0], c in frames[1:4]) for c in frames),
         *(Proof(ReadoutChecker, c, 12, c == spiking[0], c in spiking[1:3]) for c in spiking),
     ]
 

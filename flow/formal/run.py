@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
 from flow.formal.checker import Property
-from flow.formal.engine import Verdict
+from flow.formal.engine import Verdict, solve
+from flow.formal.mutants import Mutant, mutants, planted
 from flow.formal.plan import Proof
+
+FEWEST_MUTANTS = 3
+"""Planted bugs that every property must notice."""
 
 
 @dataclass
@@ -106,3 +110,41 @@ def closing_line(results: list[Outcome]) -> str:
     failed = sum(bool(outcome.problems) for outcome in results)
     unbounded = len(results) - failed
     return f"proved: {len(results) - failed} properties, {unbounded} of them unbounded, {failed} failed"
+
+
+def hunt(block: str, proofs: Iterable[Proof]) -> Iterator[tuple[Mutant, set[str]]]:
+    """Plant every bug of a block in turn; yield it with the properties that fail by it.
+
+    A bug is looked for in one configuration after the other, until all that it is known to break has failed.
+    """
+    grounds = [proof for proof in proofs if proof.block == block and proof.hunts]
+    for mutant in mutants(block):
+        failed: set[str] = set()
+        for proof in grounds:
+            if failed and failed >= set(mutant.fails):
+                break
+            with planted(mutant):
+                failed |= set(solve(proof.checker(proof.config), proof.depth, 0).failed)
+        yield mutant, failed
+
+
+def judge(results: list[Outcome], found: Iterable[tuple[str, Mutant, set[str]]]) -> None:
+    """Note by every property the planted bugs that it noticed; one that misses its own, or has too few, is a failure.
+
+    Parameters
+    ----------
+    results : list of Outcome
+        Of all properties.
+    found : iterable of (block, Mutant, set of str)
+        Every planted bug, and the properties that failed.
+    """
+    of = {(outcome.block, outcome.property.name): outcome for outcome in results}
+    for block, mutant, failed in found:
+        for name in mutant.fails:
+            if name in failed:
+                of[block, name].caught.append(mutant.name)
+            else:
+                of[block, name].problems.append(f"holds although {mutant.name}")
+    for outcome in results:
+        if len(outcome.caught) < FEWEST_MUTANTS:
+            outcome.problems.append(f"only {len(outcome.caught)} planted bugs show that it can fail")

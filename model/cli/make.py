@@ -81,7 +81,7 @@ TARGETS = {
     ),
     "gates": Target("gates and flops of both readouts after synthesis [LIBERTY=cells.lib]", "rtl gates"),
     "formal": Target(
-        "prove what the RTL promises, block by block [BLOCK= SMALL=1 OUT=]",
+        "prove what the RTL promises, block by block [BLOCK= SMALL=1 MUTANTS=1 OUT=]",
         "flow formal",
         ("formal",),
     ),

@@ -89,11 +89,11 @@ class LinkChecker(Checker[ReadoutConfig]):
         fields = Cat(getattr(self, n) for n in ("event_col", "event_row", "event_polarity") if self.has(n))
         if not len(fields):
             return
-        event = Signal(len(fields))
+        held_event = Signal(len(fields))
         with m.If(taken):
-            m.d.sync += event.eq(fields)
+            m.d.sync += held_event.eq(fields)
         shown = setup | self.aer_req
-        self.promise(m, "address_of_event", implies(shown, self.aer_addr == event), shown & event.any())
+        self.promise(m, "address_of_event", implies(shown, self.aer_addr == held_event), shown & held_event.any())
         moved = self.aer_addr != before(m, self.aer_addr, "address")
         held = before(m, self.aer_req | (self.aer_ack & receiver), "held") | self.aer_req
         held &= receiver | self.aer_req

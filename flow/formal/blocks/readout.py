@@ -83,7 +83,7 @@ class ReadoutChecker(Checker[ReadoutConfig]):
     def _event(self, m: Module) -> tuple[Signal, Any]:
         """Return whether an event of the watched taxel leaves in this clock, and its polarity."""
         config = self.config
-        event = Signal(name="event")
+        event = Signal(name="event_leaves")
         if config.link == "stream":
             row = self.event_row if self.has("event_row") else Const(0)
             column = self.event_col if self.has("event_col") else Const(0)
