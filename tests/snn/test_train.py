@@ -379,8 +379,8 @@ def test_the_leak_of_a_configuration_file_is_kept(
     tmp_path: Path, fields: dict[str, Any], options: dict[str, Any], tau_s: float
 ) -> None:
     (tmp_path / "nlcs.json").write_text(json.dumps({"encoding": "nlcs"} | fields))
-    names = ("preset", "encoding", "resolution", "tau", "dataset", "events", "data", "start_rows", "bin_s", "settings")
-    given = dict.fromkeys(names) | {
+    names = ("preset", "encoding", "resolution", "tau", "dataset", "events", "data", "start_rows")
+    given = dict.fromkeys([*names, "disturbed", "bin_s", "settings"]) | {
         "config_file": tmp_path / "nlcs.json",
         "frames": None,
         "recipe": "tuned",
