@@ -10,13 +10,13 @@ import typer
 from model.cli.app import printable
 from model.commands.options import SynthesisOption
 from model.errors import InputError
-from model.report.page import ACCURACY, BENCHMARKS, REPLAY, SIM, page
+from model.report.page import ACCURACY, BENCHMARKS, REPLAY, SIM, page, runs_in
 
 
 def report(
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="page to write, .html")] = Path(
-        "out/report.html"
-    ),
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="FILE", help="page to write, .html, or the folder of runs and page")
+    ] = Path("out/report.html"),
     sim: Annotated[
         Path | None, typer.Option(metavar="DIR", help="runs of make sim: event files of RTL and model [out/sim]")
     ] = None,
@@ -33,6 +33,9 @@ def report(
     from model.files import atomic_write, check_writable
     from model.report.data import report_data
 
+    if out.is_dir() and out.suffix.lower() not in (".html", ".htm"):
+        found = runs_in(out)
+        sim, replay, out = sim or found[0], replay or found[1], out / "report.html"
     if out.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"the report is a page; its name ends in .html, {out.name} does not; rename the output")
     for folder in (sim, replay, benchmarks):

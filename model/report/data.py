@@ -63,7 +63,7 @@ def raster_data(folder: Path) -> tuple[list[Data], list[str]]:
         return runs, missing
     missing.append(
         "There are no event files of the RTL here, so the model is shown alone and nothing is compared; "
-        "make sim writes them."
+        "make sim writes them. Where it was given an OUT, make report takes the same."
     )
     return [_model_alone(encoding) for encoding in ("lcs", "nlcs")], missing
 

@@ -36,6 +36,15 @@ SECTIONS = ("raster", "replay", "fig9", "benchmarks", "synthesis")
 """Sections of which something may be missing."""
 
 
+def runs_in(folder: Path) -> tuple[Path, Path]:
+    """Return the folders of the runs of ``make sim`` and ``make replay`` that were given this folder as OUT.
+
+    They lie in it, or in ``sim`` and ``replay`` in it as in ``out``.
+    """
+    inner = (folder / "sim", folder / "replay")
+    return tuple(place if place.is_dir() else folder for place in inner)  # type: ignore[return-value]
+
+
 # -- the page ----------------------------------------------------------------------------------------
 
 

@@ -220,6 +220,21 @@ def test_a_run_that_was_interrupted_is_named(tmp_path):
     assert missing == ["b has no model.npz, so it is not shown; run make sim to the end."]
 
 
+@pytest.mark.parametrize("inner", ["", "sim"])
+def test_the_runs_of_another_out_are_found(call, folder, inner):
+    events = some_events()
+    write_run(folder / "mine" / inner / "a", events, events)
+    assert not (folder / "out").exists()
+    code, out, _ = call("report -o mine")
+    assert code == 0
+    assert "wrote mine/report.html" in out
+    data = data_of((folder / "mine" / "report.html").read_text())
+    assert [run["name"] for run in data["raster"]] == ["a"]
+    code, _, err = call("report -o nowhere")
+    assert code == 2
+    assert err.startswith("error: the report is a page; its name ends in .html, nowhere does not; rename the output")
+
+
 def test_benchmark_ratios_are_those_of_the_files():
     charts, _ = benchmark_data(BENCHMARKS)
     cosim = next(chart for chart in charts if chart["name"] == "cosim")
