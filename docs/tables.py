@@ -349,6 +349,25 @@ def leak() -> str:
     return markdown(["N", "k", *(f"F = {f}" for f in (4, 6, 8, 10, 12)), "exponential", "moving"], rows)
 
 
+# -- verification ----------------------------------------------------------------------------------
+
+
+@table
+def fuzz() -> str:
+    """The fuzz campaign: what was tried and how it ended."""
+    kept = read("docs/data/verification/fuzz.json")
+    rows = [
+        [text, *(f"{kept[name][key]:,}" for key in ("cases", "refused", "right or different", "wrong"))]
+        for name, text in (("files", "damaged files"), ("options", "values of options"))
+    ]
+    by = kept["files"]["by reader"], kept["files"]["by command"], kept["options"]["by command"]
+    readers, commands = len(by[0]), len({*by[1], *by[2]})
+    said = (
+        f"`{kept['command']}`, commit {kept['commit']}, {kept['date']}: {readers} kinds of files, {commands} commands."
+    )
+    return markdown(["", "cases", "refused in a sentence", "done", "wrong"], rows) + f"\n{said}\n"
+
+
 def filled(text: str) -> str:
     """Return a document with every table made anew."""
     return BLOCK.sub(lambda found: f"{found[1]}\n{TABLES[found[2]]()}\n{found[3]}", text)

@@ -75,6 +75,7 @@ def keep(pieces: list[Any]) -> None:
         sums[name] = dict(total) | {key: dict(sorted(counter.items())) for key, counter in by.items()}
     commit = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=ROOT, capture_output=True, text=True).stdout
     head = {"command": f"python -m tests.fuzz {len(pieces) * PIECE}", "commit": commit.strip()}
+    KEPT.parent.mkdir(exist_ok=True)
     write_json(KEPT, head | {"date": datetime.date.today().isoformat(), **sums})
     print(f"kept {KEPT.relative_to(ROOT)}")
 
