@@ -81,6 +81,7 @@ GOOD: dict[str, tuple[str, ...]] = {
     "snn import": ("good/network.nir", "-o", "new.npz"),
     "snn pair": ("good/sweep/sweep.json:lcs-3", "good/sweep/sweep.json:lcs-3", "-o", "new.json"),
     "snn robustness": ("good/nothing", "-o", "new"),
+    "snn quantise": ("good/train/weights.npz", "-o", "new.npz"),
     "snn cache": (),
     "snn convert": ("good/events.npz", "-o", "new.npy"),
     "snn fig8": ("--weights", "good/train/weights.npz", "-o", "new"),
