@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import inspect
 import json
 import math
 import subprocess
@@ -23,6 +24,7 @@ from model.textures.dataset import embedded_dataset
 from model.textures.physical import PhysicalScan
 from snn.__main__ import app
 from snn.checkpoint import Checkpoint
+from snn.commands import train as commands
 from snn.commands.options import build_experiment, parse_settings
 from snn.data.bins import BinConfig
 from snn.data.frame_steps import FrameSteps
@@ -379,8 +381,7 @@ def test_the_leak_of_a_configuration_file_is_kept(
     tmp_path: Path, fields: dict[str, Any], options: dict[str, Any], tau_s: float
 ) -> None:
     (tmp_path / "nlcs.json").write_text(json.dumps({"encoding": "nlcs"} | fields))
-    names = ("preset", "encoding", "resolution", "tau", "dataset", "events", "data", "start_rows")
-    given = dict.fromkeys([*names, "disturbed", "bin_s", "settings"]) | {
+    given = dict.fromkeys(inspect.signature(commands.crossval).parameters) | {
         "config_file": tmp_path / "nlcs.json",
         "frames": None,
         "recipe": "tuned",
