@@ -39,6 +39,7 @@ def run(installed: Path, folder: Path, *words: str) -> str:
     """Run Python in an empty folder, where the wheel comes before the checkout; return standard output."""
     outer = {k: v for k, v in os.environ.items() if not k.startswith(("ESKIN", "MAKE"))}
     environment = outer | {"PYTHONPATH": str(installed), "PYTHONDONTWRITEBYTECODE": "1", "COLUMNS": "120"}
+    environment["NUMBA_OPT"] = "0"  # the model is compiled anew for these short runs, which takes longer than they do
     done = subprocess.run([sys.executable, *words], cwd=folder, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, f"{words}: {done.stderr[-2000:]}"
     return done.stdout

@@ -178,7 +178,10 @@ def test_a_library_that_was_planted_is_not_run(tmp_path: Path) -> None:
     )
     subprocess.run(["g++", "-shared", "-fPIC", "-x", "c", "evil.c", "-o", "evil.so"], cwd=tmp_path, check=True)
     program = "from snn.kernels import cpu; print(cpu.available())"
-    environment = os.environ | {"ESKIN_CACHE": str(tmp_path / "good"), "PYTHONPATH": str(ROOT)}
+    compiler = tmp_path / "compiler"  # the kernel is made three times here, and does not have to be a quick one
+    compiler.write_text('#!/bin/sh\nexec g++ "$@" -O0\n')
+    compiler.chmod(0o700)
+    environment = os.environ | {"ESKIN_CACHE": str(tmp_path / "good"), "PYTHONPATH": str(ROOT), "CXX": str(compiler)}
 
     def run(**more: str) -> subprocess.CompletedProcess[str]:
         return subprocess.run(

@@ -105,7 +105,7 @@ def test_the_selected_epoch_is_that_of_the_held_out_images_not_of_the_test() -> 
 
 def test_a_killed_command_goes_on_and_ends_in_the_same_bits(tmp_path: Path) -> None:
     (tmp_path / "small.json").write_text(json.dumps({"rows": 2, "columns": 2, "resolution": 4}))
-    epochs = 200
+    epochs = 100
     command = [sys.executable, "-m", "snn", "train", "--dataset", "embedded", "--bin", "0.02", "--set", "hidden=32"]
     command += ["--config", str(tmp_path / "small.json"), "--epochs", str(epochs), "--checkpoint-every", "1", "--out"]
 
