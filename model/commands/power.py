@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -169,44 +170,36 @@ def _print_parameters(parameters: PowerParameters, as_json: bool) -> None:
 # -- figures -----------------------------------------------------------------------------------------
 
 
-def fig6(
-    out: OutOption = DEFAULT_OUT,
-    data_out: DataOutOption = None,
-    settings: SettingsOption = None,
-    synthesis: SynthesisOption = None,
-    dataset: DatasetOption = None,
-    preset_name: PresetOption = "paper",
-    rates: RatesOption = None,
-) -> None:
-    """Draw figure 6 in both modes: power at three noise targets."""
-    from model.power.plots import plot_fig6
-    from model.power.study import FIG_RESOLUTION, FIG_TAU_S, fig6_data
+def _figure(name: str, summary: str) -> Callable[..., None]:
+    """Return the command of a figure that is drawn in both modes."""
 
-    models = both_modes(
-        settings,
-        synthesis,
-        lambda: rate_table(dataset, preset_name, rates, [FIG_RESOLUTION], [FIG_TAU_S], watch=bar),
-    )
-    print(printable(write_results(out, "fig6", fig6_data(models), plot_fig6, data_out)))
+    def command(
+        out: OutOption = DEFAULT_OUT,
+        data_out: DataOutOption = None,
+        settings: SettingsOption = None,
+        synthesis: SynthesisOption = None,
+        dataset: DatasetOption = None,
+        preset_name: PresetOption = "paper",
+        rates: RatesOption = None,
+    ) -> None:
+        from model.power.plots import plot_fig6, plot_fig7
+        from model.power.study import FIG_RESOLUTION, FIG_TAU_S, RESOLUTIONS, TAUS_S, fig6_data, fig7_data
+
+        resolutions, taus_s, data, plot = {
+            "fig6": ([FIG_RESOLUTION], [FIG_TAU_S], fig6_data, plot_fig6),
+            "fig7": (list(RESOLUTIONS), list(TAUS_S), fig7_data, plot_fig7),
+        }[name]
+        models = both_modes(
+            settings, synthesis, lambda: rate_table(dataset, preset_name, rates, resolutions, taus_s, watch=bar)
+        )
+        print(printable(write_results(out, name, data(models), plot, data_out)))
+
+    command.__name__, command.__doc__ = name, summary
+    return command
 
 
-def fig7(
-    out: OutOption = DEFAULT_OUT,
-    data_out: DataOutOption = None,
-    settings: SettingsOption = None,
-    synthesis: SynthesisOption = None,
-    dataset: DatasetOption = None,
-    preset_name: PresetOption = "paper",
-    rates: RatesOption = None,
-) -> None:
-    """Draw figure 7 in both modes: crossover noise by resolution."""
-    from model.power.plots import plot_fig7
-    from model.power.study import RESOLUTIONS, TAUS_S, fig7_data
-
-    models = both_modes(
-        settings, synthesis, lambda: rate_table(dataset, preset_name, rates, list(RESOLUTIONS), list(TAUS_S), watch=bar)
-    )
-    print(printable(write_results(out, "fig7", fig7_data(models), plot_fig7, data_out)))
+fig6 = _figure("fig6", "Draw figure 6 in both modes: power at three noise targets.")
+fig7 = _figure("fig7", "Draw figure 7 in both modes: crossover noise by resolution.")
 
 
 def sensitivity(
