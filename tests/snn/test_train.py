@@ -392,6 +392,33 @@ def test_the_leak_of_a_configuration_file_is_kept(
     assert "leak_shift" not in fields or options or config.leak_shift == fields["leak_shift"]
 
 
+@pytest.mark.parametrize(
+    ("frames", "settings", "steps"),
+    [
+        ("frame:5000:10", None, 10),
+        ("frame-diff:250:8", None, 10),
+        ("frame-diff:125:8", None, 5),
+        ("frame-diff:62.5:8", None, 2),
+        ("frame-diff:62.5:8", ["shift_steps=7"], 7),
+    ],
+)
+def test_slow_frames_are_moved_by_the_time_of_the_recipe(frames: str, settings: list[str] | None, steps: int) -> None:
+    names = (
+        "preset",
+        "encoding",
+        "resolution",
+        "tau",
+        "dataset",
+        "events",
+        "data",
+        "start_rows",
+        "bin_s",
+        "config_file",
+    )
+    given = dict.fromkeys(names) | {"frames": frames, "recipe": "cnn", "epochs": 1, "settings": settings}
+    assert build_experiment(given).train.augment.shift_steps == steps
+
+
 def test_an_experiment_on_event_files_names_no_readout_of_its_own() -> None:
     experiment = Experiment(events="replay", readout=ReadoutConfig(resolution=4))
     assert experiment.to_dict()["readout"] is None
