@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from model.cli.app import make_app, run
 from snn.commands.cache import cache
+from snn.commands.counts import counts
 from snn.commands.exchange import convert, export, import_, quantise
 from snn.commands.figures import fig8, fig9
 from snn.commands.pair import pair
@@ -17,7 +18,8 @@ from snn.commands.train import crossval, train
 
 app = make_app("Classifier of the spiking e-skin readout: from address events to texture class.")
 
-for command in (train, crossval, sweep, pair, predict, robustness, fig8, fig9, export, convert, quantise, cache):
+COMMANDS = (train, crossval, sweep, pair, counts, predict, robustness, fig8, fig9, export, convert, quantise, cache)
+for command in COMMANDS:
     app.command()(command)
 app.command("import")(import_)
 

@@ -1,0 +1,52 @@
+"""The command counts (docs/results/classifier.md)."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+from typing import Annotated, Any, get_args
+
+import typer
+
+from model.cli.app import printable
+from model.cli.progress import bar
+from model.config import Encoding
+from model.errors import InputError
+from model.files import write_json
+from snn.commands.options import BinSeconds, DatasetName, Preset, Tau, build_experiment
+from snn.commands.sweep import UNSAID, parse_points
+
+
+def counts(
+    points: Annotated[str, typer.Option(metavar="ENCODER:N,...", help="readouts of N bits")] = "nlcs:6,nlcs:8,nlcs:10",
+    preset: Preset = "paper",
+    tau: Tau = None,
+    dataset: DatasetName = None,
+    bin_s: BinSeconds = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE", help="numbers as JSON")] = None,
+) -> None:
+    """Compare the event counts of one encoder's resolutions on the same scans: empty bins, correlation, ratio."""
+    from snn.experiments.counts import empty_bins, likeness
+
+    chosen = parse_points(points)
+    if unfit := [readout for readout, _ in chosen if readout not in get_args(Encoding)]:
+        raise InputError(f"--points takes event encoders ({', '.join(get_args(Encoding))}), not {unfit[0]}")
+    shared: dict[str, Any] = {"preset": preset, "dataset": dataset, "bin_s": bin_s, "recipe": "plain", "epochs": 1}
+    unsaid = dict.fromkeys(("start_rows", "config_file", "settings", "grid"))
+    found = {}
+    for readout, bits in chosen:
+        said = {"encoding": readout, "resolution": int(bits), "tau": tau if readout == "nlcs" else None}
+        with bar(f"recording {readout}:{bits}") as step:
+            found[f"{readout}:{bits}"] = build_experiment(UNSAID | unsaid | shared | said).data(step)
+    result: dict[str, Any] = {"empty": {name: empty_bins(data) for name, data in found.items()}, "pairs": []}
+    for name, data in found.items():
+        print(f"{name}: {result['empty'][name]:.1%} of the bins are empty, {data.rate_hz:,.0f} events/s")
+    for one, other in itertools.combinations(found, 2):
+        if one.partition(":")[0] != other.partition(":")[0]:
+            continue
+        like = likeness(found[one], found[other])
+        result["pairs"].append({"first": one, "second": other, "correlation": like.correlation, "ratio": like.ratio})
+        print(f"{one} and {other}: correlation of the counts {like.correlation:.4f}, ratio {like.ratio:.2f}")
+    if out is not None:
+        write_json(out, result)
+        print(printable(f"result: {out}"))

@@ -1,0 +1,53 @@
+"""Counts of several readouts of the same scans."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from model.errors import InputError
+from model.textures.dataset import embedded_dataset
+from snn.__main__ import app
+from snn.data.scans import ScanData
+from snn.experiments.counts import Likeness, empty_bins, likeness
+
+
+def scans(values: list[list[int]]) -> ScanData:
+    found = np.array([values], np.int16)
+    one = np.zeros(1, np.int64)
+    return ScanData(found, one, one, ("a",), ("c",), 2, 0.004, 1.0)
+
+
+def test_likeness_by_hand() -> None:
+    nlcs = scans([[0, 1], [2, 0], [0, 3], [9, 9]])
+    lcs = scans([[0, 1, 0, 1], [1, 0, 3, 0], [0, 6, 0, 0]])  # ON of both taxels, then OFF; a bin shorter
+    assert empty_bins(lcs) == pytest.approx(7 / 12)
+    assert likeness(nlcs, lcs) == Likeness(pytest.approx(1.0), 2.0)
+    assert likeness(nlcs, scans([[1, 0], [0, 2], [3, 0]])).correlation < 0
+
+
+def test_the_command_writes_what_it_prints(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("snn.experiments.experiment.open_dataset", lambda _: embedded_dataset().limit(4))
+    out = tmp_path / "counts.json"
+    options = ["--preset", "physical", "--dataset", "embedded", "--points", "lcs:2,lcs:3,nlcs:4", "--out", str(out)]
+    result = CliRunner().invoke(app, ["counts", *options])
+    assert result.exit_code == 0, result.output
+    found = json.loads(out.read_text())
+    assert found["empty"]["lcs:3"] < found["empty"]["lcs:2"]
+    (one,) = found["pairs"]  # encoders are not mixed
+    assert found["empty"]["nlcs:4"] > 0
+    assert 0.5 < one["correlation"] < 1
+    assert (
+        f"lcs:2 and lcs:3: correlation of the counts {one['correlation']:.4f}, ratio {one['ratio']:.2f}"
+        in result.output
+    )
+
+
+def test_frames_have_no_events_to_count() -> None:
+    result = CliRunner().invoke(app, ["counts", "--points", "frame:250:8"])
+    assert isinstance(result.exception, InputError)
+    assert str(result.exception) == "--points takes event encoders (lcs, cw-lcs, nlcs), not frame"
