@@ -10,11 +10,11 @@ import typer
 
 from model.cli.app import printable
 from model.cli.progress import bar
-from model.config import Encoding
+from model.config import Encoding, ReadoutConfig
 from model.errors import InputError
 from model.files import write_json
-from snn.commands.options import BinSeconds, DatasetName, Preset, Tau, build_experiment
-from snn.commands.sweep import UNSAID, parse_points
+from snn.commands.options import BinSeconds, DatasetName, Preset, Tau
+from snn.commands.sweep import parse_points
 
 
 def counts(
@@ -26,18 +26,21 @@ def counts(
     out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE", help="numbers as JSON")] = None,
 ) -> None:
     """Compare the event counts of one encoder's resolutions on the same scans: empty bins, correlation, ratio."""
-    from snn.experiments.counts import empty_bins, likeness
+    from snn.data.bins import BinConfig
+    from snn.data.counts import empty_bins, likeness
+    from snn.experiments.experiment import Experiment
 
     chosen = parse_points(points)
     if unfit := [readout for readout, _ in chosen if readout not in get_args(Encoding)]:
         raise InputError(f"--points takes event encoders ({', '.join(get_args(Encoding))}), not {unfit[0]}")
-    shared: dict[str, Any] = {"preset": preset, "dataset": dataset, "bin_s": bin_s, "recipe": "plain", "epochs": 1}
-    unsaid = dict.fromkeys(("start_rows", "config_file", "settings", "grid"))
+    bins = BinConfig() if bin_s is None else BinConfig(bin_s=bin_s)
     found = {}
     for readout, bits in chosen:
-        said = {"encoding": readout, "resolution": int(bits), "tau": tau if readout == "nlcs" else None}
+        config = ReadoutConfig.from_dict({"encoding": readout, "resolution": int(bits)})
+        tau_s = tau if readout == "nlcs" else None
+        made = Experiment(dataset=dataset, preset=preset, readout=config, tau_s=tau_s, bins=bins)
         with bar(f"recording {readout}:{bits}") as step:
-            found[f"{readout}:{bits}"] = build_experiment(UNSAID | unsaid | shared | said).data(step)
+            found[f"{readout}:{bits}"] = made.data(step)
     result: dict[str, Any] = {"empty": {name: empty_bins(data) for name, data in found.items()}, "pairs": []}
     for name, data in found.items():
         print(f"{name}: {result['empty'][name]:.1%} of the bins are empty, {data.rate_hz:,.0f} events/s")

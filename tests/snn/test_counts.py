@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 from model.errors import InputError
 from model.textures.dataset import embedded_dataset
 from snn.__main__ import app
+from snn.data.counts import Likeness, empty_bins, likeness
 from snn.data.scans import ScanData
-from snn.experiments.counts import Likeness, empty_bins, likeness
 
 
 def scans(values: list[list[int]]) -> ScanData:
