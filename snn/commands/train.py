@@ -44,9 +44,9 @@ def train(
     with bar("recording scans") as step:
         data = made.data(step)
     from snn.checkpoint import Checkpoint
+    from snn.data.folds import stratified_folds
     from snn.data.scans import Split
     from snn.exchange.weights import Weights, save_weights
-    from snn.experiments.folds import stratified_folds
     from snn.experiments.own import OwnReadout
     from snn.kernels import cpu as kernel
     from snn.train import predicted_classes

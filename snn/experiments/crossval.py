@@ -16,9 +16,9 @@ import numpy as np
 
 from model.errors import InputError
 from model.files import plain, read_json
+from snn.data.folds import INNER_FOLDS, stratified_folds
 from snn.data.scans import ScanData, Split
 from snn.experiments.experiment import Experiment
-from snn.experiments.folds import INNER_FOLDS, stratified_folds
 from snn.experiments.intervals import bootstrap, wilson
 from snn.experiments.points import as_word
 

@@ -18,11 +18,11 @@ from model.crew.crew import Crew, Local, Shared, next_landed, sentence
 from model.errors import InputError
 from model.files import check_writable, write_json
 from snn.checkpoint import digest
+from snn.data.folds import check_folds
 from snn.data.scans import ScanData
 from snn.experiments.coded import coded_bps
 from snn.experiments.crossval import check_same, read_cell, run_alone, summarise
 from snn.experiments.experiment import Experiment
-from snn.experiments.folds import check_folds
 from snn.experiments.points import Cells, PointSummary, Result, write_sweep
 
 PUBLISHED_BPS = 640e3

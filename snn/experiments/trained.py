@@ -15,12 +15,12 @@ from model.events.recording import Recording
 from model.files import read_json
 from model.textures.dataset import open_dataset
 from snn.data.bins import BinConfig
+from snn.data.folds import stratified_folds
 from snn.data.record import Tick
 from snn.data.recordings import event_files
 from snn.data.scans import ScanData, load_recordings
 from snn.exchange.weights import Weights, check_class_names, load_weights
 from snn.experiments.experiment import Experiment
-from snn.experiments.folds import stratified_folds
 from snn.experiments.own import OwnReadout
 
 TEST, TRAINING, OTHER = "test", "training", "other"

@@ -25,12 +25,12 @@ from model.report.page import ACCURACY
 from model.textures.dataset import open_dataset
 from snn.commands.figures import fig8, fig9
 from snn.data.bins import BinConfig
+from snn.data.folds import stratified_folds
 from snn.data.record import record
 from snn.data.scans import collect
 from snn.exchange.weights import Weights, load_weights, save_weights
 from snn.experiments.crossval import summarise
 from snn.experiments.experiment import Experiment
-from snn.experiments.folds import stratified_folds
 from snn.experiments.points import LATER, READINGS, load_sweep, write_sweep
 from snn.experiments.sweep import PUBLISHED_BPS, PointRun, SweepPoint
 from snn.figures import fig9 as figures

@@ -27,13 +27,13 @@ from snn.checkpoint import Checkpoint
 from snn.commands import train as commands
 from snn.commands.options import build_experiment, parse_settings
 from snn.data.bins import BinConfig
+from snn.data.folds import stratified_folds
 from snn.data.frame_steps import FrameSteps
 from snn.data.frames import frame_dataset
 from snn.data.record import record_dataset
 from snn.data.scans import ScanData, Split
 from snn.experiments.crossval import check_same, run_cell, summarise
 from snn.experiments.experiment import Experiment
-from snn.experiments.folds import stratified_folds
 from snn.experiments.intervals import bootstrap, wilson
 from snn.experiments.recipes import RECIPES
 from snn.experiments.sweep import cross_validate
