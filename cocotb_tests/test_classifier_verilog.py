@@ -58,5 +58,5 @@ def test_command_writes_the_classifier_of_a_file(tmp_path: Path) -> None:
     assert ClassifierConfig.from_dict(described["configuration"]) == config.replace(reset="async")
     done = subprocess.run([*command, str(tmp_path / "no"), "--rows", "3"], capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert "--rows has no effect with --classifier" in done.stderr
+    assert "--rows has no effect with --classifier alone: add --chip, or leave one of the two out" in done.stderr
     assert not (tmp_path / "no").exists()

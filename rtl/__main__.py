@@ -33,18 +33,28 @@ def verilog(
     classifier: Annotated[
         Path | None, typer.Option(metavar="INTEGER.npz", help="the classifier of such a file instead, eskin_classifier")
     ] = None,
+    chip: Annotated[
+        bool, typer.Option("--chip", help="the readout with that classifier behind it, eskin_chip")
+    ] = False,
 ) -> None:
     """Write eskin_readout.v or eskin_frame_readout.v, .sdc, .json (configuration and ports) and .core (FuseSoC)."""
     from rtl.delivery import write
     from rtl.verilog import Config
 
+    if chip and classifier is None:
+        raise InputError("--chip needs the classifier's weights; add --classifier INTEGER.npz")
     if classifier is not None:
+        from model.classifier.chip_config import ChipConfig
         from model.classifier.file import IntegerWeights
 
-        if idle := sorted({*given, *own} - {"reset"}) or ["readout"] * (readout != "spiking"):
-            raise InputError(f"--{idle[0].replace('_', '-')} has no effect with --classifier; leave one of the two out")
-        found = IntegerWeights.load(classifier).network.config
-        for path in write(found.replace(reset=config.reset) if "reset" in given else found, out):
+        useless = {*own} if chip else {*given, *own} - {"reset"}
+        if idle := sorted(useless) or ["readout"] * (readout != "spiking"):
+            hint = "" if chip else " alone: add --chip, or"
+            raise InputError(
+                f"--{idle[0].replace('_', '-')} has no effect with --classifier{hint or ':'} leave one of the two out"
+            )
+        found = IntegerWeights.load(classifier).network.config.replace(reset=config.reset)
+        for path in write(ChipConfig(readout=config, classifier=found) if chip else found, out):
             print(path)
         return
     if readout not in READOUTS:

@@ -11,11 +11,12 @@ from amaranth.hdl import Shape
 from amaranth.lib import wiring
 
 from model import __version__
+from model.classifier.chip_config import ChipConfig
 from model.classifier.config import ClassifierConfig
 from model.config import ReadoutConfig
 from model.files import atomic_write
 from model.frame_config import FrameConfig
-from rtl.classifier.ports import CLASSIFIER_PORTS
+from rtl.classifier.ports import CLASSIFIER_PORTS, WATCHED_PORTS
 from rtl.verilog import Config, header, top_block, verilog, what_is
 
 PORTS_OF_ALL = {"clk": "clock, rising edge", "rst": "reset, active high, {reset}"}
@@ -55,6 +56,16 @@ FRAME_PORTS = PORTS_OF_ALL | {
 """What every port of the frame readout means."""
 
 
+def _fields(config: ReadoutConfig) -> dict[str, Any]:
+    """Return what the meanings of a readout's ports name in braces."""
+    half_width = "half_width" if config.closes else str(config.step)
+    return config.to_dict() | {
+        "above": f"x >= reference_code + {half_width + (' + 1' if config.encoding == 'nlcs' else '')}",
+        "below": f"x < reference_code - {half_width}",
+        "half_width_bits": config.half_width_bits,
+    }
+
+
 def ports(config: Config) -> Iterator[dict[str, Any]]:
     """Yield the ports of the top module as dictionaries: name, direction, width in bits, meaning."""
     members = top_block(config).signature.members
@@ -62,12 +73,10 @@ def ports(config: Config) -> Iterator[dict[str, Any]]:
     if isinstance(config, ClassifierConfig):
         meanings = PORTS_OF_ALL | CLASSIFIER_PORTS
     elif isinstance(config, ReadoutConfig):
-        half_width = "half_width" if config.closes else str(config.step)
-        decisions = {
-            "above": f"x >= reference_code + {half_width + (' + 1' if config.encoding == 'nlcs' else '')}",
-            "below": f"x < reference_code - {half_width}",
-        }
-        fields, meanings = fields | decisions | {"half_width_bits": config.half_width_bits}, PORTS
+        fields, meanings = _fields(config), PORTS
+    elif isinstance(config, ChipConfig):
+        fields = _fields(config.readout) | config.classifier.to_dict()
+        meanings = PORTS | CLASSIFIER_PORTS | WATCHED_PORTS
     for name, meaning in meanings.items():
         if name in ("clk", "rst"):
             direction, width = "input", 1
@@ -166,6 +175,8 @@ targets:
 
 def _summary(config: Config) -> str:
     """Return one line on a design."""
+    if isinstance(config, ChipConfig):
+        return f"{_summary(config.readout)}, with its classifier of {config.classifier.hidden} neurons"
     what = what_is(config)
     what = what[0].upper() + what[1:]
     if isinstance(config, ClassifierConfig):

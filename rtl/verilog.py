@@ -5,17 +5,19 @@ from __future__ import annotations
 from typing import Any
 
 from model import __version__
+from model.classifier.chip_config import ChipConfig
 from model.classifier.config import ClassifierConfig
 from model.config import ReadoutConfig
 from model.frame_config import FrameConfig
 from rtl import yosys
 from rtl.block import Block, Netlist
+from rtl.classifier.chip import Chip
 from rtl.classifier.core import Classifier
 from rtl.frame import FrameReadout
 from rtl.readout import Readout
 
-Config = ReadoutConfig | FrameConfig | ClassifierConfig
-"""The configuration says what is meant: ``eskin_readout``, ``eskin_frame_readout`` or ``eskin_classifier``."""
+Config = ReadoutConfig | FrameConfig | ClassifierConfig | ChipConfig
+"""What is meant: ``eskin_readout``, ``eskin_frame_readout``, ``eskin_classifier`` or ``eskin_chip``."""
 
 # Amaranth's RTLIL to readable Verilog: one always block per register with its reset and enable, no initial values.
 # The order matters: Amaranth's own wires must be gone before opt_dff looks for the reset and enable of a register.
@@ -47,6 +49,8 @@ def top_block(config: Config) -> Block[Any]:
     """Return the top module of a configuration."""
     if isinstance(config, ClassifierConfig):
         return Classifier(config)
+    if isinstance(config, ChipConfig):
+        return Chip(config)
     return FrameReadout(config) if isinstance(config, FrameConfig) else Readout(config)
 
 
@@ -71,6 +75,8 @@ def what_is(config: Config) -> str:
     """Return what a configuration describes, in a few words."""
     if isinstance(config, ClassifierConfig):
         return "classifier of a spiking e-skin readout"
+    if isinstance(config, ChipConfig):
+        return "spiking e-skin readout with its classifier"
     return f"{'frame-based' if isinstance(config, FrameConfig) else 'spiking'} e-skin readout"
 
 
@@ -88,13 +94,14 @@ def header(config: Config, comment: str) -> str:
 def _waive(text: str, config: Config) -> str:
     """Return the text with lint waivers, each with its reason."""
     waivers = FRAME_WAIVERS if isinstance(config, FrameConfig) else WAIVERS
-    if isinstance(config, ClassifierConfig):
+    if isinstance(config, ClassifierConfig | ChipConfig):
         waivers = CLASSIFIER_WAIVERS
     for warning, reason in reversed(waivers.items()):
         text = yosys.waive(text, warning, reason)
-    if isinstance(config, ReadoutConfig) and config.frontend == "digital" and config.grid > 1:
+    readout = config.readout if isinstance(config, ChipConfig) else config
+    if isinstance(readout, ReadoutConfig) and readout.frontend == "digital" and readout.grid > 1:
         text = yosys.waive_input(text, "eskin_taxel", "sample", "UNUSEDSIGNAL", UNUSED_SAMPLE_BITS)
-    if isinstance(config, ClassifierConfig):
+    if isinstance(config, ClassifierConfig | ChipConfig):
         for module in MEMORIES_WITHOUT_RESET:
             text = yosys.waive_input(text, module, "rst", "UNUSEDSIGNAL", UNUSED_RESET)
     return text

@@ -32,7 +32,7 @@ LAYERS = {
     "rtl": (
         "block logic yosys",
         "window decay taxel arbiter link frame classifier",
-        "readout",
+        "readout classifier.chip",
         "verilog",
         "delivery",
         "gates",

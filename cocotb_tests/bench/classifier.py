@@ -63,16 +63,9 @@ class ClassifierBench:
         self.block.drive(event_valid=0, event_channel=0, bin_end=0, scan_start=0)
 
     async def load(self, network: IntegerNetwork) -> None:
-        """Write all weights, in any order of words."""
+        """Write all weights."""
         self.network = network
-        words = [(0, address, word) for address, word in enumerate(weight_image(network))]
-        words += [(1, address, word) for address, word in enumerate(neuron_image(network))]
-        self.rng.shuffle(words)
-        for neurons, address, word in words:
-            self.block.drive(load_valid=1, load_neurons=neurons, load_address=address, load_data=word)
-            await self.block.settle()
-            await self.block.edge()
-        self.block.drive(load_valid=0, load_address=self.rng.getrandbits(8), load_data=self.rng.getrandbits(8))
+        await load_words(self.block, network, self.rng)
 
     async def play(self, stimulus: Stimulus, reset: bool) -> None:
         """Play a scan, begun by a reset or by ``scan_start``, and hold all that came out to the model."""
@@ -157,3 +150,15 @@ class ClassifierBench:
             begin = taken + 1
         counted: list[int] = np.minimum(waits.cumsum(), STALL_END)[: stimulus.clocks].tolist()
         return counted
+
+
+async def load_words(block: Block, network: IntegerNetwork, rng: random.Random) -> None:
+    """Write all weights of a network, in any order of words."""
+    words = [(0, address, word) for address, word in enumerate(weight_image(network))]
+    words += [(1, address, word) for address, word in enumerate(neuron_image(network))]
+    rng.shuffle(words)
+    for neurons, address, word in words:
+        block.drive(load_valid=1, load_neurons=neurons, load_address=address, load_data=word)
+        await block.settle()
+        await block.edge()
+    block.drive(load_valid=0, load_address=rng.getrandbits(8), load_data=rng.getrandbits(8))

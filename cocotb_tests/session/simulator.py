@@ -17,6 +17,7 @@ from cocotb_tests.session.runners import (
     version_of,
 )
 from cocotb_tests.session.store import BUILD, digest, scratch_folder, trim, verilog_text, versions
+from model.classifier.chip_config import ChipConfig
 from model.classifier.config import ClassifierConfig
 from model.config import ReadoutConfig
 from model.errors import InputError
@@ -101,7 +102,7 @@ def build(
 
     Parameters
     ----------
-    config : ReadoutConfig, FrameConfig or ClassifierConfig
+    config : ReadoutConfig, FrameConfig, ClassifierConfig or ChipConfig
     simulator : "verilator" or "icarus"
     top : str
         ``harness`` (of the spiking readout), or a block of the readout, whose ports cocotb then drives itself.
@@ -173,6 +174,8 @@ def _name(config: Config) -> str:
     """Return what a person needs of a configuration to find its folder."""
     if isinstance(config, ClassifierConfig):
         return f"{config.inputs}-{config.hidden}-{config.classes}-{config.lanes}l"
+    if isinstance(config, ChipConfig):
+        return f"{_name(config.readout)}-{_name(config.classifier)}"
     if isinstance(config, FrameConfig):
         return f"{config.rows}x{config.columns}-{config.resolution}b-{config.word_bits}b"
     return f"{config.rows}x{config.columns}-{config.encoding}-{config.resolution}b-{config.link}-{config.frontend}"

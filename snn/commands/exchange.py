@@ -179,9 +179,9 @@ def quantise(
     made = quantise(load_weights(weights), precision)
     lines = summary(made)
     if accuracy:
-        from snn.experiments.integer import compare
+        from snn.experiments.evaluate import compare_integer
 
-        lines.append(compare(weights, made))
+        lines.append(compare_integer(weights, made))
     made.save(out)
     images = write_images(made.network, out.parent, out.stem)
     for line in lines:

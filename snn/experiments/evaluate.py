@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from model.classifier.file import IntegerWeights
+from model.classifier.network import IntegerNetwork
 from model.errors import InputError
 from model.events.compare import first_difference
 from model.events.recording import Recording
@@ -23,10 +25,10 @@ from snn.data.bins import BinConfig, bin_recording
 from snn.data.record import Tick
 from snn.data.recordings import class_of
 from snn.data.scans import ScanData, collect
-from snn.exchange.weights import config_of
+from snn.exchange.weights import config_of, load_weights
 from snn.experiments.own import EVERY_FIELD, OwnReadout
-from snn.experiments.trained import OTHER, TEST, TRAINING, Trained
-from snn.train import check_fits, logits_of
+from snn.experiments.trained import OTHER, TEST, TRAINING, Trained, read_result
+from snn.train import check_fits, logits_of, predicted_classes
 
 LEVELS = ("events", "tensors", "logits", "predictions")
 """What ``check_model`` compares, in the order in which one follows from the other."""
@@ -313,3 +315,37 @@ def scores(
             np.add.at(confusion, (data.labels[chosen], predicted[chosen]), 1)
             found[part] = Score(int(np.trace(confusion)), int(chosen.sum()), confusion)
     return found
+
+
+# -- whole numbers ---------------------------------------------------------------------------------
+
+
+def integer_classes(
+    network: IntegerNetwork, data: ScanData, images: Sequence[int] | NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Return the class of every image by the integer network, from the scan of its first start row."""
+    scans = data.scans_of(images, first_row_only=True)
+    of_image = dict(zip(data.images[scans].tolist(), scans.tolist(), strict=True))
+    evidence, _ = network.run_counts(data.values[[of_image[int(image)] for image in images]])
+    return evidence.argmax(1)
+
+
+def compare_integer(weights_file: Path, made: IntegerWeights) -> str:
+    """Return the accuracy of both networks on the test images of the training, as a sentence.
+
+    Raises
+    ------
+    InputError
+        If there is no result of the training beside the weights, or it took frames.
+    """
+    note = weights_file.parent / "result.json"
+    if not note.exists():
+        raise InputError(f"--accuracy needs the result.json of the training beside {weights_file.name}")
+    weights = load_weights(weights_file)
+    result = read_result(note, weights_file, weights)
+    data = result.experiment.data()
+    images = result.test_images(data.image_labels)
+    labels = data.image_labels[images]
+    right = int((predicted_classes(weights.network, data, images) == labels).sum())
+    whole = int((integer_classes(made.network, data, images) == labels).sum())
+    return f"test images of the fold: float {right} of {len(labels)} right, integer {whole} of {len(labels)}"

@@ -473,7 +473,10 @@ def test_a_network_that_is_too_large_gets_one_sentence() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--recipe", "best"], "recipe must be one of plain, paper, tuned, portable, rnn, gru, cnn, not 'best'"),
+        (
+            ["--recipe", "best"],
+            "recipe must be one of plain, paper, tuned, portable, hardware, rnn, gru, cnn",
+        ),
         (["--tau", "0.2"], "--tau is the leak of encoding nlcs, not of lcs; add --encoding nlcs"),
         (["--device", "cuda:77"], "device 'cuda:77' is not available here; use cpu"),
         (["--device", "meta"], "device 'meta' is not available here; use cpu"),

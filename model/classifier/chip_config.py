@@ -1,0 +1,86 @@
+"""The parameter object of a chip: a spiking readout with the classifier behind its arbiter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from model.classifier.config import ClassifierConfig
+from model.classifier.run import work_clocks
+from model.config import ReadoutConfig
+from model.errors import InputError
+
+PREFIX = "classifier_"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChipConfig:
+    """A readout and a classifier that fit each other.
+
+    Reset and clock are those of the readout: the clocks of a time bin follow from them and the bin's seconds.
+
+    Parameters
+    ----------
+    readout : ReadoutConfig
+        With the stream link.
+    classifier : ClassifierConfig
+        One input per taxel, or two where ON and OFF are kept apart.
+
+    Raises
+    ------
+    InputError
+        If the two do not fit.
+    """
+
+    readout: ReadoutConfig
+    classifier: ClassifierConfig
+
+    def __post_init__(self) -> None:
+        readout, classifier = self.readout, self.classifier
+        if readout.link != "stream":
+            raise InputError(f"a chip with a classifier has the link stream within, not {readout.link}")
+        if classifier.inputs not in self._channels():
+            taken = " or ".join(map(str, self._channels()))
+            raise InputError(
+                f"the classifier takes {classifier.inputs} channels, {readout.rows} x {readout.columns} taxels of "
+                f"{readout.encoding} have {taken}; give the readout it was trained for"
+            )
+        clocks = round(classifier.bin_s * readout.clock_hz)
+        least = work_clocks(classifier, 0, 0)
+        if clocks < least:
+            raise InputError(
+                f"a bin of {classifier.bin_s:g} s has {clocks} clocks, its work takes {least}; "
+                f"raise --clocks-per-sample"
+            )
+        object.__setattr__(self, "classifier", classifier.replace(clocks_per_bin=clocks, reset=readout.reset))
+
+    def _channels(self) -> tuple[int, ...]:
+        taxels = self.readout.taxels
+        return (taxels, 2 * taxels) if self.readout.has_polarity else (taxels,)
+
+    @property
+    def polarity(self) -> bool:
+        """Whether OFF events have channels of their own, those behind the taxels'."""
+        return self.classifier.inputs > self.readout.taxels
+
+    @property
+    def reset(self) -> str:
+        """Style of the flops' reset."""
+        return self.readout.reset
+
+    @property
+    def clock_hz(self) -> float:
+        """Clock frequency in hertz."""
+        return self.readout.clock_hz
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as one flat dictionary, those of the classifier with a prefix."""
+        own = {f"{PREFIX}{name}": value for name, value in self.classifier.to_dict().items()}
+        return self.readout.to_dict() | own
+
+    @classmethod
+    def from_dict(cls, fields: dict[str, Any]) -> ChipConfig:
+        """Return the chip of such a dictionary."""
+        own = {name.removeprefix(PREFIX): value for name, value in fields.items() if name.startswith(PREFIX)}
+        readout = {name: value for name, value in fields.items() if not name.startswith(PREFIX)}
+        return cls(readout=ReadoutConfig.from_dict(readout), classifier=ClassifierConfig.from_dict(own))
