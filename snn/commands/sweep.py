@@ -165,8 +165,9 @@ def command_line(context: typer.Context) -> str:
         value = context.params.get(str(option.name))
         if option.name in OF_THIS_RUN or value is None or value == option.get_default(context):
             continue
+        named = [] if option.param_type_name == "argument" else [max(option.opts, key=len)]
         for one in value if isinstance(value, (list, tuple)) else [value]:
-            words += [max(option.opts, key=len), str(one)]
+            words += [*named, str(one)]
     return shlex.join(words)
 
 

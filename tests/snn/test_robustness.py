@@ -171,6 +171,7 @@ def test_cells_are_kept_resumed_and_paired(
     code, text = call("robustness a b --only dead=0.2,lost -o out", capsys)
     assert code == 0, text
     content = json.loads((tmp_path / "out" / "robustness.json").read_text())
+    assert content["command"] == "python -m snn robustness a b --only dead=0.2,lost"
     points = content["points"]
     assert [(p["disturbance"], p["strength"]) for p in points[::2]] == [
         ("clean", 0.0),
