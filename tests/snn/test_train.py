@@ -403,19 +403,8 @@ def test_the_leak_of_a_configuration_file_is_kept(
     ],
 )
 def test_slow_frames_are_moved_by_the_time_of_the_recipe(frames: str, settings: list[str] | None, steps: int) -> None:
-    names = (
-        "preset",
-        "encoding",
-        "resolution",
-        "tau",
-        "dataset",
-        "events",
-        "data",
-        "start_rows",
-        "bin_s",
-        "config_file",
-    )
-    given = dict.fromkeys(names) | {"frames": frames, "recipe": "cnn", "epochs": 1, "settings": settings}
+    given = dict.fromkeys(inspect.signature(commands.crossval).parameters) | {"frames": frames, "settings": settings}
+    given |= {"recipe": "cnn", "epochs": 1}
     assert build_experiment(given).train.augment.shift_steps == steps
 
 
