@@ -1,4 +1,4 @@
-"""``python -m flow``: proofs of the RTL."""
+"""``python -m flow``: proofs of the RTL, and the properties for others' tools."""
 
 from __future__ import annotations
 
@@ -9,17 +9,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from model.cli.app import make_app, run
+from model.cli.config_options import with_config
+from model.config import ReadoutConfig
 from model.errors import InputError
+from model.files import atomic_write
 
 if TYPE_CHECKING:
     from flow.formal.mutants import Mutant
 
 app = make_app("Design flow of the readout: proofs of its RTL.")
-
-
-@app.callback()
-def group() -> None:
-    """Keep the name of a single command."""
 
 
 @app.command()
@@ -58,6 +56,22 @@ def formal(
     print(closing_line(results))
     if any(outcome.problems for outcome in results):
         raise typer.Exit(1)
+
+
+@app.command()
+@with_config
+def properties(
+    config: ReadoutConfig,
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder to write to, made if need be")],
+) -> None:
+    """Write eskin_readout_properties.sv: the properties as assertions, bound to the modules of eskin_readout.v."""
+    from flow.formal.bind import properties as text
+
+    out.mkdir(parents=True, exist_ok=True)
+    path = out / "eskin_readout_properties.sv"
+    with atomic_write(path) as file:
+        file.write(text(config).encode())
+    print(path)
 
 
 def _hunt(blocks: list[str]) -> Iterator[tuple[str, Mutant, set[str]]]:

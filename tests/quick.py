@@ -39,6 +39,7 @@ COMMANDS = {
     "model report": "tests/model/test_report.py::test_text_from_files_cannot_leave_its_place",
     "rtl verilog": "cocotb_tests/test_frame_verilog.py::test_command_writes_the_text_of_the_library",
     "rtl gates": "tests/rtl/test_gates.py::test_command_compares_the_readouts_of_one_array",
+    "flow properties": "tests/flow/test_bind.py::test_the_command_writes_what_goes_with_the_verilog",
     "flow formal": "tests/flow/test_formal.py::test_the_command_ends_with_its_one_line",
     "cocotb_tests sim": "cocotb_tests/test_commands.py::test_sim_ends_with_its_one_line",
     "cocotb_tests replay": "cocotb_tests/test_commands.py::test_replay_finds_a_dataset_by_a_relative_place",

@@ -42,7 +42,7 @@ LAYERS = {
         "formal.checker formal.mutants",
         "formal.blocks formal.bench",
         "formal.plan formal.engine",
-        "formal.run",
+        "formal.run formal.bind",
         "formal.report",
         "__main__",
     ),

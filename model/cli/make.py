@@ -85,6 +85,11 @@ TARGETS = {
         "flow formal",
         ("formal",),
     ),
+    "properties": Target(
+        "the properties as SystemVerilog, bound to the Verilog of make verilog [OUT=]",
+        "flow properties",
+        defaults={"OUT": "out/verilog"},
+    ),
     "rates": Target("mean population event rate over a dataset [DATASET= PRESET= LIMIT=]", "model rates"),
     "train": Target(
         'train one network [DATA=my_skin/ RECIPE= FRAMES= SET="NAME=VALUE ..." EPOCHS= FOLD= OUT=]', "snn train", SNN
