@@ -235,10 +235,55 @@ axis.legend(loc="center right", fontsize="small")
 _ = axis.set(xlabel="time / ms", ylabel="SoftMax", ylim=(-0.05, 1.05), title=data.names[number])
 
 # %% [markdown]
+# ## Your own sensor
+#
+# A slow piezoresistive skin: 16 taxels, 35 samples a second, raw counts on a baseline of thousands, a time stamp in
+# the first column, a folder for each class. Here it is generated; yours may have decimal commas, other columns and
+# stamps that jitter.
+
+# %%
+import os
+from pathlib import Path
+
+generator = np.random.default_rng(0)
+skin = Path(tempfile.mkdtemp()) / "my_skin"
+stamps = np.arange(0, 4, 1 / 35)[:, None]
+for kind, starts in {"press": (1.0,), "tap": (0.5, 1.5, 2.5, 3.5), "rub": (0.8, 1.8, 2.8)}.items():
+    (skin / kind).mkdir(parents=True)
+    for number in range(6):
+        width = {"press": 0.8, "tap": 0.1, "rub": 0.3}[kind]
+        taxels = np.arange(16) * (0.05 if kind == "rub" else 0.0)
+        touch = sum(np.exp(-(((stamps - start - taxels) / width) ** 2)) for start in starts)
+        counts = 9000 + generator.uniform(2500, 3500, 16) * touch + generator.normal(0, 4, touch.shape)
+        lines = [
+            ",".join([f"{s:.4f}", *map(str, row)]) for s, row in zip(stamps[:, 0], counts.astype(int), strict=True)
+        ]
+        header = ",".join(["time", *(f"s{taxel}" for taxel in range(16))])
+        (skin / kind / f"{number}.csv").write_text("\n".join([header, *lines]) + "\n")
+
+# %% [markdown]
+# Two commands lead from there to classes and through the RTL: `make train DATA=my_skin/` and
+# `make sim DATA=my_skin/`. Time stamps, rate, baseline, scale and clock are found; warnings name the option that
+# mends what they warn of.
+
+
+# %%
+def run(*words):
+    environment = os.environ | {"PYTHONPATH": os.getcwd()}
+    command = [sys.executable, "-m", *words]
+    return subprocess.run(command, cwd=skin.parent, env=environment, capture_output=True, text=True)
+
+
+trained = run("snn", "train", "--data", "my_skin", "--epochs", "40", "--set", "hidden=64")
+print("\n".join(trained.stdout.splitlines()[-3:]) or trained.stderr)
+played = run("cocotb_tests", "sim", "--data", "my_skin", "--encoding", "lcs", "--sim", "icarus", "--ticks", "60")
+print(played.stdout or played.stderr)
+
+# %% [markdown]
 # ## Where to go on
 #
-# - Your own recording: `python -m model encode skin.csv --sample-rate 1000 --rows 2 --columns 3 -o skin.npz`,
-#   [Event files](guide/files.md).
+# - Your own recordings: all that is found and can be said, `make replay`, `make predict`, `make study`,
+#   [Your own recordings](guide/recordings.md).
 # - Verilog for your flow: `make verilog ROWS=12 COLUMNS=16`, [Verilog](guide/verilog.md).
 # - A whole dataset through the RTL, and its spikes through a trained network: `make replay`, `make train`,
 #   `make predict`, [Classifier](guide/classifier.md).

@@ -91,7 +91,7 @@ def _play_own(
 
     simulator, waves, count, only, ticks, out = asked
     session.check(simulator, count, ticks)
-    material = Own(own_recordings(place, prepared, config, given), place)
+    material = Own(own_recordings(place, prepared, config, given, again=total.runs > 0), place)
     names = material.one_class_after_the_other(count) if only is None else [material.named(only)]
     plan = session.OwnPlan(material, names, simulator, waves, ticks, out)  # type: ignore[arg-type]
     with bar(f"{config.encoding}: RTL against model", len(names)) as progress:

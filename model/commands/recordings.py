@@ -54,17 +54,17 @@ def preparation(prepared: Mapping[str, Any]) -> Preparation:
 
 
 def own_recordings(
-    place: Path, prepared: Mapping[str, Any], config: ReadoutConfig, given: Collection[str]
+    place: Path, prepared: Mapping[str, Any], config: ReadoutConfig, given: Collection[str], again: bool = False
 ) -> RecordingSet:
-    """Return a user's recordings with the configuration that suits them, and say what they are."""
+    """Return a user's recordings with the configuration that suits them, and say what they are, but not ``again``."""
     from model.recordings.folder import read_set
 
     if not place.exists():
         raise InputError(f"{place} does not exist; give a folder of class folders, or a recording")
     with bar("reading recordings") as progress:
         found = read_set(place, preparation(prepared), config, given, progress)
-    print_set(found)
-    warn(found.warnings)
+    print_set(found, again)
+    warn(() if again else found.warnings)
     return found
 
 
@@ -99,15 +99,16 @@ def warn(warnings: Iterable[str]) -> None:
         print(printable(f"warning: {warning}"), file=sys.stderr)
 
 
-def print_set(recordings: RecordingSet) -> None:
-    """Print what a set of recordings is and the configuration that suits it."""
+def print_set(recordings: RecordingSet, again: bool = False) -> None:
+    """Print what a set of recordings is, but not ``again``, and the configuration that suits it."""
     config = recordings.config
-    print_notes(recordings.notes)
+    print_notes(() if again else recordings.notes)
     classes = sorted({source.class_name for source in recordings.sources if source.class_name is not None})
     of = (
         f" of {len(classes)} classes ({', '.join(classes[:8])}{', ...' if len(classes) > 8 else ''})" if classes else ""
     )
-    print(printable(f"{recordings.name}: {len(recordings.sources)} recordings{of}"))
+    if not again:
+        print(printable(f"{recordings.name}: {len(recordings.sources)} recordings{of}"))
     print(
         f"{config.encoding} {config.resolution} b, {config.rows} x {config.columns} taxels at "
         f"{config.sample_rate_hz:g} samples/s, {config.clocks_per_sample} clocks per sample, "

@@ -164,7 +164,8 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
         raise InputError(f"--tau is the leak of encoding nlcs, not of {readout.encoding}; add --encoding nlcs")
     prepared = parse_fields(Preparation, {name: options[name] for name in PREPARATION})
     if options["data"] is not None:
-        options = options | {"events": events_of(options["data"], prepared, readout, given | {"resolution"})}
+        folder = events_of(options["data"], prepared, readout, given | {"resolution"})
+        options = options | {"events": folder, "bin_s": options["bin_s"] or _bin_of(folder)}
     elif prepared:
         raise InputError(f"{option_named(next(iter(prepared)))} is for your own recordings; add --data DIR")
     bins = BinConfig() if options["bin_s"] is None else BinConfig(bin_s=options["bin_s"])
@@ -188,6 +189,19 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
         grid=parse_grid(options["grid"]) if options.get("grid") else None,
         **{name: options[name] for name in ("preset", "start_rows", "disturbed") if options[name] is not None},
     )
+
+
+def _bin_of(folder: Path) -> float | None:
+    """Return a sample period of own recordings where it is longer than the default bin: shorter ones would be empty."""
+    from model.events.recording import Recording
+    from snn.data.bins import BinConfig
+    from snn.data.recordings import event_files
+
+    period_s = 1 / Recording.load(event_files([folder])[0].path).config.sample_rate_hz
+    if period_s <= BinConfig().bin_s:
+        return None
+    print(f"time bin: {period_s:.4g} s, one sample of these recordings; --bin chooses another")
+    return period_s
 
 
 def parse_settings(texts: list[str], option: str = "--set") -> dict[str, Any]:

@@ -275,6 +275,15 @@ def test_fig8_and_sweep_take_own_recordings(own: dict[str, Any], snn: Call) -> N
     assert "--baseline median" in load_sweep(Path("out/sweep")).command
 
 
+def test_a_bin_is_no_shorter_than_a_sample_of_own_recordings(folder: Path, snn: Call) -> None:
+    write_skin(folder / "skin", taxels=4, each=3)
+    code, out, error = snn("train", "--data", "skin", "--folds", 3, "--epochs", 1, "--set", "hidden=8")
+    assert code == 0, error
+    assert "time bin: 0.02857 s, one sample of these recordings; --bin chooses another" in out
+    experiment = json.loads(Path("out/train/result.json").read_text())["experiment"]
+    assert experiment["bins"]["bin_s"] == 1 / 35
+
+
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
