@@ -46,13 +46,16 @@ def formal(
         said = verdicts[-1][1]
         print(f"{proof.block:<15}{proof.size:<28}{len(said.proved):>3} proved{said.seconds:>7.1f} s", flush=True)
     results = outcomes(verdicts, whole=not small)
-    if mutants:
-        judge(results, _hunt(sorted({proof.block for proof in chosen})))
+    command = f"make formal{' MUTANTS=1' if mutants else ''}"
+    if out:
+        write(results, out, command)
+    for name in sorted({proof.block for proof in chosen}) if mutants else []:
+        judge([outcome for outcome in results if outcome.block == name], _hunt(name))
+        if out:  # kept block by block: all of them take a quarter of an hour
+            write(results, out, command)
     for outcome in results:
         for problem in outcome.problems:
             print(f"{outcome.block}: {outcome.property.name}: {problem}")
-    if out:
-        write(results, out, f"make formal{' MUTANTS=1' if mutants else ''}")
     print(closing_line(results))
     if any(outcome.problems for outcome in results):
         raise typer.Exit(1)
@@ -74,15 +77,14 @@ def properties(
     print(path)
 
 
-def _hunt(blocks: list[str]) -> Iterator[tuple[str, Mutant, set[str]]]:
-    """Plant the bugs of some blocks; print a line for each."""
+def _hunt(block: str) -> Iterator[tuple[Mutant, set[str]]]:
+    """Plant the bugs of a block; print a line for each."""
     from flow.formal.plan import proofs
     from flow.formal.run import hunt
 
-    for block in blocks:
-        for mutant, failed in hunt(block, proofs()):
-            print(f"{block:<15}{mutant.name:<45}{len(failed):>3} fail", flush=True)
-            yield block, mutant, failed
+    for mutant, failed in hunt(block, proofs()):
+        print(f"{block:<15}{mutant.name:<45}{len(failed):>3} fail", flush=True)
+        yield mutant, failed
 
 
 def main() -> None:

@@ -128,23 +128,23 @@ def hunt(block: str, proofs: Iterable[Proof]) -> Iterator[tuple[Mutant, set[str]
         yield mutant, failed
 
 
-def judge(results: list[Outcome], found: Iterable[tuple[str, Mutant, set[str]]]) -> None:
+def judge(results: list[Outcome], found: Iterable[tuple[Mutant, set[str]]]) -> None:
     """Note by every property the planted bugs that it noticed; one that misses its own, or has too few, is a failure.
 
     Parameters
     ----------
     results : list of Outcome
-        Of all properties.
-    found : iterable of (block, Mutant, set of str)
-        Every planted bug, and the properties that failed.
+        Of all properties of a block.
+    found : iterable of (Mutant, set of str)
+        Every bug planted into the block, and the properties that failed.
     """
-    of = {(outcome.block, outcome.property.name): outcome for outcome in results}
-    for block, mutant, failed in found:
+    of = {outcome.property.name: outcome for outcome in results}
+    for mutant, failed in found:
         for name in mutant.fails:
             if name in failed:
-                of[block, name].caught.append(mutant.name)
+                of[name].caught.append(mutant.name)
             else:
-                of[block, name].problems.append(f"holds although {mutant.name}")
+                of[name].problems.append(f"holds although {mutant.name}")
     for outcome in results:
         if len(outcome.caught) < FEWEST_MUTANTS:
             outcome.problems.append(f"only {len(outcome.caught)} planted bugs show that it can fail")

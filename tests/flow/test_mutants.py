@@ -53,7 +53,7 @@ def test_a_property_that_misses_a_bug_or_has_too_few_is_a_failure() -> None:
     proof = Proof(PROOFS[0].checker, PROOFS[0].config, 1)
     results = outcomes([(proof, solve(proof.checker(proof.config), 3))], whole=False)
     noticed = Mutant("noticed", "arbiter", "", "", ("no_bubble", "idle_grants"))
-    judge(results, [("arbiter", noticed, {"no_bubble"})])
+    judge(results, [(noticed, {"no_bubble"})])
     problems = {outcome.property.name: outcome.problems for outcome in results}
     assert problems["no_bubble"] == ["only 1 planted bugs show that it can fail"]
     assert problems["idle_grants"] == ["holds although noticed", "only 0 planted bugs show that it can fail"]
