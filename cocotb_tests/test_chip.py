@@ -114,7 +114,7 @@ def test_chip_takes_samples_and_gives_the_classes_of_the_models(config: ChipConf
     counts = Counter(json.loads((tmp_path / "counts.json").read_text()))
     assert counts["events"] > 100
     assert counts["stalled"] > 100
-    assert counts["bins"] > 5
+    assert counts["bins"] >= 5
     assert counts["spikes"] > 5
     assert ChipConfig.from_dict(config.to_dict()) == config
 
