@@ -104,7 +104,11 @@ class Arbiter(Block[ReadoutConfig]):
 
 
 def event_ports(config: ReadoutConfig, flow: Any) -> dict[str, Any]:
-    """Return the ports of an event stream whose source sees ``flow`` as out; zero-width fields are absent."""
+    """Return the ports of an event stream whose source sees ``flow`` as out; zero-width fields are absent.
+
+    Not a ``stream.Signature``: that makes one packed port ``event__payload``, and the specification (section 4)
+    promises ``event_row``, ``event_col`` and ``event_polarity``, each only where it has bits.
+    """
     back = In if flow is Out else Out
     ports = {"event_valid": flow(1), "event_ready": back(1)}
     if config.row_bits:
