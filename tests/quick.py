@@ -55,6 +55,7 @@ COMMANDS = {
     "snn import": "tests/snn/test_nir_network.py::test_networks_go_out_and_come_back",
     "snn convert": "tests/snn/test_nir_events.py::test_events_go_out_and_come_back",
     "snn quantise": "tests/snn/test_integer.py::test_the_command_writes_the_network_and_its_images",
+    "snn counts": "tests/snn/test_counts.py::test_the_command_writes_what_it_prints",
     "snn cache": "tests/snn/test_cache.py::test_the_command_shows_and_clears",
 }
 """A test for each command of the packages."""
