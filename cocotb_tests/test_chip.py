@@ -93,7 +93,7 @@ def chip(rows: int, columns: int, channels: int, hidden: int, **own: Any) -> Chi
         "floor": -200,
         "out_floor": -200,
         "lanes": 4,
-        "bin_s": 0.0004,
+        "bin_s": 0.0003,
     }
     network = ClassifierConfig(inputs=channels, hidden=hidden, classes=3, reset=readout.reset, **fields)
     return ChipConfig(readout=readout, classifier=network)
@@ -134,7 +134,7 @@ def test_the_files_of_a_chip_are_clean_and_agree(tmp_path: Path) -> None:
 def test_what_does_not_fit_is_refused_in_one_sentence() -> None:
     with pytest.raises(InputError, match="takes 29 channels, 3 x 5 taxels of lcs have 15 or 30; give the readout"):
         chip(3, 5, 29, 20)
-    with pytest.raises(InputError, match="has 512 clocks, its work takes 1505; raise --clocks-per-sample"):
+    with pytest.raises(InputError, match="has 384 clocks, its work takes 1505; raise --clocks-per-sample"):
         chip(3, 5, 30, 500)
     with pytest.raises(InputError, match="link stream within, not four_phase"):
         chip(3, 5, 30, 20, link="four_phase")
