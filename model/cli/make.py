@@ -83,7 +83,6 @@ TARGETS = {
     "formal": Target(
         "prove what the RTL promises, block by block [BLOCK= SMALL=1 MUTANTS=1 OUT=]",
         "flow formal",
-        ("formal",),
     ),
     "properties": Target(
         "the properties as SystemVerilog, bound to the Verilog of make verilog [OUT=]",
