@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from pathlib import Path
 
@@ -57,3 +58,15 @@ def test_a_property_that_misses_a_bug_or_has_too_few_is_a_failure() -> None:
     problems = {outcome.property.name: outcome.problems for outcome in results}
     assert problems["no_bubble"] == ["only 1 planted bugs show that it can fail"]
     assert problems["idle_grants"] == ["holds although noticed", "only 0 planted bugs show that it can fail"]
+
+
+def test_the_kept_results_are_those_of_the_properties() -> None:
+    kept = json.loads((ROOT / "docs/data/verification/formal.json").read_text())
+    assert {(row["block"], row["property"]) for row in kept["properties"]} == PROPERTIES
+    assert kept["result"] == f"proved: {len(PROPERTIES)} properties, {len(PROPERTIES)} of them unbounded, 0 failed"
+    sizes = {(proof.block, proof.size) for proof in PROOFS}
+    assert {(row["block"], size) for row in kept["properties"] for size in row["sizes"]} == sizes
+    for row in kept["properties"]:
+        assert row["first_seen"] is not None
+        own = [mutant.name for mutant in mutants(row["block"]) if row["property"] in mutant.fails]
+        assert row["mutants_caught"] == own, row["property"]
