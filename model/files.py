@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import math
 import os
 import shutil
 import tempfile
 import zipfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 from model.errors import InputError
+
+if TYPE_CHECKING:  # the launcher of make runs where NumPy is not installed yet
+    from numpy.typing import NDArray
 
 OUT = Path("out")
 """Folder of what commands write unless told otherwise."""
@@ -165,6 +169,52 @@ def check_unpacked(archive: zipfile.ZipFile) -> None:
     size = sum(member.file_size for member in archive.infolist())
     if size > MOST_UNPACKED:
         raise InputError(f"claims {size / 2**20:.0f} MiB of data, more than {MOST_UNPACKED // 2**20}; it is not read")
+
+
+def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], compressed: bool = False) -> None:
+    """Write an ``.npz`` archive, whole or not at all; equal arrays give equal bytes, for every member has one date."""
+    from numpy.lib.format import write_array
+
+    with atomic_write(path) as file, zipfile.ZipFile(file, "w") as archive:
+        for name, values in arrays.items():
+            data = io.BytesIO()
+            write_array(data, values, allow_pickle=False)
+            member = zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0))
+            member.compress_type = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
+            archive.writestr(member, data.getvalue())
+
+
+def read_arrays(path: Path, kind: str, remedy: str) -> dict[str, NDArray[Any]]:
+    """Return the arrays of an ``.npz`` archive.
+
+    Parameters
+    ----------
+    path : Path
+    kind : str
+        What the file should be, as in "a weight file".
+    remedy : str
+        What to do about a damaged one, as in "train again".
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is damaged, or claims too much.
+    """
+    import numpy as np
+
+    try:
+        with zipfile.ZipFile(path) as archive:
+            check_unpacked(archive)
+        with np.load(path, allow_pickle=False) as file:
+            return {name: file[name] for name in file.files}
+    except InputError as error:
+        raise InputError(f"{path} {error}") from None
+    except OSError as error:
+        if error.strerror:
+            raise InputError(f"cannot read {path}: {error.strerror}") from None
+        raise InputError(f"{path} is damaged or not {kind}; {remedy}") from None
+    except Exception:  # a damaged archive makes zipfile, zlib and NumPy raise almost any type
+        raise InputError(f"{path} is damaged or not {kind}; {remedy}") from None
 
 
 def plain(content: Any) -> Any:

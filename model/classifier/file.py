@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import json
-import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,7 +13,7 @@ from numpy.typing import NDArray
 from model.classifier.config import ClassifierConfig
 from model.classifier.network import IntegerNetwork
 from model.errors import InputError
-from model.files import atomic_write, check_unpacked, check_writable
+from model.files import atomic_write, check_writable, read_arrays, write_arrays
 
 FORMAT_NAME = "spiking-eskin-readout integer network"
 FORMAT_VERSION = 1
@@ -52,11 +50,7 @@ class IntegerWeights:
         }
         arrays: dict[str, NDArray[Any]] = {n: getattr(self.network, n).astype(kind) for n, kind in ARRAYS.items()}
         arrays["metadata"] = np.array(json.dumps(header))
-        with atomic_write(path) as file, zipfile.ZipFile(file, "w") as archive:
-            for name, values in arrays.items():
-                data = io.BytesIO()
-                np.lib.format.write_array(data, values, allow_pickle=False)
-                archive.writestr(zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0)), data.getvalue())
+        write_arrays(path, arrays)
 
     @classmethod
     def load(cls, path: Path) -> IntegerWeights:
@@ -69,19 +63,7 @@ class IntegerWeights:
         """
         if not path.exists():
             raise InputError(f"integer network {path} does not exist; make one with python -m snn quantise")
-        try:
-            with zipfile.ZipFile(path) as archive:
-                check_unpacked(archive)
-            with np.load(path, allow_pickle=False) as file:
-                arrays = {name: file[name] for name in file.files}
-        except InputError as error:
-            raise InputError(f"{path} {error}") from None
-        except OSError as error:
-            if error.strerror:
-                raise InputError(f"cannot read {path}: {error.strerror}") from None
-            raise InputError(f"{path} is damaged or no integer network; quantise again") from None
-        except Exception:  # a damaged archive makes zipfile, zlib and NumPy raise almost any type
-            raise InputError(f"{path} is damaged or no integer network; quantise again") from None
+        arrays = read_arrays(path, "an integer network", "quantise again")
         try:
             return cls._from_arrays(arrays)
         except InputError as error:

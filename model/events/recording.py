@@ -16,7 +16,7 @@ from model import __version__
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.events.address import Events, check_events
-from model.files import atomic_write, check_unpacked
+from model.files import check_unpacked, write_arrays
 
 FORMAT_NAME = "spiking-eskin-readout events"
 FORMAT_VERSION = 1
@@ -127,9 +127,7 @@ class Recording:
             text = json.dumps(self._header(), allow_nan=False)
         except (TypeError, ValueError) as error:
             raise InputError(f"the metadata of a recording must be plain JSON values: {error}") from None
-        with atomic_write(path) as file, zipfile.ZipFile(file, "w") as archive:
-            _add(archive, _EVENTS_MEMBER, self.events)
-            _add(archive, _METADATA_MEMBER, np.array(text))
+        write_arrays(path, {"events": self.events, "metadata": np.array(text)}, compressed=True)
 
     @classmethod
     def load(cls, path: Path) -> Recording:
@@ -173,15 +171,6 @@ def check_event_path(path: Path) -> None:
 
 
 # -- the file ----------------------------------------------------------------------------------------
-
-
-def _add(archive: zipfile.ZipFile, name: str, array: NDArray[Any]) -> None:
-    """Add an array to an archive, with the fixed date that makes files reproducible."""
-    data = io.BytesIO()
-    np.lib.format.write_array(data, array, allow_pickle=False)
-    info = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
-    info.compress_type = zipfile.ZIP_DEFLATED
-    archive.writestr(info, data.getvalue())
 
 
 def _read_members(path: Path) -> tuple[NDArray[Any], str]:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import json
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +13,7 @@ from numpy.typing import NDArray
 from torch import nn
 
 from model.errors import InputError
-from model.files import atomic_write, check_unpacked
+from model.files import read_arrays, write_arrays
 from snn.network import SpikingNetwork, build
 from snn.network_config import NetworkConfig
 
@@ -83,11 +81,7 @@ def save_weights(path: Path, weights: Weights, eight_bits: bool = False) -> None
         "step_s": weights.step_s,
     }
     arrays["metadata"] = np.array(json.dumps(header))
-    with atomic_write(path) as file, zipfile.ZipFile(file, "w") as archive:
-        for name, values in arrays.items():
-            data = io.BytesIO()
-            np.lib.format.write_array(data, np.ascontiguousarray(values).reshape(values.shape), allow_pickle=False)
-            archive.writestr(zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0)), data.getvalue())
+    write_arrays(path, {name: np.ascontiguousarray(a).reshape(a.shape) for name, a in arrays.items()})
 
 
 def load_weights(path: Path) -> Weights:
@@ -100,19 +94,7 @@ def load_weights(path: Path) -> Weights:
     """
     if not path.exists():
         raise InputError(f"weight file {path} does not exist; make one with python -m snn train")
-    try:
-        with zipfile.ZipFile(path) as archive:
-            check_unpacked(archive)
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-    except InputError as error:
-        raise InputError(f"{path} {error}") from None
-    except OSError as error:
-        if error.strerror:
-            raise InputError(f"cannot read {path}: {error.strerror}") from None
-        raise InputError(f"{path} is damaged or not a weight file; train again") from None
-    except Exception:  # a damaged archive makes zipfile, zlib and NumPy raise almost any type
-        raise InputError(f"{path} is damaged or not a weight file; train again") from None
+    arrays = read_arrays(path, "a weight file", "train again")
     try:
         return _from_arrays(arrays)
     except InputError as error:

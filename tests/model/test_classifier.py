@@ -175,7 +175,7 @@ def test_damaged_files_are_refused(tmp_path: Path) -> None:
     IntegerWeights(network(), ("a", "b", "c")).save(path)
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(InputError, match="damaged or no integer network"):
+    with pytest.raises(InputError, match="damaged or not an integer network"):
         IntegerWeights.load(path)
     np.savez(path, w_in=np.zeros(3))
     with pytest.raises(InputError, match="an archive, but no integer network"):
