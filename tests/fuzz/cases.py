@@ -80,6 +80,7 @@ GOOD: dict[str, tuple[str, ...]] = {
     "snn export": ("good/train/weights.npz", "-o", "new.nir"),
     "snn import": ("good/network.nir", "-o", "new.npz"),
     "snn pair": ("good/sweep/sweep.json:lcs-3", "good/sweep/sweep.json:lcs-3", "-o", "new.json"),
+    "snn counts": ("--points", "lcs:2", "--dataset", "good/images", "-o", "new.json"),
     "snn robustness": ("good/nothing", "-o", "new"),
     "snn quantise": ("good/train/weights.npz", "-o", "new.npz"),
     "snn cache": (),

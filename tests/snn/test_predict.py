@@ -149,7 +149,7 @@ def test_without_the_result_of_the_training_nothing_is_said_about_folds(
 def test_other_images_than_those_of_the_training_are_noticed(tmp_path: Path, trained: Path) -> None:
     shutil.copy(trained / "weights.npz", tmp_path / "weights.npz")
     result = json.loads((trained / "result.json").read_text())
-    (tmp_path / "result.json").write_text(json.dumps(result | {"labels": result["labels"][1:]}))
+    (tmp_path / "result.json").write_text(json.dumps(result | {"labels": result["labels"][1:], "predicted": []}))
     found = load_trained(tmp_path / "weights.npz")
     assert found.parts == {}
     assert found.unknown == "the images found here are not those of the training; give its textures with --dataset"
@@ -164,7 +164,9 @@ def test_a_training_on_event_files_has_its_folds_too(tmp_path: Path, replayed: P
     shutil.copy(trained / "weights.npz", tmp_path / "weights.npz")
     result = json.loads((trained / "result.json").read_text())
     result["experiment"]["events"] = str(replayed)
-    (tmp_path / "result.json").write_text(json.dumps(result | {"folds": 2, "fold": 1, "labels": [0, 1, 2]}))
+    (tmp_path / "result.json").write_text(
+        json.dumps(result | {"folds": 2, "fold": 1, "labels": [0, 1, 2], "predicted": []})
+    )
     found = load_trained(tmp_path / "weights.npz")
     assert sorted(found.parts.values()) == ["test"] * 3 + ["training"] * 3
     assert found.part_of(Recording.load(next(replayed.rglob("*.npz")))) in ("test", "training")
