@@ -169,7 +169,7 @@ WAYS = {
     ("snn", "model"): ((16.1, 4.6), (13.7, 4.6)),
     ("cocotb_tests", "model"): ((5.7, 9.4), (8.1, 8.4)),
     ("flow", "model"): ((10.9, 13.8), (10.9, 12.4)),
-    ("flow", "rtl"): ((8.1, 15.6), (6.0, 6.3)),
+    ("flow", "rtl"): ((8.1, 15.6), (5.65, 6.3)),
     ("cocotb_tests", "rtl"): ((2.9, 8.5), (2.9, 6.6)),
 }
 
@@ -200,7 +200,7 @@ def draw_packages(data: dict[str, Any], path: Path) -> None:
             elif other == "rtl":
                 axis.text(x - 0.1, y + 1.6, "\n".join(rooms), ha="right", va="center", fontsize=7.5)
             else:
-                axis.text(x, y - 0.5, "\n".join(rooms), ha="center", va="top", fontsize=7.5)
+                axis.text(x + 0.15, y - 0.5, "\n".join(rooms), ha="center", va="top", fontsize=7.5)
     save_figure(figure, path)
 
 
