@@ -24,7 +24,7 @@ from model.textures.dataset import Dataset, Texture
 from model.textures.physical import PhysicalScan
 from model.textures.scan import Signals, quantise
 from snn.data.bins import BinConfig
-from snn.data.record import Tick, record
+from snn.data.record import Tick, record, said_of
 from snn.data.scans import ScanData, collect
 
 Level = Literal["scene", "signals", "comparators", "events"]
@@ -382,13 +382,5 @@ def record_disturbed(
         draft.events = compare(config, draft.signals, draft.noise_v, draft.offset_v, draft.generator)
         draft.events = draft.events[draft.events["t"] < draft.duration]
     disturb("events")
-    metadata = {
-        "name": texture.name,
-        "class": texture.class_name,
-        "label": texture.label,
-        "dataset": dataset_name,
-        "preset": scan.name,
-        "disturbed": dict(strengths),
-        "source": "model",
-    }
+    metadata = said_of(texture, dataset_name, scan) | {"disturbed": dict(strengths), "source": "model"}
     return Recording(draft.events, config, draft.duration, metadata=metadata)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from model.config import ReadoutConfig
 from model.errors import InputError
@@ -14,6 +15,17 @@ from snn.data.scans import ScanData, collect
 
 Tick = Callable[[], object]
 """Called after each scan or recording that is done."""
+
+
+def said_of(texture: Texture, dataset_name: str, scan: Scan) -> dict[str, Any]:
+    """Return what the metadata of a recording say of the texture and its scan."""
+    return {
+        "name": texture.name,
+        "class": texture.class_name,
+        "label": texture.label,
+        "dataset": dataset_name,
+        "preset": scan.name,
+    }
 
 
 def record(texture: Texture, dataset_name: str, scan: Scan, config: ReadoutConfig, start_row: float = 0.0) -> Recording:
@@ -28,12 +40,7 @@ def record(texture: Texture, dataset_name: str, scan: Scan, config: ReadoutConfi
     except InputError as error:
         raise InputError(f"image {texture.name}: {error}") from None
     stimulus = Stimulus.from_samples(config, samples)
-    metadata = {
-        "name": texture.name,
-        "class": texture.class_name,
-        "label": texture.label,
-        "dataset": dataset_name,
-        "preset": scan.name,
+    metadata = said_of(texture, dataset_name, scan) | {
         "start_row": start_row,
         "clipped_samples": clipped,
         "source": "model",

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import pytest
+import typer
 
+from model.cli.app import run
 from snn.data.scans import ScanData
 from snn.network_config import NetworkConfig
 
@@ -27,3 +31,16 @@ def easy_data(images: int = 30, steps: int = 15, channels: int = 8) -> ScanData:
 def small_network(**fields: Any) -> NetworkConfig:
     defaults: dict[str, Any] = {"inputs": 8, "classes": 3, "hidden": 16, "readout": "membrane", "decay": 0.8}
     return NetworkConfig.from_dict(defaults | fields)
+
+
+def caller(app: typer.Typer) -> Callable[[str, pytest.CaptureFixture[str]], tuple[int, str]]:
+    """Return what types a line behind ``python -m snn`` and gives back exit code and output."""
+
+    def call(line: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
+        with pytest.raises(SystemExit) as left:
+            run(app, "python -m snn", line.split())
+        assert isinstance(left.value.code, int)
+        out, err = capsys.readouterr()
+        return left.value.code, out + err
+
+    return call

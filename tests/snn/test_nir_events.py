@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from model.cli.app import make_app, run
+from model.cli.app import make_app
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.events.address import EVENT_DTYPE, make_events
@@ -22,6 +22,7 @@ from snn.exchange.nir_network import to_nir
 from snn.exchange.weights import Weights
 from snn.network import build
 from snn.network_config import NetworkConfig
+from tests.snn.helpers import caller
 
 READOUT = ReadoutConfig(rows=2, columns=3, sample_rate_hz=17_001.0)
 
@@ -119,12 +120,7 @@ app = make_app("test")
 app.command()(convert)
 
 
-def call(line: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
-    with pytest.raises(SystemExit) as left:
-        run(app, "python -m snn", line.split())
-    assert isinstance(left.value.code, int)
-    out, err = capsys.readouterr()
-    return left.value.code, out + err
+call = caller(app)
 
 
 def test_events_go_out_and_come_back(

@@ -16,7 +16,6 @@ import torch
 from numpy.typing import NDArray
 
 from model.cli.app import make_app
-from model.cli.app import run as run_app
 from model.errors import InputError
 from snn.commands.exchange import export, import_
 from snn.exchange.nir_network import from_nir, load_nir, save_nir, to_nir
@@ -24,6 +23,7 @@ from snn.exchange.portable import lacks
 from snn.exchange.weights import Weights, load_weights, save_weights
 from snn.network import SpikingNetwork, build
 from snn.network_config import NetworkConfig
+from tests.snn.helpers import caller
 
 CLASSES = ("a", "b", "c")
 STEP_S = 0.002
@@ -350,12 +350,7 @@ app.command()(export)
 app.command("import")(import_)
 
 
-def call(line: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
-    with pytest.raises(SystemExit) as left:
-        run_app(app, "python -m snn", line.split())
-    assert isinstance(left.value.code, int)
-    out, err = capsys.readouterr()
-    return left.value.code, out + err
+call = caller(app)
 
 
 def test_networks_go_out_and_come_back(

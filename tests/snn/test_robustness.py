@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from model.cli.app import make_app
-from model.cli.app import run as run_app
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.events.address import taxel_of
@@ -34,6 +33,7 @@ from snn.data.disturb import (
 )
 from snn.data.record import record
 from snn.experiments.robustness import cases, summarise
+from tests.snn.helpers import caller
 
 CONFIG = ReadoutConfig(rows=3, columns=4, resolution=4)
 SCAN = preset("physical")
@@ -147,12 +147,7 @@ app.command()(robustness)
 app.command()(train)
 
 
-def call(line: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
-    with pytest.raises(SystemExit) as left:
-        run_app(app, "python -m snn", line.split())
-    assert isinstance(left.value.code, int)
-    out, err = capsys.readouterr()
-    return left.value.code, out + err
+call = caller(app)
 
 
 def test_cells_are_kept_resumed_and_paired(
