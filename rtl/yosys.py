@@ -80,6 +80,11 @@ def in_order(rtlil: str, names: Sequence[str]) -> str:
     return rtlil
 
 
+def modules(rtlil: str) -> dict[str, str]:
+    """Return the text of every module of a design by its name."""
+    return {match[1]: match[0] for match in re.finditer(r"^module \\(\S+)$.*?^end$", rtlil, re.MULTILINE | re.DOTALL)}
+
+
 # -- Verilog, as Yosys writes it ---------------------------------------------------------------------
 
 

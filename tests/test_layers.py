@@ -44,6 +44,9 @@ LAYERS = {
         "formal.plan formal.engine",
         "formal.run formal.bind",
         "formal.report",
+        "asic.library",
+        "asic.gating",
+        "asic.synthesis",
         "__main__",
     ),
     "snn": (

@@ -1,0 +1,120 @@
+"""From the RTL of a readout to a netlist of library cells whose idle registers have their clock off."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from flow.asic import gating
+from flow.asic.library import Library
+from model.errors import InputError
+from model.files import atomic_write
+from rtl import yosys
+from rtl.verilog import Config, header, rtlil, top_block
+
+FEWEST_FLOPS = 3
+"""Flops with one enable that are worth a clock gate."""
+
+PERIOD_NS = 20.0
+"""Clock period that the mapping aims at: far below that of the readout, so that timing costs no area."""
+
+# The order matters. Resets go into the data and enables stay, since a gate replaces an enable; no pass behind the first
+# may find synchronous resets again. Blocks are mapped one by one, each kind once, and put together at the end.
+TO_ENABLES = (
+    "read_rtlil readout.il; hierarchy -check -top {top}; {keep}proc; setattr -unset init w:*; flatten; opt -full; "
+    "wreduce; alumacc; share -aggressive; opt -full; dffunmap -srst-only; techmap; opt -full -nosdff; "
+    "dfflegalize -cell $_DFFE_PP_ x -cell $_DFFE_PP0P_ x -cell $_DFFE_PP1P_ x "
+    "-cell $_DFF_P_ x -cell $_DFF_PP0_ x -cell $_DFF_PP1_ x; opt_expr; opt_merge; opt_clean; "
+    "{gates}delete t:$scopeinfo; write_json enables.json"
+)
+INSERT = "clockgate -pos {gate} enable:clk:gated -min_net_size {fewest}; "
+TO_CELLS = (
+    "read_liberty -lib -ignore_miss_func cells.lib; read_json enables.json; read_verilog -icells gate.v; "
+    "hierarchy -top {top}; add -global_input {test} 1; proc; opt_clean; techmap; "
+    "dfflibmap -liberty cells.lib; abc -liberty cells.lib -D {period_ps:.0f}; opt_clean -purge; {ties}"
+    "setattr -mod -unset keep_hierarchy *; flatten; delete t:$scopeinfo; opt_clean -purge; splitnets; "
+    "setattr -unset init w:*; check -assert -mapped; write_verilog -noattr -noexpr netlist.v"
+)
+
+
+@dataclass(frozen=True)
+class Netlist:
+    """A readout as cells of a library, flat; a cell's name begins with its block.
+
+    Attributes
+    ----------
+    text : str
+        Verilog, with a port ``test_enable`` beside those of the readout.
+    top : str
+    config : ReadoutConfig or FrameConfig
+    library : Library
+    gated : bool
+        Whether the library has what a clock gate is made of.
+    """
+
+    text: str = field(repr=False)
+    top: str
+    config: Config
+    library: Library
+    gated: bool
+
+    def write(self, folder: Path) -> Path:
+        """Write the netlist into a folder, made if need be; return its path."""
+        folder.mkdir(parents=True, exist_ok=True)
+        path = folder / f"{self.top}.netlist.v"
+        with atomic_write(path) as file:
+            file.write(self.text.encode())
+        return path
+
+
+def netlist(config: Config, library: Library, period_ns: float = PERIOD_NS, fewest: int = FEWEST_FLOPS) -> Netlist:
+    """Return the gated netlist of a readout.
+
+    Parameters
+    ----------
+    config : ReadoutConfig or FrameConfig
+    library : Library
+    period_ns : float
+        Clock period that the mapping aims at.
+    fewest : int
+        Flops with one enable that are worth a clock gate.
+
+    Raises
+    ------
+    InputError
+        If the library does not have the cells that the readout needs.
+    """
+    top, content = top_block(config).module_name, library.path.read_bytes()
+    source = rtlil(config)
+    gate = gating.gate_module(library)
+    keep = "".join(f"setattr -mod -set keep_hierarchy 1 {name}; " for name in _blocks(source, top))
+    insert = INSERT.format(gate=gating.GATE, fewest=fewest) if gate else ""
+    design = json.loads(yosys.run(TO_ENABLES.format(top=top, keep=keep, gates=insert), source, "enables.json"))
+    if gate:
+        gating.stop_blocks(design, top, config.reset == "sync")
+    files = {"cells.lib": content, "enables.json": json.dumps(design).encode(), "gate.v": gate.encode()}
+    script = TO_CELLS.format(top=top, test=gating.TEST, period_ps=1000 * period_ns, ties=_ties(library))
+    try:
+        text = yosys.run(script, "", "netlist.v", files)
+    except yosys.YosysError as error:
+        raise InputError(
+            f"the cell library {library.path} does not do: the readout needs a flip-flop, an inverter, and a NAND or "
+            f"NOR (Yosys: {error.reason})"
+        ) from None
+    return Netlist(header(config, "//") + text[text.index("module ") :], top, config, library, bool(gate))
+
+
+def _blocks(source: str, top: str) -> list[str]:
+    """Return the modules that are mapped one by one: those that the top is made of."""
+    modules = yosys.modules(source)
+    return [name for name in modules if name != top and f"  cell \\{name} " in modules[top]]
+
+
+def _ties(library: Library) -> str:
+    """Return the command that puts tie cells, one a block, in the place of constants."""
+    options = [
+        f"-{kind}cell {tie[0]} {tie[1]}" for level, kind in ((0, "lo"), (1, "hi")) if (tie := library.tie(level))
+    ]
+    return f"hilomap -singleton {' '.join(options)}; " if options else ""

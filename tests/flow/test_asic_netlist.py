@@ -1,0 +1,120 @@
+"""A readout as gated cells of a library: cells are found by what they are, and every flop with an enable is gated."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from flow.asic import gating
+from flow.asic.library import Library, read
+from flow.asic.synthesis import netlist
+from model.config import ReadoutConfig
+from model.errors import InputError
+from rtl.gates import count_gates
+from tests.flow import quill
+
+CONFIG = ReadoutConfig(rows=1, columns=2)
+INSTANCE = re.compile(r"^  (\w+) (?:\\\S+|\w+) \($", re.MULTILINE)
+
+
+def quills(folder: Path, corner: quill.Corner = quill.TYPICAL, without: tuple[str, ...] = ()) -> Library:
+    """Return our own library, read from a file."""
+    path = folder / f"{corner.name}{''.join(without)}.lib"
+    path.write_text(quill.library(corner, without))
+    return read(path)
+
+
+def test_cells_are_found_by_what_they_are(tmp_path: Path) -> None:
+    library = quills(tmp_path)
+    assert (library.name, library.process, library.voltage_v, library.temperature_c) == ("quill_typ", 1.0, 1.2, 25.0)
+    assert library.flops == {"PERCH"}
+    assert library.latches == {"NEST"}
+    assert library.tie(0) == ("NAUGHT", "Z")
+    assert library.tie(1) == ("UNITY", "Z")
+    assert [cell.name for cell in library.buffers] == ["ECHO"]
+    gate = library.clock_gate
+    assert gate is not None
+    assert gate.gate is not None
+    assert (gate.name, gate.gate.clock, gate.gate.enable, gate.gate.gated, gate.gate.test) == (
+        *("SLUMBER", "BEAT", "WANTED", "BEATS", "TRIAL"),
+    )
+    flop = library.cells["PERCH"].flop
+    assert flop is not None
+    assert (flop.clock, flop.data, flop.clear, flop.preset, flop.rising) == ("BEAT", "NEXT", "!WIPE", "", True)
+    assert library.cells["HOOT"].leakage_w == pytest.approx(20e-12)
+    assert library.cells["HOOT"].inputs == {"A": pytest.approx(2e-15)}
+
+
+def test_registers_that_share_an_enable_share_a_gate_with_test_enable(tmp_path: Path) -> None:
+    made = netlist(CONFIG, quills(tmp_path))
+    cells = Counter(INSTANCE.findall(made.text))
+    assert cells["PERCH"] == count_gates(CONFIG, CONFIG.taxels).flops > 30
+    assert cells["SLUMBER"] >= CONFIG.taxels  # at least the reference of every taxel
+    assert made.text.count(".TRIAL(test_enable)") == cells["SLUMBER"]
+    clocks = re.findall(r"^  PERCH .*?\.BEAT\((\S+) ?\)", made.text, re.MULTILINE | re.DOTALL)
+    assert len(clocks) == cells["PERCH"]
+    assert sum(clock != "clk" for clock in clocks) > 0.8 * len(clocks)
+
+
+def test_without_an_integrated_gate_one_is_built_of_a_latch(tmp_path: Path) -> None:
+    made = netlist(CONFIG, quills(tmp_path, without=("SLUMBER",)))
+    cells = Counter(INSTANCE.findall(made.text))
+    assert made.gated
+    assert cells["NEST"] >= CONFIG.taxels
+    clocks = set(re.findall(r"^  PERCH .*?\.BEAT\((\S+) ?\)", made.text, re.MULTILINE | re.DOTALL))
+    assert len(clocks - {"clk"}) == cells["NEST"]
+
+
+def test_without_latches_no_clock_is_stopped(tmp_path: Path) -> None:
+    made = netlist(CONFIG, quills(tmp_path, without=("SLUMBER", "NEST")))
+    assert not made.gated
+    assert set(re.findall(r"\.BEAT\((\S+)\)", made.text)) == {"clk"}
+
+
+def test_a_block_that_says_when_it_is_awake_has_a_gate_of_its_own() -> None:
+    def module(*flops: str) -> dict:
+        cells = {name: {"type": "$_DFF_P_", "connections": {"C": [2], "D": [5], "Q": [6]}} for name in flops}
+        names = {
+            "clk": {"bits": [2]},
+            "rst": {"bits": [3]},
+            "awake": {"bits": [4]},
+            "d": {"bits": [5]},
+            "q": {"bits": [6]},
+        }
+        return {"ports": {"clk": {"bits": [2]}, "rst": {"bits": [3]}}, "netnames": names, "cells": cells}
+
+    design = {"modules": {"top": module("a"), "block": module("b", "c")}}
+    design["modules"]["top"]["cells"]["link"] = {"type": "eskin_link", "connections": {"clk": [2]}}
+    assert gating.stop_blocks(design, "top", synchronous_reset=True) == 2
+    cells = design["modules"]["top"]["cells"]
+    assert cells["a"]["connections"]["C"] == cells["block_gate"]["connections"]["gated"] == [7]
+    assert cells["link"]["connections"]["clk"] == cells["block_gate"]["connections"]["clk"] == [2]
+    either = cells["$awake_or_reset"]["connections"]
+    assert (either["A"], either["B"], either["Y"]) == ([4], [3], cells["block_gate"]["connections"]["enable"])
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        (quill.library(without=("PERCH",)), r"has no flip-flop: no cell of it has an ff group; give another \.lib$"),
+        (quill.library(without=tuple(quill.LOGIC)), r"has no logic gate: no cell of it has a function; give another"),
+        (quill.library().replace("voltage : 1.2", "volts : 1.2").replace("nom_voltage", "v"), "has no corner: neither"),
+        ("module few; endmodule", r"is no liberty file that can be read: .*; give a \.lib$"),
+        (quill.library()[:-200], r"is no liberty file that can be read: .*; give a \.lib$"),
+        ("cells (few) { }", r"is no liberty file: it has no library\(\.\.\.\); give a \.lib$"),
+    ],
+)
+def test_a_library_that_does_not_do_is_one_sentence(text: str, sentence: str, tmp_path: Path) -> None:
+    path = tmp_path / "own.lib"
+    path.write_text(text)
+    with pytest.raises(InputError, match=sentence) as error:
+        read(path)
+    assert "\n" not in str(error.value)
+
+
+def test_a_library_without_the_gates_for_the_readout_is_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"^the cell library .* does not do: the readout needs .* \(Yosys: .*\)$"):
+        netlist(CONFIG, quills(tmp_path, without=("HOOT", "NEITHER", "UNLESS")))
