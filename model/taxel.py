@@ -144,6 +144,31 @@ def count_events(config: ReadoutConfig, samples: Samples) -> NDArray[np.int64]:
     return totals
 
 
+def encode_bipolar(config: ReadoutConfig, samples: Samples) -> Counts:
+    """Return the signed events of the bipolar N-LCS that docs/results/classifier.md proposes; there is no RTL of it.
+
+    The reference has a sign and leaks towards 0 by ``u <- u - ((u + 2**(k-1)) >> k)``. ON (+1) where x - u > D moves it
+    up, OFF (-1) where x - u < -D moves it down, by D.
+
+    Parameters
+    ----------
+    config : ReadoutConfig
+        Of encoding nlcs.
+    samples : integer array, shape (ticks, taxels)
+        As for ``encode``.
+
+    Returns
+    -------
+    int16 or int32 array, shape (ticks, taxels)
+    """
+    if config.encoding != "nlcs":
+        raise InputError(f"the bipolar encoder is a leaky one, of encoding nlcs, not {config.encoding}")
+    samples = _check_samples(config, samples)
+    counts = np.empty(samples.shape, _count_dtype(config))
+    kernels.bipolar(samples, np.zeros(samples.shape[1], np.int64), _leaky(config), counts)
+    return counts
+
+
 # -- address events ----------------------------------------------------------------------------------
 
 

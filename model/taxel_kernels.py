@@ -197,6 +197,27 @@ def nlcs(x: Any, u: Any, tick: int, rule: LeakyRule, counts: Any, late: Any, tim
 
 
 @njit(cache=True, nogil=True)
+def bipolar(x: Any, u: Any, rule: LeakyRule, counts: Any) -> None:
+    """N-LCS with an OFF side, as proposed in docs/results/classifier.md; u and D in units of 2**-F code.
+
+    As ``nlcs``, but the reference has a sign and leaks towards 0 from both sides: ON while x - u > D, OFF while
+    x - u < -D.
+    """
+    step = np.int64(1) << rule.step_log2
+    for i in range(x.shape[0]):
+        now = i % rule.leak_period
+        for j in range(x.shape[1]):
+            d = (np.int64(x[i, j]) << rule.fraction_bits) - u[j]
+            first = np.int64(d > step) - np.int64(d < -step)
+            move = first * step - (leak_of(np.int64(u[j]), rule.leak_shift) if rule.phase[j] == now else 0)
+            d -= move
+            more = max((abs(d) - 1) >> rule.step_log2, 0)
+            more = min(more, rule.cap - 1) * (1 if d > 0 else -1)
+            u[j] += move + more * step
+            counts[i, j] = first + more
+
+
+@njit(cache=True, nogil=True)
 def magnitudes(counts: Any) -> Any:
     """Return the sum of |counts| over the ticks, int32 of shape (taxels,), which it must fit."""
     totals = np.zeros(counts.shape[1], np.int32)

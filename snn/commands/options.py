@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 import os
 from collections.abc import Callable
@@ -41,6 +42,10 @@ Disturbed = Annotated[
 BinSeconds = Annotated[
     float | None, typer.Option("--bin", metavar="SECONDS", help="time bin, or step of frames [0.004]")
 ]
+Start = Annotated[
+    float | None,
+    typer.Option(metavar="SECONDS", help="events count from there [0; paper 0.01, nlcs 0.1]", show_default=False),
+]
 Epochs = Annotated[int, typer.Option(min=1, help="passes over the training scans")]
 Settings = Annotated[
     list[str] | None,
@@ -58,7 +63,7 @@ Workers = Annotated[int | None, typer.Option(min=1, help="processes of one threa
 DEFAULT_RESOLUTION = 4
 
 WITHOUT_EFFECT = {
-    "frames": ("encoding", "resolution", "tau"),
+    "frames": ("encoding", "resolution", "tau", "start"),
     "events": ("preset", "encoding", "resolution", "tau", "config_file", "dataset", "start_rows", "disturbed", "data"),
     "data": ("preset", "tau", "dataset", "start_rows", "disturbed", "frames"),
 }
@@ -85,6 +90,7 @@ def _options(
     start_rows: StartRows = None,
     disturbed: Disturbed = None,
     bin_s: BinSeconds = None,
+    start: Start = None,
     recipe: Recipe = "tuned",
     epochs: Epochs = 60,
     settings: Settings = None,
@@ -168,7 +174,8 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
         options = options | {"events": folder, "bin_s": options["bin_s"] or _bin_of(folder)}
     elif prepared:
         raise InputError(f"{option_named(next(iter(prepared)))} is for your own recordings; add --data DIR")
-    bins = BinConfig() if options["bin_s"] is None else BinConfig(bin_s=options["bin_s"])
+    bins = BinConfig(start_s=options["start"])
+    bins = bins if options["bin_s"] is None else dataclasses.replace(bins, bin_s=options["bin_s"])
     frames = None if options["frames"] is None else FrameSteps.parse(options["frames"], bins.bin_s)
     fields = RECIPES[options["recipe"]]
     if frames is not None and frames.step_s > bins.bin_s:
@@ -187,7 +194,11 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
         network={name: value for name, value in fields.items() if name not in of_training},
         train=TrainConfig.from_dict(training | {"epochs": options["epochs"]}),
         grid=parse_grid(options["grid"]) if options.get("grid") else None,
-        **{name: options[name] for name in ("preset", "start_rows", "disturbed") if options[name] is not None},
+        **{
+            name: options[name]
+            for name in ("preset", "start_rows", "disturbed", "variant")
+            if options.get(name) is not None
+        },
     )
 
 

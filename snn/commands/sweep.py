@@ -36,6 +36,9 @@ DEFAULT_POINTS = "lcs:2,lcs:4,lcs:6,lcs:8,nlcs:4,nlcs:6,nlcs:8,nlcs:10"
 UNSAID: dict[str, Any] = dict.fromkeys(NOT_OF_A_SWEEP)
 """What a point does not say of its experiment."""
 
+VARIANTS = {"lcs": ("", "on"), "cw-lcs": ("", "on"), "nlcs": ("", "bipolar")}
+"""Variants of an encoder's events (``snn.data.record``), behind its resolution: lcs:6:on."""
+
 OF_THIS_RUN = {"out", "workers", "scheduler"}
 """Options that do not change the result, and so have no place in the command that gives it."""
 
@@ -113,14 +116,15 @@ def parse_points(text: str) -> list[tuple[str, str]]:
     found = []
     for part in text.split(","):
         readout, _, numbers = part.strip().partition(":")
-        whole = numbers.isascii() and numbers.isdigit()
+        bits, _, variant = numbers.partition(":")
+        whole = bits.isascii() and bits.isdigit() and variant in VARIANTS.get(readout, ("",))
         if readout not in readouts or not (whole or readout in get_args(FrameKind)):
             raise InputError(
                 f"--points takes ENCODER:RESOLUTION with an encoder of {', '.join(get_args(Encoding))}, {FRAMES} in "
                 f"hertz and bits, or BASELINE:FRAMES_PER_STEP with one of {', '.join(BASELINES)}, with commas between, "
                 f"not {part.strip()!r}"
             )
-        point = (readout, str(int(numbers)) if whole else numbers)
+        point = (readout, f"{int(bits)}{f':{variant}' if variant else ''}" if whole else numbers)
         if point in found:
             raise InputError(f"--points has {':'.join(point)} twice; leave one out")
         found.append(point)
@@ -135,11 +139,12 @@ def _point(readout: str, numbers: str, options: dict[str, Any]) -> SweepPoint:
     try:
         if readout in BASELINES:
             frames = FrameSteps(frames_per_step=int(numbers))
-            options |= {"frames": frames.name, "bin_s": frames.step_s, "recipe": readout, "tau": None}
+            options |= {"frames": frames.name, "bin_s": frames.step_s, "recipe": readout, "tau": None, "start": None}
         elif readout in get_args(FrameKind):
-            options |= {"frames": f"{readout}:{numbers}", "tau": None}
+            options |= {"frames": f"{readout}:{numbers}", "tau": None, "start": None}
         else:
-            options |= {"encoding": readout, "resolution": int(numbers)}
+            bits, _, variant = numbers.partition(":")
+            options |= {"encoding": readout, "resolution": int(bits), "variant": variant or None}
             options |= {"tau": options["tau"] if readout == "nlcs" else None}
         made = build_experiment(options)
         if options["data"] is not None:

@@ -97,7 +97,7 @@ def bin_recording(recording: Recording, bins: BinConfig) -> SparseCounts:
     """
     config, events = recording.config, recording.events
     name = recording.metadata.get("name", "the recording")
-    start = _counted_from(recording) if bins.start_s is None else round(bins.start_s * config.clock_hz)
+    start = counted_from(recording, bins.start_s)
     stop = recording.duration_clocks
     if bins.stop_s is not None:
         stop = min(stop, round(bins.stop_s * config.clock_hz))
@@ -128,8 +128,10 @@ def bin_recording(recording: Recording, bins: BinConfig) -> SparseCounts:
     return SparseCounts(place // channels, place % channels, count, (steps, channels))
 
 
-def _counted_from(recording: Recording) -> int:
-    """Return the clock of the first sample tick whose events count in the recording's preset."""
+def counted_from(recording: Recording, start_s: float | None = None) -> int:
+    """Return the clock from which on events count: that of a time, or the first that counts in the preset."""
+    if start_s is not None:
+        return round(start_s * recording.config.clock_hz)
     name = recording.metadata.get("preset")
     if not isinstance(name, str):
         return 0

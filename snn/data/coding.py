@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from model.events.address import taxel_of
 from model.events.recording import Recording
-from snn.data.bins import _counted_from
+from snn.data.bins import counted_from
 
 Parts = dict[str, int]
 """Bits by what is coded."""
@@ -36,8 +36,8 @@ def coded_bits(words: NDArray[np.unsignedinteger]) -> int:
     return 8 * min(sizes)
 
 
-def coded_events(recordings: Sequence[Recording]) -> Parts:
-    """Return the bits of the events of some recordings that count in their preset.
+def coded_events(recordings: Sequence[Recording], start_s: float | None = None) -> Parts:
+    """Return the bits of the events of some recordings that count in their preset, or from a time on.
 
     ``addresses``: polarity and address of every event in the order sent; like the words on an AER link they have no
     time stamps. ``events``: these, and the sample ticks since the event before.
@@ -45,7 +45,7 @@ def coded_events(recordings: Sequence[Recording]) -> Parts:
     addresses, ticks = [], []
     for recording in recordings:
         config = recording.config
-        events = recording.events[recording.events["t"] >= _counted_from(recording)]
+        events = recording.events[recording.events["t"] >= counted_from(recording, start_s)]
         off = np.where(events["p"], 0, config.taxels) if config.has_polarity else 0
         addresses.append((taxel_of(events, config) + off).astype(np.uint16))
         ticks.append(np.diff(events["t"].astype(np.int64) // config.clocks_per_sample, prepend=0).astype(np.uint32))

@@ -1,9 +1,9 @@
-"""Texture scans as ``ScanData``: events of the clock-by-clock model."""
+"""Texture scans as ``ScanData``: events of the clock-by-clock model, or of variants of an encoder."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Literal
 
 from model.config import ReadoutConfig
 from model.errors import InputError
@@ -15,6 +15,10 @@ from snn.data.scans import ScanData, collect
 
 Tick = Callable[[], object]
 """Called after each scan or recording that is done."""
+
+Variant = Literal["", "on", "bipolar"]
+"""What is made of a readout's events: all of them; ON events alone; or those of the bipolar N-LCS, an encoder without
+RTL (docs/results/classifier.md)."""
 
 
 def said_of(texture: Texture, dataset_name: str, scan: Scan) -> dict[str, Any]:
@@ -28,12 +32,21 @@ def said_of(texture: Texture, dataset_name: str, scan: Scan) -> dict[str, Any]:
     }
 
 
-def record(texture: Texture, dataset_name: str, scan: Scan, config: ReadoutConfig, start_row: float = 0.0) -> Recording:
+def record(
+    texture: Texture,
+    dataset_name: str,
+    scan: Scan,
+    config: ReadoutConfig,
+    start_row: float = 0.0,
+    variant: Variant = "",
+) -> Recording:
     """Return what the clock-by-clock model of the readout sends while a texture is scanned.
 
-    The recording has the events and the metadata of an RTL replay but ``source``, which is "model".
+    The recording has the events and the metadata of an RTL replay but ``source``, which is "model". The bipolar variant
+    has the events of its encoder, one taxel as free as the other.
     """
     from model.readout import Stimulus, simulate
+    from model.taxel import encode_bipolar, uncontended_events
 
     try:
         samples, clipped = scan.samples(config, texture.load(), start_row)
@@ -45,7 +58,12 @@ def record(texture: Texture, dataset_name: str, scan: Scan, config: ReadoutConfi
         "clipped_samples": clipped,
         "source": "model",
     }
-    return Recording(simulate(config, stimulus), config, stimulus.clocks, metadata=metadata)
+    if variant == "bipolar":
+        sent = config.replace(encoding="lcs")  # events with a polarity
+        events = uncontended_events(sent, encode_bipolar(config, samples))
+        return Recording(events[events["t"] < stimulus.clocks], sent, stimulus.clocks, metadata=metadata)
+    events = simulate(config, stimulus)
+    return Recording(events[events["p"]] if variant == "on" else events, config, stimulus.clocks, metadata=metadata)
 
 
 def record_dataset(
@@ -55,6 +73,7 @@ def record_dataset(
     bins: BinConfig,
     start_rows: Sequence[float] = (0.0,),
     progress: Tick | None = None,
+    variant: Variant = "",
 ) -> ScanData:
     """Return the event counts of all textures, one scan per start row, from the clock-by-clock model.
 
@@ -67,11 +86,12 @@ def record_dataset(
         Image rows of the array's top edge, in pixels; only 0 in the ``paper`` preset.
     progress : callable, optional
         Called after each scan.
+    variant : str
     """
     recordings = []
     for texture in dataset:
         for start_row in start_rows:
-            recordings.append(record(texture, dataset.name, scan, config, start_row))
+            recordings.append(record(texture, dataset.name, scan, config, start_row, variant))
             if progress is not None:
                 progress()
     return collect(recordings, bins, dataset.class_names)

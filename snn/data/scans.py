@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from model.errors import InputError
 from model.events.recording import Recording
-from snn.data.bins import BinConfig, _counted_from, bin_recording
+from snn.data.bins import BinConfig, bin_recording, counted_from
 from snn.data.recordings import class_of, event_files, image_of, read_recordings
 
 if TYPE_CHECKING:
@@ -186,7 +186,7 @@ def collect(recordings: Sequence[Recording], bins: BinConfig, class_names: Seque
         class_names=classes,
         taxels=first.taxels,
         step_s=bins.bin_s,
-        rate_hz=float(np.mean([counted_rate_hz(recording) for recording in recordings])),
+        rate_hz=float(np.mean([counted_rate_hz(recording, bins.start_s) for recording in recordings])),
     )
 
 
@@ -199,7 +199,7 @@ def _names_of(images: list[tuple[str, str, str]]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def counted_rate_hz(recording: Recording) -> float:
+def counted_rate_hz(recording: Recording, start_s: float | None = None) -> float:
     """Return the population event rate as published rates are: counted events over the whole observation."""
-    counted = int(np.count_nonzero(recording.events["t"] >= _counted_from(recording)))
+    counted = int(np.count_nonzero(recording.events["t"] >= counted_from(recording, start_s)))
     return counted / recording.duration_s

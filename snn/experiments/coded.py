@@ -26,12 +26,14 @@ def coded_bps(experiment: Experiment) -> dict[str, float]:
     textures = open_dataset(experiment.dataset).limit(SCANS)
     frames = experiment.frames
     if frames is None:
-        return _of_events([record(texture, textures.name, scan, config) for texture in textures])
+        kind = experiment.variant
+        recordings = [record(texture, textures.name, scan, config, variant=kind) for texture in textures]
+        return _of_events(recordings, experiment.bins.start_s)
     codes = [codes_of(frames, texture, scan, config) for texture in textures]
     seconds = sum(map(len, codes)) / frames.rate_hz
     return {name: bits / seconds for name, bits in coded_frames(codes, frames.bits).items()}
 
 
-def _of_events(recordings: list[Recording]) -> dict[str, float]:
+def _of_events(recordings: list[Recording], start_s: float | None = None) -> dict[str, float]:
     seconds = sum(recording.duration_s for recording in recordings)
-    return {name: bits / seconds for name, bits in coded_events(recordings).items()}
+    return {name: bits / seconds for name, bits in coded_events(recordings, start_s).items()}

@@ -6,7 +6,7 @@ import dataclasses
 import itertools
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from model.config import ReadoutConfig
 from model.errors import InputError
@@ -20,7 +20,7 @@ from snn.data.cache import kept, key_of
 from snn.data.disturb import disturbed_dataset
 from snn.data.frame_steps import FrameSteps
 from snn.data.frames import frame_dataset
-from snn.data.record import Tick, record_dataset
+from snn.data.record import Tick, Variant, record_dataset
 from snn.data.recordings import event_files, read_recordings
 from snn.data.scans import ScanData, load_recordings
 from snn.flat import hints_of, refuse_unknown
@@ -52,6 +52,8 @@ class Experiment:
         Scans of each image, evenly spread over it; tests take the first.
     disturbed : int
         Further scans of each image, each disturbed at random (``snn.data.disturb``); tests take the clean one.
+    variant : "", "on" or "bipolar"
+        What is made of the events (``snn.data.record``).
     bins : BinConfig
     network : dict
         Fields of NetworkConfig but inputs and classes, which follow from the data.
@@ -70,6 +72,7 @@ class Experiment:
     frames: FrameSteps | None = None
     start_rows: int = 1
     disturbed: int = 0
+    variant: Variant = ""
     bins: BinConfig = field(default_factory=BinConfig)
     network: dict[str, Any] = field(default_factory=dict)
     train: TrainConfig = field(default_factory=TrainConfig)
@@ -83,6 +86,8 @@ class Experiment:
             raise InputError("speed_spread moves events in time and cannot be used for frames; set it to 0")
         if self.disturbed:
             self._check_disturbed()
+        if self.variant:
+            self._check_variant()
         self._network(1, 1)
         self._settle_leak()
         if self.grid is not None:
@@ -94,6 +99,19 @@ class Experiment:
             raise InputError("disturbed scans are events of the model in the physical preset; leave disturbed out")
         if self.disturbed < 0 or self.start_rows != 1:
             raise InputError("disturbed takes a number from 1, and start-rows 1: it draws the heights itself")
+
+    def _check_variant(self) -> None:
+        """Refuse a variant of what is not recorded from textures, or of another encoder; ON events take no polarity."""
+        if self.variant not in get_args(Variant):
+            raise InputError(f"variant must be one of on, bipolar, not {self.variant!r}")
+        if self.frames is not None or self.events is not None or self.disturbed:
+            raise InputError("variants are of events of the model, without disturbances")
+        if (self.variant == "bipolar") != (self.readout.encoding == "nlcs"):
+            raise InputError(
+                f"{self.variant} events are not a variant of {self.readout.encoding}; lcs:N:on, nlcs:N:bipolar"
+            )
+        if self.variant == "on":
+            object.__setattr__(self, "bins", dataclasses.replace(self.bins, polarity=False))
 
     def _settle_leak(self) -> None:
         """Keep a leak that files could not tell from none by its time constant; refuse one that would be forgotten."""
@@ -142,11 +160,13 @@ class Experiment:
                 return disturbed_dataset(textures, scan, config, self.bins, self.disturbed, progress)
             if self.frames is not None:
                 return frame_dataset(textures, scan, config, self.frames, rows, progress)
-            return record_dataset(textures, scan, config, self.bins, rows, progress)
+            more = (self.variant,) if self.variant else ()
+            return record_dataset(textures, scan, config, self.bins, rows, progress, *more)
 
         key = key_of(textures, scan, config, self.frames or self.bins, rows)
-        data = kept(f"{key}-disturbed-{self.disturbed}" if self.disturbed else key, make)
-        kind = f"events of {config.encoding} with {config.resolution} bits"
+        key += f"-disturbed-{self.disturbed}" if self.disturbed else ""
+        data = kept(f"{key}-{self.variant}" if self.variant else key, make)
+        kind = f"{self.variant} events of {config.encoding} with {config.resolution} bits".lstrip()
         if self.frames is not None:
             kind = f"frames {self.frames.name}"
         return dataclasses.replace(data, source=f"{kind} from {textures.name} textures, {scan.name} scan")
@@ -185,6 +205,8 @@ class Experiment:
         fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "given_leak"}
         if not self.disturbed:  # files and cells of experiments without are those of before
             del fields["disturbed"]
+        if not self.variant:
+            del fields["variant"]
         for name in ("readout", "train"):
             fields[name] = fields[name].to_dict()
         for name in ("bins", "frames"):

@@ -63,8 +63,9 @@ class SweepPoint:
     @property
     def bits_per_event(self) -> int:
         """Address and polarity of an event, or the bits of a sample in a frame."""
-        frames = self.experiment.frames
-        return self.experiment.readout.event_bits if frames is None else frames.bits
+        frames, variant = self.experiment.frames, self.experiment.variant
+        one = {"": 0, "on": -1, "bipolar": 1}[variant]  # bit that says the polarity
+        return self.experiment.readout.event_bits + one if frames is None else frames.bits
 
 
 class PointRun:

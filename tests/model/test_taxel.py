@@ -20,6 +20,7 @@ from model.taxel import (
     counts_of_events,
     decode,
     encode,
+    encode_bipolar,
     encode_timed,
     error_bound,
     slope_limit,
@@ -383,6 +384,31 @@ def test_samples_of_any_layout_give_the_same_events_and_stay_untouched() -> None
     out = np.empty_like(expected)
     assert encode(one("lcs"), samples, out=out) is out
     assert np.array_equal(out, expected)
+
+
+def naive_bipolar(config: ReadoutConfig, x: list[int]) -> list[int]:
+    """Return the signed events of a bipolar taxel, one decision after the other; the leak comes with the first."""
+    unit = 2**config.fraction_bits
+    u, d, found = 0, config.step * unit, []
+    for tick, code in enumerate(x):
+        found.append(0)
+        for decision in range(config.clocks_per_sample if config.decide_every == "clock" else 1):
+            event = (code * unit - u > d) - (code * unit - u < -d)
+            leaks = decision == 0 and tick % config.leak_period == 0
+            u += event * d - ((u + 2 ** (config.leak_shift - 1)) >> config.leak_shift if leaks else 0)
+            found[-1] += event
+    return found
+
+
+@pytest.mark.parametrize("decide_every", ["clock", "sample"])
+def test_bipolar_events_are_those_of_a_naive_model(decide_every: str) -> None:
+    config = one("nlcs", leak_shift=3, leak_period=2, decide_every=decide_every)
+    x = np.random.default_rng(3).normal(0, 20, 400).cumsum().round().clip(-128, 127).astype(int).tolist()
+    found = encode_bipolar(config, column(*x))[:, 0].tolist()
+    assert found == naive_bipolar(config, x)
+    assert min(found) < 0 < max(found)
+    with pytest.raises(InputError, match="of encoding nlcs, not lcs"):
+        encode_bipolar(one("lcs"), column(0))
 
 
 def test_the_example_of_the_manual_runs() -> None:

@@ -25,6 +25,7 @@ from snn.data.frame_steps import FrameSteps
 from snn.data.frames import frame_dataset, values_of
 from snn.data.record import record, record_dataset
 from snn.data.scans import collect, load_recordings
+from snn.experiments.experiment import Experiment
 
 ROOT = Path(__file__).parents[2]
 CONFIG = ReadoutConfig(rows=2, columns=3, resolution=4, sample_rate_hz=1000.0, clocks_per_sample=10)
@@ -123,6 +124,26 @@ def test_start_rows_are_scans_of_one_image_and_only_the_first_is_tested() -> Non
     assert scans.scans_of([2, 0], first_row_only=True).tolist() == [0, 4]
     assert not np.array_equal(scans.values[0], scans.values[1])
     assert scans.image_labels.tolist() == data.labels.tolist()
+
+
+def test_variants_are_of_the_same_scans() -> None:
+    """ON events alone are those channels of all events; a bipolar N-LCS has both, and its OFF is the ON of -x."""
+    small = ReadoutConfig(rows=2, columns=2, resolution=4)
+    fields: dict[str, Any] = {"dataset": "embedded"}
+    whole, on = (Experiment(**fields, readout=small, variant=kind).data() for kind in ("", "on"))
+    assert np.array_equal(on.values, whole.values[:, :, :4])
+    assert 0.3 < on.rate_hz / whole.rate_hz < 0.7
+    later = Experiment(**fields, readout=small, bins=BinConfig(start_s=0.02)).data()
+    assert np.array_equal(later.values, whole.values[:, 5:])
+    assert 0.6 < later.rate_hz / whole.rate_hz < 0.95
+    leaky = small.replace(encoding="nlcs")
+    one, both = (Experiment(**fields, readout=leaky, variant=kind).data() for kind in ("", "bipolar"))
+    assert (one.channels, both.channels) == (4, 8)
+    assert both.values[:, :, 4:].sum() > 0.5 * both.values[:, :, :4].sum() > 100
+    with pytest.raises(InputError, match="on events are not a variant of nlcs; lcs:N:on, nlcs:N:bipolar"):
+        Experiment(readout=leaky, variant="on")
+    with pytest.raises(InputError, match="variants are of events of the model, without disturbances"):
+        Experiment(readout=small, variant="on", disturbed=1)
 
 
 def test_frames_come_from_the_same_scans() -> None:

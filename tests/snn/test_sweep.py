@@ -112,6 +112,9 @@ def test_rates_of_the_summary_by_hand(tmp_path: Path) -> None:
     assert lcs["data_rate_bps"] == 7000
     assert lcs["normalised_rate"] == pytest.approx(7000 / 640_000)
     assert summary(Experiment(readout=ReadoutConfig(encoding="nlcs", resolution=6)))["bits_per_event"] == 6
+    assert summary(Experiment(readout=ReadoutConfig(resolution=4), variant="on"))["bits_per_event"] == 6
+    bipolar = Experiment(readout=ReadoutConfig(encoding="nlcs", resolution=4), variant="bipolar")
+    assert summary(bipolar)["bits_per_event"] == 7
     frame = summary(Experiment(frames=FrameSteps(frames_per_step=5), network={"kind": "rnn"}))
     assert (frame["readout"], frame["resolution"], frame["data_rate_bps"]) == ("frame", 10, 10_000)
 
@@ -165,6 +168,9 @@ def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path) -> No
         ("--points lcs:4,,nlcs:6", "--points takes ENCODER:RESOLUTION"),
         ("--points ann:4", "--points takes ENCODER:RESOLUTION"),
         ("--points lcs:4,lcs:04", "--points has lcs:4 twice; leave one out"),
+        ("--points lcs:4:on,lcs:04:on", "--points has lcs:4:on twice; leave one out"),
+        ("--points nlcs:4:on", "--points takes ENCODER:RESOLUTION"),
+        ("--points lcs:4:bipolar", "--points takes ENCODER:RESOLUTION"),
         ("--points lcs:99", "point lcs:99: resolution must be"),
         ("--points rnn:0", "point rnn:0: frames_per_step must be at least 1, not 0"),
         ("--points lcs:4 --tau 0.1", "--tau is the leak of nlcs, but --points has no nlcs point; leave it out"),
@@ -223,6 +229,7 @@ def test_points_are_encoder_and_number() -> None:
         ("gru", "20"),
         ("frame-diff", "62.5:8"),
     ]
+    assert parse_points("lcs:6:on,nlcs:04:bipolar") == [("lcs", "6:on"), ("nlcs", "4:bipolar")]
 
 
 # -- a Dask cluster ----------------------------------------------------------------------------------
