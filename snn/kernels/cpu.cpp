@@ -8,10 +8,14 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <type_traits>
 #include <vector>
 
 #if defined(__GLIBC__)
 #include <malloc.h>
+#endif
+#if defined(__AVX512F__)
+#include <immintrin.h>
 #endif
 
 #if defined(__AVX512F__)
@@ -23,7 +27,9 @@ constexpr int LANES = 4, TILE_ROWS = 8;
 #else
 constexpr int LANES = 4, TILE_ROWS = 4;
 #endif
-constexpr int PANEL = 2;  // vectors: a panel of a 256 x 256 matrix then fits the first-level cache
+constexpr int PANEL = 2;                      // vectors: a panel of a 256 x 256 matrix then fits the first-level cache
+constexpr int GATHERED = LANES == 16 ? 4 : 8;  // vectors: rows of a panel of 128 rows then stay in that cache
+constexpr int BLOCK = 128;                    // rows taken at a time
 
 typedef float Vector __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
 
@@ -51,50 +57,76 @@ static inline void gather(const int32_t *index, const float *value, long events,
     for (int n = 0; n < N; n++) store(out + n * LANES, sum[n]);
 }
 
-static void add_rows(const int32_t *index, const float *value, long events, const float *matrix, long width,
-                     const float *start, float *out) {
-    constexpr int MOST = LANES == 16 ? 16 : 8;
-    long c = 0;
-    for (; c + MOST * LANES <= width; c += MOST * LANES)
-        gather<MOST>(index, value, events, matrix + c, width, start + c, out + c);
-    for (; c + 4 * LANES <= width; c += 4 * LANES)
-        gather<4>(index, value, events, matrix + c, width, start + c, out + c);
-    for (; c < width; c += LANES) gather<1>(index, value, events, matrix + c, width, start + c, out + c);
+// Calls work(N, c) for panels of N vectors that start at column c, as wide as they can be.
+template <int N, class Work>
+static inline void each_panel(long width, const Work &work, long c = 0) {
+    for (; c + N * LANES <= width; c += N * LANES) work(std::integral_constant<int, N>{}, c);
+    if constexpr (N > 1) each_panel<N / 2>(width, work, c);
 }
 
-// out = left (rows x inner, pitch) times a panel (inner x PANEL * LANES, packed).
-template <int ROWS>
+static void add_rows(const int32_t *index, long events, const float *matrix, long width, float *out) {
+    constexpr int MOST = LANES == 16 ? 16 : 8;
+    each_panel<MOST>(width, [&](auto n, long c) {
+        gather<n>(index, nullptr, events, matrix + c, width, out + c, out + c);
+    });
+}
+
+// The panels of a matrix one after the other, each with its rows side by side.
+template <int N>
+static void pack(const float *matrix, long rows, long width, std::vector<float> &packed) {
+    packed.resize(rows * width);
+    each_panel<N>(width, [&](auto n, long c) {
+        constexpr long columns = n * LANES;
+        for (long k = 0; k < rows; k++)
+            std::memcpy(&packed[c * rows + k * columns], matrix + k * width + c, columns * sizeof(float));
+    });
+}
+
+// out = left (rows x inner, pitch) times a panel (inner x N * LANES, packed).
+template <int ROWS, int N>
 static inline void tile(const float *left, long pitch, const float *panel, long inner, float *out, long width) {
-    Vector sum[ROWS][PANEL] = {};
+    Vector sum[ROWS][N] = {};
     for (long k = 0; k < inner; k++) {
-        Vector right[PANEL];
-        for (int n = 0; n < PANEL; n++) right[n] = load(panel + (k * PANEL + n) * LANES);
+        Vector right[N];
+        for (int n = 0; n < N; n++) right[n] = load(panel + (k * N + n) * LANES);
         for (int r = 0; r < ROWS; r++)
-            for (int n = 0; n < PANEL; n++) sum[r][n] += (left[r * pitch + k] - Vector{}) * right[n];
+            for (int n = 0; n < N; n++) sum[r][n] += (left[r * pitch + k] - Vector{}) * right[n];
     }
     for (int r = 0; r < ROWS; r++)
-        for (int n = 0; n < PANEL; n++) store(out + r * width + n * LANES, sum[r][n]);
+        for (int n = 0; n < N; n++) store(out + r * width + n * LANES, sum[r][n]);
 }
 
-static std::vector<float> pack(const float *matrix, long inner, long width) {
-    std::vector<float> packed(inner * width);
-    const long columns = PANEL * LANES;
-    for (long c = 0; c < width; c += columns)
-        for (long k = 0; k < inner; k++)
-            std::memcpy(&packed[c * inner + k * columns], matrix + k * width + c, columns * sizeof(float));
-    return packed;
-}
-
-static void multiply(const float *left, long rows, const std::vector<float> &packed, long inner, long width,
-                     float *out) {
-    const long columns = PANEL * LANES;
-    for (long c = 0; c < width; c += columns) {
+static void multiply(const float *left, long rows, long pitch, const std::vector<float> &packed, long inner,
+                     long width, float *out) {
+    each_panel<PANEL>(width, [&](auto n, long c) {
         const float *panel = &packed[c * inner];
         long r = 0;
         for (; r + TILE_ROWS <= rows; r += TILE_ROWS)
-            tile<TILE_ROWS>(left + r * width, width, panel, inner, out + r * width + c, width);
-        for (; r < rows; r++) tile<1>(left + r * width, width, panel, inner, out + r * width + c, width);
+            tile<TILE_ROWS, n>(left + r * pitch, pitch, panel, inner, out + r * width + c, width);
+        for (; r < rows; r++) tile<1, n>(left + r * pitch, pitch, panel, inner, out + r * width + c, width);
+    });
+}
+
+// Columns, and values if wanted, of the entries of a row that are not zero; there is room for LANES more of them.
+static inline long find(const float *row, long columns, int32_t *index, float *value) {
+    long n = 0, c = 0;
+#if defined(__AVX512F__)
+    const __m512i lanes = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    for (; c + LANES <= columns; c += LANES) {
+        const __m512 x = _mm512_loadu_ps(row + c);
+        const __mmask16 found = _mm512_cmp_ps_mask(x, _mm512_setzero_ps(), _CMP_NEQ_UQ);
+        const __m512i column = _mm512_add_epi32(lanes, _mm512_set1_epi32(c));
+        _mm512_storeu_si512(index + n, _mm512_maskz_compress_epi32(found, column));
+        if (value) _mm512_storeu_ps(value + n, _mm512_maskz_compress_ps(found, x));
+        n += __builtin_popcount(found);
     }
+#endif
+    for (; c < columns; c++) {
+        index[n] = c;
+        if (value) value[n] = row[c];
+        n += row[c] != 0.0f;
+    }
+    return n;
 }
 
 // exp(x) for x <= 0 within 2e-7 of relative error, in a form that compilers vectorise.
@@ -163,39 +195,52 @@ void kernel_keep_memory() {
 #endif
 }
 
-int32_t kernel_pad() { return 16 > PANEL * LANES ? 16 : PANEL * LANES; }
+int32_t kernel_pad() { return std::max(16, PANEL * LANES); }
 
-// Events of a dense matrix; index and value have room for rows * columns + 1.
+// Entries that the rows of events need room for beyond what they hold.
+int32_t kernel_room() { return LANES; }
+
+// Events of a dense matrix; index and value have room for all entries, and kernel_room more.
 void kernel_events(const float *x, int64_t rows, int64_t columns, int32_t *first, int32_t *index, float *value) {
     int32_t n = 0;
     for (long r = 0; r < rows; r++) {
         first[r] = n;
-        for (long c = 0; c < columns; c++) {
-            const float v = x[r * columns + c];
-            index[n] = c;
-            value[n] = v;
-            n += v != 0.0f;
-        }
+        n += find(x + r * columns, columns, index + n, value + n);
     }
     first[rows] = n;
 }
 
 // out (rows x width) = start (width) + events times matrix (columns x width).
-void kernel_product(const int32_t *first, const int32_t *index, const float *value, int64_t rows,
+void kernel_product(const int32_t *first, const int32_t *index, const float *value, int64_t rows, int64_t columns,
                     const float *matrix, int64_t width, const float *start, float *out) {
-    for (long r = 0; r < rows; r++)
-        add_rows(index + first[r], value ? value + first[r] : nullptr, first[r + 1] - first[r], matrix, width,
-                 start, out + r * width);
+    std::vector<float> packed;
+    pack<GATHERED>(matrix, columns, width, packed);
+    for (long low = 0; low < rows; low += BLOCK) {
+        const long high = std::min<long>(low + BLOCK, rows);
+        each_panel<GATHERED>(width, [&](auto n, long c) {
+            for (long r = low; r < high; r++)
+                gather<n>(index + first[r], value ? value + first[r] : nullptr, first[r + 1] - first[r],
+                          &packed[c * columns], n * LANES, start + c, out + r * width + c);
+        });
+    }
+}
+
+// out (rows x width) = left (rows x inner, pitch) times matrix (inner x width).
+void kernel_dense_product(const float *left, int64_t rows, int64_t pitch, const float *matrix, int64_t inner,
+                          int64_t width, float *out) {
+    std::vector<float> packed;
+    pack<PANEL>(matrix, inner, width, packed);
+    for (long r = 0; r < rows; r += BLOCK)
+        multiply(left + r * pitch, std::min<long>(BLOCK, rows - r), pitch, packed, inner, width, out + r * width);
 }
 
 // out (columns x width) += transposed events times grad (rows x width), a block of rows at a time, sorted by column.
 void kernel_outer(const int32_t *first, const int32_t *index, const float *value, int64_t rows, int64_t columns,
                   const float *grad, int64_t width, float *out) {
-    const long block = 256;
     std::vector<int32_t> start(columns + 1), place(columns), source;
-    std::vector<float> factor;
-    for (long low = 0; low < rows; low += block) {
-        const long high = low + block < rows ? low + block : rows;
+    std::vector<float> factor, packed;
+    for (long low = 0; low < rows; low += BLOCK) {
+        const long high = std::min<long>(low + BLOCK, rows);
         const int32_t *column = index + first[low];
         const long events = first[high] - first[low];
         std::fill(start.begin(), start.end(), 0);
@@ -210,14 +255,20 @@ void kernel_outer(const int32_t *first, const int32_t *index, const float *value
                 source[p] = r - low;
                 if (value) factor[p] = value[e];
             }
-        for (long c = 0; c < columns; c++)
-            if (start[c + 1] > start[c])
-                add_rows(&source[0] + start[c], value ? &factor[0] + start[c] : nullptr, start[c + 1] - start[c],
-                         grad + low * width, width, out + c * width, out + c * width);
+        pack<GATHERED>(grad + low * width, high - low, width, packed);
+        each_panel<GATHERED>(width, [&](auto n, long p) {
+            const float *panel = &packed[p * (high - low)];
+            for (long c = 0; c < columns; c++) {
+                float *sum = out + c * width + p;
+                if (start[c + 1] > start[c])
+                    gather<n>(source.data() + start[c], value ? factor.data() + start[c] : nullptr,
+                              start[c + 1] - start[c], panel, n * LANES, sum, sum);
+            }
+        });
     }
 }
 
-// v: currents in, potentials out. s: spikes out, also as events with room for steps * batch * width + 1.
+// v: currents in, potentials out. s: spikes out, also as events with room for all, and kernel_room more.
 // recurrent (width x width): row j is added to the currents of the next step for every spike of neuron j, or null.
 void kernel_forward(int64_t steps, int64_t batch, int64_t width, const Rule *rule, const float *decay,
                     const float *recurrent, float *v, float *s, int32_t *first, int32_t *index) {
@@ -232,17 +283,13 @@ void kernel_forward(int64_t steps, int64_t batch, int64_t width, const Rule *rul
             for (long h = 0; h < width; h++)
                 now[h] += decay[h] * (last[h] * (1.0f - spiked[h] * (1.0f - keep)) - keep * spiked[h]);
             if (recurrent)
-                add_rows(index + first[before], nullptr, first[before + 1] - first[before], recurrent, width,
-                         now, now);
+                add_rows(index + first[before], first[before + 1] - first[before], recurrent, width, now);
         }
         for (long h = 0; h < width; h++) {
             now[h] = now[h] > floor ? now[h] : floor;
             out[h] = now[h] > 1.0f ? 1.0f : 0.0f;
         }
-        for (long h = 0; h < width; h++) {
-            index[n] = h;
-            n += now[h] > 1.0f;
-        }
+        n += find(out, width, index + n, nullptr);
         first[r + 1] = n;
     }
 }
@@ -253,10 +300,10 @@ void kernel_backward(int64_t steps, int64_t batch, int64_t width, int64_t neuron
                      float *grad_decay) {
     const long size = batch * width;
     std::vector<float> packed, recurrent(size), zero(size);
-    if (matrix) packed = pack(matrix, neurons, width);
+    if (matrix) pack<PANEL>(matrix, neurons, width, packed);
     for (long t = steps - 1; t >= 0; t--) {
         const float *next = t + 1 < steps ? grad + (t + 1) * size : zero.data();
-        if (matrix && t + 1 < steps) multiply(next, batch, packed, neurons, width, recurrent.data());
+        if (matrix && t + 1 < steps) multiply(next, batch, width, packed, neurons, width, recurrent.data());
         for (long b = 0; b < batch; b++) {
             const long o = t * size + b * width, i = b * width;
 #define BACK(S) \

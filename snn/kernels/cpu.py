@@ -79,8 +79,8 @@ def entries_of(x: Tensor) -> Entries:
     """Return the non-zero entries of a matrix, shape (rows, columns)."""
     rows, columns = x.shape
     first = torch.empty(rows + 1, dtype=torch.int32)
-    index = torch.empty(x.numel() + 1, dtype=torch.int32)
-    value = torch.empty(x.numel() + 1)
+    most = x.numel() + _require().kernel_room()
+    index, value = torch.empty(most, dtype=torch.int32), torch.empty(most)
     _call("kernel_events", x, rows, columns, first, index, value)
     return Entries(first, index, value)
 
@@ -88,7 +88,7 @@ def entries_of(x: Tensor) -> Entries:
 def product(entries: Entries, matrix: Tensor, start: Tensor) -> Tensor:
     """Return start (width,) plus entries (rows, columns) times a matrix (columns, width), shape (rows, width)."""
     out = torch.empty(len(entries.first) - 1, matrix.shape[1])
-    _call("kernel_product", *entries, len(out), matrix, matrix.shape[1], start, out)
+    _call("kernel_product", *entries, len(out), len(matrix), matrix, matrix.shape[1], start, out)
     return out
 
 
@@ -112,7 +112,7 @@ def forward(rule: NeuronRule, decay: Tensor, recurrent: Tensor | None, v: Tensor
     steps, batch, width = v.shape
     s = torch.empty_like(v)
     first = torch.empty(steps * batch + 1, dtype=torch.int32)
-    index = torch.empty(v.numel() + 1, dtype=torch.int32)
+    index = torch.empty(v.numel() + _require().kernel_room(), dtype=torch.int32)
     _call("kernel_forward", steps, batch, width, _rule(rule), decay, recurrent, v, s, first, index)
     return s, Entries(first, index, None)
 
