@@ -75,6 +75,16 @@ def pad(columns: int) -> int:
     return -(-columns // unit) * unit
 
 
+def padded(matrix: Tensor, rows: int | None = None) -> Tensor:
+    """Return a contiguous copy of a vector or matrix, its columns and if wanted its rows padded with zeros."""
+    shape = (*matrix.shape[:-1], pad(matrix.shape[-1])) if rows is None else (rows, pad(matrix.shape[-1]))
+    if shape == tuple(matrix.shape):
+        return matrix.detach().contiguous()
+    out = torch.zeros(shape)
+    out[tuple(slice(size) for size in matrix.shape)] = matrix.detach()
+    return out
+
+
 def entries_of(x: Tensor) -> Entries:
     """Return the non-zero entries of a matrix, shape (rows, columns)."""
     rows, columns = x.shape
@@ -89,6 +99,13 @@ def product(entries: Entries, matrix: Tensor, start: Tensor) -> Tensor:
     """Return start (width,) plus entries (rows, columns) times a matrix (columns, width), shape (rows, width)."""
     out = torch.empty(len(entries.first) - 1, matrix.shape[1])
     _call("kernel_product", *entries, len(out), len(matrix), matrix, matrix.shape[1], start, out)
+    return out
+
+
+def dense_product(left: Tensor, inner: int, matrix: Tensor) -> Tensor:
+    """Return the first ``inner`` columns of left (rows, pitch) times a matrix (inner, width), shape (rows, width)."""
+    out = torch.empty(len(left), matrix.shape[1])
+    _call("kernel_dense_product", left, *left.shape, matrix, inner, matrix.shape[1], out)
     return out
 
 
