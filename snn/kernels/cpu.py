@@ -76,7 +76,7 @@ def pad(columns: int) -> int:
 
 
 def padded(matrix: Tensor, rows: int | None = None) -> Tensor:
-    """Return a contiguous copy of a vector or matrix, its columns and if wanted its rows padded with zeros."""
+    """Return a vector or matrix, contiguous, its columns (and to ``rows`` its rows) filled up with zeros."""
     shape = (*matrix.shape[:-1], pad(matrix.shape[-1])) if rows is None else (rows, pad(matrix.shape[-1]))
     if shape == tuple(matrix.shape):
         return matrix.detach().contiguous()
