@@ -7,13 +7,15 @@ from pathlib import Path
 
 import pytest
 
+from cocotb_tests.bench.stimuli import scenario_count, scenarios
 from cocotb_tests.session import runners
 from cocotb_tests.session.again import reproduce
 from cocotb_tests.session.player import Job
-from cocotb_tests.session.runners import Simulator
 from cocotb_tests.session.session import run_job
-from cocotb_tests.session.simulator import build
+from cocotb_tests.session.simulator import Build, build
 from model.config import ReadoutConfig
+from model.events.address import taxel_of
+from model.readout import simulate
 
 ARRAYS = [(1, 1), (1, 4), (3, 5), (8, 8), (12, 16)]
 ENCODINGS = ["lcs", "cw-lcs", "nlcs"]
@@ -23,11 +25,11 @@ VARIANTS = list(
 )
 
 
-def play(config: ReadoutConfig, simulator: Simulator, folder: Path, seed: int = 0) -> None:
+def play(config: ReadoutConfig, program: Build, folder: Path, seed: int = 0) -> None:
     """Play the scenarios of a seed and see that some left nothing outstanding, and some were cut off in mid-stream."""
-    job = Job(config.to_dict(), reproduce(config, simulator, seed), seed=seed)
-    tally = run_job(build(config, simulator), job, folder)
-    assert tally.runs == 9
+    job = Job(config.to_dict(), reproduce(config, program.simulator, seed), seed=seed)
+    tally = run_job(program, job, folder)
+    assert tally.runs == scenario_count(config)
     assert tally.events > 0
     assert tally.drained > 0
     assert tally.cut > 0
@@ -56,7 +58,7 @@ def name(config: ReadoutConfig) -> str:
 
 @pytest.mark.parametrize("config", breadth(), ids=name)
 def test_rtl_equals_model_in_every_encoding_array_and_resolution(config: ReadoutConfig, tmp_path: Path) -> None:
-    play(config, "icarus", tmp_path, seed=ARRAYS.index((config.rows, config.columns)))
+    play(config, build(config, "icarus"), tmp_path, seed=ARRAYS.index((config.rows, config.columns)))
 
 
 @pytest.mark.parametrize("seed", range(1, 4))
@@ -70,7 +72,7 @@ def test_rtl_equals_model_in_every_variant(variant: tuple[str, str, str, str], s
         | {"window_period": 1 if shortest else 4}
         | {"leak_period": 1 if shortest else 7, "leak_shift": 4, "fraction_bits": 3}
     )
-    play(config, "icarus", tmp_path, seed)
+    play(config, build(config, "icarus"), tmp_path, seed)
 
 
 WIDE = [
@@ -82,7 +84,7 @@ WIDE = [
 
 @pytest.mark.parametrize("config", WIDE, ids=name)
 def test_rtl_equals_model_in_long_rows_long_columns_and_wide_words(config: ReadoutConfig, tmp_path: Path) -> None:
-    play(config, "icarus", tmp_path, seed=1)
+    play(config, build(config, "icarus"), tmp_path, seed=1)
 
 
 @pytest.mark.parametrize(
@@ -99,4 +101,27 @@ def test_verilator_sees_the_same_as_icarus(
 ) -> None:
     # Runs this short take less time than optimising them; replays in other tests are of optimised programs.
     monkeypatch.setattr(runners, "OPTIMISE", "-O0")
-    play(config, "verilator", tmp_path)
+    play(config, build(config, "verilator"), tmp_path)
+
+
+@pytest.mark.parametrize(
+    "config",
+    [ReadoutConfig(rows=4, columns=4, encoding="cw-lcs", window_period=3, frontend="analog", reset="async")],
+    ids=name,
+)
+def test_an_array_built_row_by_row_is_the_same(
+    config: ReadoutConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(runners, "OPTIMISE", "-O0")
+    program = build(config, "verilator", hierarchical=True)
+    assert (program.folder / "Veskin_row" / "libeskin_row.a").exists()
+    play(config, program, tmp_path)
+
+
+def test_a_large_array_has_a_run_that_comes_to_rest() -> None:
+    config = ReadoutConfig(rows=32, columns=16)
+    runs = list(scenarios(config, seed=0))
+    assert len(runs) == scenario_count(config) == scenario_count(ReadoutConfig()) + 1
+    assert (runs[-1].name.partition(",")[0], runs[-1].outstanding) == ("few taxels", 0)
+    events = simulate(config, runs[-1].stimulus)
+    assert len(set(taxel_of(events, config).tolist())) == 8

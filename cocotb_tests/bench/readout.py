@@ -23,6 +23,9 @@ if TYPE_CHECKING:  # importing it would compile the model in every simulator
 PATTERN = 65536
 """Entries of the harness's ready pattern, which must be a multiple of the stimulus's."""
 
+RECORDS = 64
+"""Records of a stimulus that are packed together: 64 x 64 taxels take half a megabyte for each."""
+
 
 @dataclass
 class StimulusDriver:
@@ -38,6 +41,21 @@ class StimulusDriver:
         stimulus.check(self.config)
         clocks = np.unique(np.concatenate([stimulus.sample_clock, stimulus.enable_clock, [0]]))
         clocks = clocks[clocks < stimulus.clocks]
+        gap = np.diff(clocks, append=stimulus.clocks)
+        (comparators or Comparators()).write(self.config, self.folder, record=comparators is not None)
+        with (self.folder / "stimulus.bin").open("wb") as file:
+            for start in range(0, len(clocks), RECORDS):
+                part = slice(start, start + RECORDS)
+                records = self._records(stimulus, clocks[part], gap[part])
+                file.write(records.tobytes())
+            end = np.zeros(records.shape[1], np.uint8)
+            end[4] = 0x80
+            file.write(end.tobytes())
+        (self.folder / "ready.bin").write_bytes(_repeat(stimulus.ready, PATTERN).tobytes())
+        (self.folder / "ack.bin").write_bytes(_repeat(stimulus.ack_delay, PATTERN // 16).astype(">u2").tobytes())
+
+    def _records(self, stimulus: Stimulus, clocks: NDArray[np.int64], gap: NDArray[np.int64]) -> NDArray[np.uint8]:
+        """Return the records that begin at some clocks, shape (clocks, bytes); ``gap`` is the length of each."""
         tick = np.searchsorted(stimulus.sample_clock, clocks)
         tick_here = np.minimum(tick, max(len(stimulus.sample_clock) - 1, 0))
         if len(stimulus.sample_clock):
@@ -47,26 +65,19 @@ class StimulusDriver:
             valid = np.zeros(len(clocks), bool)
             samples = np.zeros((len(clocks), self.config.taxels), np.int32)
         mask = stimulus.enable[np.searchsorted(stimulus.enable_clock, clocks, side="right") - 1]
-        gap = np.diff(clocks, append=stimulus.clocks).astype(">u4")
         width = self.config.sample_bits
         if self.config.frontend == "analog":
             samples, width = signal_of(samples), width + SIGNAL_BITS_MORE
         bits = (samples[:, :, None] >> np.arange(width)) & 1
-        records = np.concatenate(
+        return np.concatenate(
             [
-                gap.view(np.uint8).reshape(-1, 4),
+                gap.astype(">u4").view(np.uint8).reshape(-1, 4),
                 (valid[:, None] * 0x40).astype(np.uint8),
                 _pack(mask),
                 _pack(bits.reshape(len(clocks), -1)),
             ],
             axis=1,
         )
-        end = np.zeros(records.shape[1], np.uint8)
-        end[4] = 0x80
-        (comparators or Comparators()).write(self.config, self.folder, record=comparators is not None)
-        (self.folder / "stimulus.bin").write_bytes(records.tobytes() + end.tobytes())
-        (self.folder / "ready.bin").write_bytes(_repeat(stimulus.ready, PATTERN).tobytes())
-        (self.folder / "ack.bin").write_bytes(_repeat(stimulus.ack_delay, PATTERN // 16).astype(">u2").tobytes())
 
 
 def _pack(bits: NDArray[Any]) -> NDArray[np.uint8]:

@@ -18,6 +18,8 @@ from model.readout import Stimulus, simulate, state_at
 Samples = NDArray[np.int64]
 MARGIN = 60
 """Clocks that a run lasts after its last event, in which the RTL must stay silent too."""
+LARGE = 512
+"""Taxels from which on no run of all of them comes to rest within a scenario: a few get one of their own."""
 
 
 def step(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
@@ -79,9 +81,9 @@ def texture(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samp
     return random_scan(config, ticks, rng)
 
 
-STIMULI: dict[str, Callable[[ReadoutConfig, int, np.random.Generator], Samples]] = {
-    f.__name__: f for f in (step, ramp, sine, noise, square, constant, together, texture)
-}
+Maker = Callable[[ReadoutConfig, int, np.random.Generator], Samples]
+
+STIMULI: dict[str, Maker] = {f.__name__: f for f in (step, ramp, sine, noise, square, constant, together, texture)}
 
 SINK_PERIOD = 4096
 """Clocks, or edges of REQ, after which the pattern of a sink repeats."""
@@ -144,11 +146,30 @@ class Scenario:
     outstanding: int
 
 
+CUT_OFF, FEW = "noise, cut off", "few taxels"
+
+
+def few(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
+    """A new random level in every sample of every taxel, two to eight steps high."""
+    return np.minimum(rng.integers(2, 9, (ticks, config.taxels)) * config.step, config.full_scale - 1)
+
+
+def _more(config: ReadoutConfig) -> dict[str, Maker]:
+    cut_off: dict[str, Maker] = {CUT_OFF: noise}
+    return cut_off | ({FEW: few} if config.taxels >= LARGE else {})
+
+
+def scenario_count(config: ReadoutConfig) -> int:
+    """Return how many scenarios ``scenarios`` yields."""
+    return len(STIMULI) + len(_more(config))
+
+
 def scenarios(config: ReadoutConfig, seed: int, ticks: int = 40, limit: int = 3000) -> Iterator[Scenario]:
     """Yield every stimulus with a sink and a mask, and the noise once more, cut off in mid-stream by the next reset.
 
     Every stimulus meets another sink with every seed; half of them have taxels switched off and on while running. A
-    run ends ``MARGIN`` clocks after its last event, or after ``limit`` clocks where those do not suffice.
+    run ends ``MARGIN`` clocks after its last event, or after ``limit`` clocks where those do not suffice. Of a large
+    array eight taxels, anywhere in it, have a run of their own, which comes to rest.
 
     Parameters
     ----------
@@ -158,7 +179,7 @@ def scenarios(config: ReadoutConfig, seed: int, ticks: int = 40, limit: int = 30
         Sample ticks, and the most clocks of a run.
     """
     sinks = list(READY)
-    for number, (name, make) in enumerate([*STIMULI.items(), ("noise, cut off", noise)]):
+    for number, (name, make) in enumerate([*STIMULI.items(), *_more(config).items()]):
         rng = np.random.default_rng([seed, zlib.crc32(config.to_json().encode()), number])
         sink = sinks[(number + seed) % len(sinks)]
         masked = bool((number + seed) // len(sinks) % 2)
@@ -170,6 +191,8 @@ def scenarios(config: ReadoutConfig, seed: int, ticks: int = 40, limit: int = 30
         at, mask = masks(config, int(clock[-1]) * 2 // 3, 6 if masked else 0, rng)
         if not masked:
             mask[:] = True
+        if name == FEW:
+            mask[:] = np.isin(np.arange(config.taxels), rng.choice(config.taxels, 8, replace=False))
         stimulus = Stimulus(
             samples=samples.astype(np.int32),
             sample_clock=clock.astype(np.int64),
@@ -180,7 +203,7 @@ def scenarios(config: ReadoutConfig, seed: int, ticks: int = 40, limit: int = 30
             ack_delay=ack_delays(sink, rng),
         )
         times = simulate(config, stimulus)["t"]
-        if name in STIMULI:
+        if name != CUT_OFF:
             clocks = min(max([*times[-1:].tolist(), int(clock[-1]), int(at[-1])]) + MARGIN, limit)
         else:
             clocks = _busy_clock(config, stimulus, times[times < limit])
@@ -188,11 +211,13 @@ def scenarios(config: ReadoutConfig, seed: int, ticks: int = 40, limit: int = 30
         yield Scenario(f"{name}, sink {sink}{', masked' if masked else ''}", stimulus, outstanding(config, stimulus))
 
 
-def settled(config: ReadoutConfig, samples: NDArray[np.integer[Any]], limit: int = 5000) -> Stimulus:
-    """Return a scan whose run goes on after its last sample until the model is silent, ``limit`` clocks at most.
+def settled(config: ReadoutConfig, samples: NDArray[np.integer[Any]]) -> Stimulus:
+    """Return a scan whose run goes on after its last sample until the model is silent.
 
-    A leaky taxel may fire for ever on the last sample; then the run ends at the limit.
+    A leaky taxel may fire for ever on the last sample; the run ends after 5,000 clocks more, and where the array is
+    larger than 12 x 16 after 26 for each taxel.
     """
+    limit = max(5000, 26 * config.taxels)
     end = len(samples) * config.clocks_per_sample
     stimulus = Stimulus.from_samples(config, samples, clocks=end + limit)
     last = int(simulate(config, stimulus)["t"][-1:].max(initial=0))

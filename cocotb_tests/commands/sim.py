@@ -60,7 +60,7 @@ def _play_textures(config: ReadoutConfig, encodings: list[str], asked: tuple[Any
     with bars() as show:
         for encoding in encodings:
             chosen = config.replace(encoding=encoding)
-            step, say = show(encoding, plan.scenarios + len(plan.textures))
+            step, say = show(encoding, plan.runs(chosen))
             try:
                 total += session.play(
                     plan,

@@ -36,6 +36,10 @@ MAKE_FLAGS = "CFG_CXXFLAGS_PCH_I=-include PYTHON3=python3 PERL=perl CXX=g++ LINK
 OPTIMISE = "-O2"
 """How the compiler optimises what Verilator made of a design."""
 
+BLOCK = "eskin_row"
+HIERARCHY = f'`verilator_config\nhier_block -module "{BLOCK}"\n'
+"""A control file for Verilator: all rows are alike, so one is compiled, as a library, and placed wherever it stands."""
+
 WATCHED = 'exec 3<&0 </dev/null; (read -r _ <&3; kill -KILL 0) >/dev/null 2>&1 & exec 3<&-; "$@"'
 """Runs a command; all processes of its group are killed when what writes to its standard input ends."""
 
@@ -69,9 +73,15 @@ class CachingVerilator(VerilatorRunner):
                 raise RuntimeError(f"Command failed with return code: {code}")
 
         verilate, make = cmds
+        folder = Path(cwd)
         run(verilate)
-        _bring_library(Path(cwd), lambda objects: run([*make, f"-j{os.cpu_count() or 1}", *objects]))
+        if "--hierarchical" in verilate:  # so far a plan: now every block is verilated, and the rest around them
+            whole = [word.replace("Vtop.mk", "Vtop_hier.mk") for word in make]
+            run([*whole, "hier_verilation"])
+        _bring_library(folder, lambda objects: run([*make, f"-j{os.cpu_count() or 1}", *objects]))
         run(make)
+        for header in folder.rglob("*.gch"):  # precompiled, 100 MB each, and of no use from here on
+            header.unlink()
 
 
 class FastVerilator(CachingVerilator):

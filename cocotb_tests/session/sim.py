@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cocotb_tests.bench.stimuli import STIMULI
+from cocotb_tests.bench.stimuli import scenario_count
 from cocotb_tests.bench.textures import large_enough
 from cocotb_tests.session.again import reproduce
 from cocotb_tests.session.material import Textures
@@ -39,8 +39,8 @@ class Plan:
         Whether a waveform is left.
     seed : int
         Of the scenarios.
-    scenarios : int
-        How many scenarios are played.
+    scenarios : bool
+        Whether the scenarios are played.
     material : Textures
         The dataset.
     textures : list of str
@@ -54,11 +54,15 @@ class Plan:
     simulator: Simulator
     waves: bool
     seed: int
-    scenarios: int
+    scenarios: bool
     material: Textures
     textures: list[str]
     ticks: int | None
     out: Path
+
+    def runs(self, config: ReadoutConfig) -> int:
+        """Return how many runs a configuration has."""
+        return (scenario_count(config) if self.scenarios else 0) + len(self.textures)
 
     def place(self, config: ReadoutConfig) -> str:
         """Return the name of the folder of a configuration in ``out``."""
@@ -94,8 +98,7 @@ def plan(
         picked = [material.texture(only).name]
     if ticks is None and (waves or simulator == "icarus"):
         ticks = WAVE_TICKS
-    scenarios = 0 if only else len(STIMULI) + 1
-    return Plan(simulator, waves, seed, scenarios, material, picked, ticks, out)  # type: ignore[arg-type]
+    return Plan(simulator, waves, seed, only is None, material, picked, ticks, out)  # type: ignore[arg-type]
 
 
 def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_stage: Callable[[str], None]) -> Tally:

@@ -10,6 +10,7 @@ from cocotb_tools.runner import get_results
 
 from cocotb_tests.session import runners
 from cocotb_tests.session.runners import (
+    HIERARCHY,
     VERILATOR_FLAGS,
     Simulator,
     build_environment,
@@ -32,6 +33,10 @@ ENVIRONMENT = {
     # say what they found themselves.
     "COCOTB_REWRITE_ASSERTION_FILES": "",
 }
+
+
+HIERARCHICAL_FROM = 512
+"""Taxels from which on Verilator gets the array row by row: flat, 64 x 64 would not be built within ten minutes."""
 
 
 class SimulationDied(AssertionError):  # it may be done again
@@ -97,6 +102,7 @@ def build(
     top: str = "harness",
     waves: bool = False,
     bare: bool = False,
+    hierarchical: bool | None = None,
 ) -> Build:
     """Return the simulation program of a configuration, built if need be.
 
@@ -110,11 +116,17 @@ def build(
         Whether it can leave a waveform.
     bare : bool
         Leave all signals of the design public and driven from Python: slow, for benchmarks.
+    hierarchical : bool, optional
+        Whether Verilator compiles one row of taxels as a library and places it, instead of the whole array flat; if not
+        said, from ``HIERARCHICAL_FROM`` taxels on. A waveform then shows the rows from outside.
     """
     require_programs(simulator)
     text = verilog_text(config)
     harness = HARNESS.read_text() if top == "harness" else ""
     defines, parameters = _shape(config) if harness and isinstance(config, ReadoutConfig) else ({}, {})
+    if hierarchical is None:
+        hierarchical = isinstance(config, ReadoutConfig) and config.taxels >= HIERARCHICAL_FROM
+    hierarchical = hierarchical and simulator == "verilator" and top == "harness"
     if waves:
         defines["WAVES"] = "1"
     tool = versions("verilator") if simulator == "verilator" else version_of("iverilog", "-V")
@@ -128,6 +140,7 @@ def build(
         [*VERILATOR_FLAGS, runners.OPTIMISE],
         sorted(defines),
         sorted(parameters.items()),
+        HIERARCHY if hierarchical else "",
     ]
     folder = BUILD / "sim" / f"{simulator}-{top}-{_name(config)}-{digest(recipe)}"
     program = Build(folder, top, simulator, waves)
@@ -137,18 +150,15 @@ def build(
     # Built beside its place and moved there whole, so that an interrupted build leaves nothing half done and two
     # processes may build the same.
     with scratch_folder(folder.parent, folder.name) as draft, refusing_a_full_disk(draft):
-        (draft / "eskin_readout.v").write_text(text)
-        sources = [draft / "eskin_readout.v"]
-        if harness:
-            sources.append(draft / "harness.v")
-            sources[-1].write_text(harness)
+        sources = _write_sources(draft, text, harness, HIERARCHY if hierarchical else "")
+        flags = ["--hierarchical"] * hierarchical + VERILATOR_FLAGS if simulator == "verilator" else []
         try:
             with build_environment():
                 runner(simulator, fast=bool(harness) and not bare).build(
                     sources=sources,
                     hdl_toplevel=top,
                     build_dir=draft,
-                    build_args=VERILATOR_FLAGS if simulator == "verilator" else [],
+                    build_args=flags,
                     defines=defines,
                     parameters=parameters,
                     waves=waves and simulator == "verilator",  # the harness itself asks for the waveform
@@ -168,6 +178,15 @@ def build(
                 raise
     trim(folder.parent)
     return program
+
+
+def _write_sources(folder: Path, text: str, harness: str, control: str) -> list[Path]:
+    """Write what a program is made of into a folder and return the files; empty texts give none."""
+    texts = {"rows.vlt": control, "eskin_readout.v": text, "harness.v": harness}
+    for name, content in texts.items():
+        if content:
+            (folder / name).write_text(content)
+    return [folder / name for name, content in texts.items() if content]
 
 
 def _name(config: Config) -> str:
