@@ -33,6 +33,8 @@ class Arbiter(Block[ReadoutConfig]):
         The row (one-hot) whose requests are latched at the end of this clock.
     event_valid, event_ready, event_row, event_col, event_polarity
         The stream of address events; zero-width fields are absent.
+    awake : Out(1)
+        Low in a clock at whose end no register of the arbiter changes: its clock may be stopped.
     """
 
     module_name = "eskin_arbiter"
@@ -48,6 +50,7 @@ class Arbiter(Block[ReadoutConfig]):
                 "select": Out(config.rows),
                 "granted": Out(config.rows),
                 **event_ports(config, Out),
+                "awake": Out(1),
             },
         )
 
@@ -60,14 +63,17 @@ class Arbiter(Block[ReadoutConfig]):
         behind = Signal(rows - 1)
         candidates = Signal(rows)
         load = Signal()
+        takes = Signal()
         later = self.row_request[1:] & behind
         thermometer = Cat(exclusive_prefix_or(candidates))
         m.d.comb += [
             candidates.eq(Mux(later.any(), Cat(Const(0, 1), later), self.row_request)),
             self.select.eq(candidates & ~thermometer),
             self.granted.eq(self.select & load.replicate(rows)),
+            takes.eq(load & self.row_request.any()),
+            self.awake.eq(takes | (self.event_valid & self.event_ready)),
         ]
-        with m.If(load & self.row_request.any()):
+        with m.If(takes):
             m.d.sync += behind.eq(thermometer[1:])
 
         # The burst latch, drained in rising column order.
@@ -81,7 +87,7 @@ class Arbiter(Block[ReadoutConfig]):
             load.eq(~waiting.any() | (self.event_ready & ~rest.any())),
         ]
         lines = [self.column_request[row * columns : (row + 1) * columns] for row in range(rows)]
-        with m.If(load):
+        with m.If(takes):
             m.d.sync += waiting.eq(or_tree(lines))
         with m.Elif(self.event_ready):
             m.d.sync += waiting.eq(rest)
@@ -89,7 +95,7 @@ class Arbiter(Block[ReadoutConfig]):
         # The payload.
         if self.config.row_bits:
             row = Signal(self.config.row_bits)
-            with m.If(load):
+            with m.If(takes):
                 m.d.sync += row.eq(encode(self.select))
             m.d.comb += self.event_row.eq(row)
         if self.config.column_bits:
@@ -97,7 +103,7 @@ class Arbiter(Block[ReadoutConfig]):
         if self.config.has_polarity:
             polarity = Signal(columns)
             lines = [self.column_polarity[row * columns : (row + 1) * columns] for row in range(rows)]
-            with m.If(load):
+            with m.If(takes):
                 m.d.sync += polarity.eq(or_tree(lines))
             m.d.comb += self.event_polarity.eq((polarity & first).any())
         return m

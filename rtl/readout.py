@@ -13,6 +13,7 @@ from rtl.arbiter import Arbiter, event_ports
 from rtl.block import Block
 from rtl.decay import DecayTicks
 from rtl.link import FourPhaseLink, aer_ports
+from rtl.logic import or_tree
 from rtl.taxel import Row
 
 
@@ -54,9 +55,11 @@ class Readout(Block[ReadoutConfig]):
         arbiter = Arbiter(config)
         arbiter.place(m, "arbiter", platform)
 
+        stirs: list[Any] = [arbiter.awake]
         if config.needs_tick:
             tick = Signal()
             m.d.sync += tick.eq(self.sample_valid)
+            stirs += [self.sample_valid, tick]
         if config.encoding == "nlcs":
             row_decay = self._row_decay(m, tick, platform)
 
@@ -69,6 +72,7 @@ class Readout(Block[ReadoutConfig]):
                 arbiter.row_request[index].eq(row.request),
                 _slice(arbiter.column_request, index, config.columns).eq(row.column_request),
             ]
+            stirs.append(row.awake)
             if config.has_polarity:
                 m.d.comb += _slice(arbiter.column_polarity, index, config.columns).eq(row.column_polarity)
             if "tick" in row.signature.members:
@@ -80,6 +84,10 @@ class Readout(Block[ReadoutConfig]):
             for name in self.per_row:
                 outer = getattr(self, "taxel_enable" if name == "enable" else name)
                 row.connect(m, name, _slice(outer, index, len(getattr(row, name))))
+
+        # Nothing in here uses it: a clock gate may, with all but the link behind it, which listens to ACK.
+        awake = Signal(attrs={"keep": 1})
+        m.d.comb += awake.eq(or_tree(stirs))
 
         sink: Any = self
         if config.link == "four_phase":

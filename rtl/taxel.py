@@ -2,14 +2,45 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields
 from typing import Any
 
-from amaranth.hdl import Cat, Module, Mux, Signal, signed, unsigned
+from amaranth.hdl import Cat, Const, Module, Mux, Signal, signed, unsigned
 from amaranth.lib.wiring import In, Out
 
 from model.config import ReadoutConfig
 from rtl.block import Block
+from rtl.logic import or_tree
 from rtl.window import ClosingWindow
+
+
+@dataclass(frozen=True)
+class Own:
+    """Signals that the parts of a taxel share.
+
+    Attributes
+    ----------
+    pending : Signal
+        Register: a request waits.
+    enabled : Signal
+        Register: the mask of the clock before, so that a masked taxel is reset once and then stands still.
+    on, off : Signal
+        A free taxel steps up, or down, in this clock; where both are high, up.
+    asks : Signal
+        An enabled taxel, if it is free, raises a request in this clock.
+    moves : Signal
+        Enable of request, polarity and reference.
+    closing : Signal
+        The window may close in this clock.
+    """
+
+    pending: Signal
+    enabled: Signal
+    on: Signal
+    off: Signal
+    asks: Signal
+    moves: Signal
+    closing: Signal
 
 
 class Taxel(Block[ReadoutConfig]):
@@ -41,6 +72,9 @@ class Taxel(Block[ReadoutConfig]):
         The request, if there is one, is taken in this clock.
     request, polarity : Out(1)
         The pending request and its polarity (1 is ON).
+    stirs : Out(1)
+        Some register may change at the end of this clock, even if the request is not taken, there is no new sample and
+        no leak.
     """
 
     module_name = "eskin_taxel"
@@ -62,109 +96,112 @@ class Taxel(Block[ReadoutConfig]):
                 "granted": In(1),
                 "request": Out(1),
                 "polarity": Out(1) if bipolar else None,
+                "stirs": Out(1),
             },
         )
 
     def elaborate(self, platform: Any) -> Module:
         # Everything is done in units of the encoder's grid (D for LCS, the closing step for CW-LCS, one code for
         # N-LCS): the reference stands on it, so lower bits of a sample cannot change a decision.
+        # Few enables, so that few gates stop the clock: ``moves`` serves request, polarity and reference. Where it is
+        # high an enabled taxel is free, so what they become does not wait for the grant.
         m = Module()
         config = self.config
-        pending = Signal()
-        free = Signal()
-        decide = Signal()
-        on = Signal()
-        off = Signal()
+        own = Own(*(Signal(name=field.name) for field in fields(Own)))
+        above, below = self._leaky(m, own) if config.encoding == "nlcs" else self._level(m, own, platform)
+        decide = self.tick if config.decide_every == "sample" else Const(1)
+        switched = Signal()
+        leaks = self.enable & self.decay if config.encoding == "nlcs" else Const(0)
         m.d.comb += [
-            self.request.eq(pending & self.enable),
-            free.eq(~pending | self.granted),
-            decide.eq(free & self.tick if config.decide_every == "sample" else free),
+            self.request.eq(own.pending & self.enable),
+            own.on.eq(decide & above),
+            own.off.eq(decide & below),
+            own.asks.eq(self.enable & (own.on | own.off)),
+            switched.eq(self.enable ^ own.enabled),
+            own.moves.eq(switched | Mux(own.pending, self.granted, own.asks | leaks)),
+            self.stirs.eq(switched | (~own.pending & own.asks) | own.closing),
         ]
-
-        reference = self._reference(m, free, on, off, platform)
-        above, below = self._compare(m, *reference)
-        m.d.comb += on.eq(decide & above)
-        if config.has_polarity:
-            m.d.comb += off.eq(decide & below)
-
-        with m.If(~self.enable):
-            m.d.sync += pending.eq(0)
-        with m.Elif(free):
-            m.d.sync += pending.eq(on | off)
+        with m.If(own.moves):
+            m.d.sync += [own.enabled.eq(self.enable), own.pending.eq(own.asks)]
         if config.has_polarity:
             sign = Signal()
-            with m.If(~self.enable):
-                m.d.sync += sign.eq(0)
-            with m.Elif(decide):
-                m.d.sync += sign.eq(above)
+            with m.If(own.moves):
+                m.d.sync += sign.eq(own.on)
             m.d.comb += self.polarity.eq(sign)
         return m
 
-    def _reference(self, m: Module, free: Signal, on: Signal, off: Signal, platform: Any) -> tuple[Signal, Any, Any]:
-        """Add the reference register; return it, the half-width of the window, and whether a step stays on the scale.
+    def _leaky(self, m: Module, own: Own) -> tuple[Any, Any]:
+        """Add the reference of N-LCS; return whether a step up is due, and one down, which never is."""
+        config = self.config
+        fraction, shift = config.fraction_bits, config.leak_shift
+        charge = Signal(config.sample_bits - 1 + fraction, init=config.reference_reset << fraction)
+        reference = Signal(config.sample_bits - 1)
+        m.d.comb += reference.eq(charge[fraction:])
+        rise = Mux(own.on, config.step << fraction, 0)
+        # (u + 2**(k-1)) >> k without the adder: rounding up adds the highest bit that is shifted out.
+        leak = Mux(self.decay, charge[shift:] + charge[shift - 1 : shift], 0)
+        with m.If(own.moves):
+            m.d.sync += charge.eq(Mux(self.enable, (charge + rise - leak)[: len(charge)], charge.init))
+        above, below = self._compare(m, own, reference, config.step)
+        return above & ~reference[config.step.bit_length() - 1 :].all(), below
 
-        Both are in grid units. A digital sample never asks for a step that would leave the scale (``model.taxel``).
+    def _level(self, m: Module, own: Own, platform: Any) -> tuple[Any, Any]:
+        """Add the reference of LCS and the window of CW-LCS; return whether a step up is due, and one down.
+
+        A digital sample never asks for a step that would leave the scale (``model.taxel``).
         """
         config = self.config
-        init = config.reference_reset // config.grid
-        if config.encoding == "nlcs":
-            fraction, shift = config.fraction_bits, config.leak_shift
-            init <<= fraction
-            charge = Signal(config.sample_bits - 1 + fraction, init=init)
-            rise = Mux(on, config.step << fraction, 0)
-            # (u + 2**(k-1)) >> k without the adder: rounding up adds the highest bit that is shifted out.
-            leak = charge[shift:] + charge[shift - 1 : shift]
-            with m.If(~self.enable):
-                m.d.sync += charge.eq(init)
-            with m.Elif(free & self.decay):
-                m.d.sync += charge.eq((charge + rise - leak)[: len(charge)])
-            with m.Elif(on):
-                m.d.sync += charge.eq((charge + rise)[: len(charge)])
-            reference = Signal(config.sample_bits - 1)
-            m.d.comb += reference.eq(charge[fraction:])
-            return reference, config.step, ~reference[config.step.bit_length() - 1 :].all()
-
+        shape = signed(config.sample_bits - (config.grid - 1).bit_length())
+        reference = Signal(shape, init=config.reference_reset // config.grid)
         half_width: Any = 1
         if config.closes:
             window = ClosingWindow(config)
             window.place(m, "window", platform)
+            free = ~own.pending | self.granted
             m.d.comb += [
-                window.enable.eq(self.enable),
-                window.free.eq(free),
-                window.tick.eq(self.tick),
-                window.fired.eq(on | off),
+                window.open.eq((free & own.asks) | (own.enabled & ~self.enable)),
+                window.tick.eq(free & self.enable & self.tick),
+                own.closing.eq(self.tick & ~window.closed),
             ]
             half_width = window.half_width
-        reference = Signal(signed(config.sample_bits - (config.grid - 1).bit_length()), init=init)
-        with m.If(~self.enable):
-            m.d.sync += reference.eq(init)
-        moved = reference + Mux(on if config.frontend == "digital" else self.above, half_width, -half_width)
-        with m.Elif(on | off):
-            m.d.sync += reference.eq(moved[: len(reference)])
-        return reference, half_width, moved[len(reference)] == moved[len(reference) - 1]
+        above, below = self._compare(m, own, reference, half_width)
 
-    def _compare(self, m: Module, reference: Signal, half_width: Any, fits: Any) -> tuple[Any, Any]:
-        """Add the comparators, or the reference of the analog ones; return whether to step up, and down."""
+        if config.frontend == "digital":
+            turns: Any = own.moves
+            moved = reference + Mux(own.on, half_width, Mux(own.off, -half_width, 0))
+        else:
+            # A step off the scale is not made. Where both fire, reference and polarity follow above.
+            turns = own.moves & (own.asks | ~self.enable)
+            moved = reference + Mux(self.above, half_width, -half_width)
+            fits = moved[len(reference)] == moved[len(reference) - 1]
+            above, below = above & fits, below & fits
+        with m.If(turns):
+            m.d.sync += reference.eq(Mux(self.enable, moved[: len(reference)], reference.init))
+        return above, below
+
+    def _compare(self, m: Module, own: Own, reference: Signal, half_width: Any) -> tuple[Any, Any]:
+        """Add the sample and its comparators, or the reference of the analog ones; return what they say."""
         config = self.config
         low_bits = (config.grid - 1).bit_length()
         if config.frontend == "analog":
             m.d.comb += self.reference_code.eq(reference << low_bits)
             if config.closes:
                 m.d.comb += self.half_width.eq(half_width << low_bits)
-            # Where both fire, reference and polarity follow above.
-            return self.above & fits, self.below & fits if config.has_polarity else None
+            return self.above, self.below if config.has_polarity else Const(0)
 
         sample = Signal(signed(config.sample_bits - low_bits))
-        with m.If(~self.enable):
-            m.d.sync += sample.eq(0)
-        with m.Elif(self.sample_valid):
-            m.d.sync += sample.eq(self.sample[low_bits:].as_signed())
+        newest: Any = self.sample[low_bits:].as_signed()
+        if not config.has_polarity:  # a sample below zero never asks: it counts as zero
+            sample = Signal(config.sample_bits - 1)
+            newest = Mux(self.sample[-1], 0, self.sample[:-1])
+        with m.If(Mux(self.enable, self.sample_valid, own.enabled)):
+            m.d.sync += sample.eq(Mux(self.enable, newest, 0))
         difference = Signal(signed(config.sample_bits - low_bits + 1))
         m.d.comb += difference.eq(sample - reference)
         above = Signal()
         if not config.has_polarity:
             m.d.comb += above.eq(difference > half_width)
-            return above, None
+            return above, Const(0)
         below = Signal()
         m.d.comb += [above.eq(difference >= half_width), below.eq(difference < -half_width)]
         return above, below
@@ -180,6 +217,8 @@ class Row(Block[ReadoutConfig]):
         taxel of the row requests.
     column_request, column_polarity : Out(columns)
         Requests and polarities of the row's taxels while it is selected, else 0.
+    awake : Out(1)
+        Low in a clock at whose end no register of the row changes: its clock may be stopped.
     tick, decay, sample, sample_valid, above, below, reference_code, half_width
         As those of ``Taxel``, column 0 in the least significant bits.
     """
@@ -190,7 +229,7 @@ class Row(Block[ReadoutConfig]):
         columns = config.columns
         taxel = Taxel(config)
         shared = {"tick", "decay", "sample_valid"}
-        own = {"enable", "granted", "request", "polarity"}
+        own = {"enable", "granted", "request", "polarity", "stirs"}
         ports: dict[str, Any] = {
             "enable": In(columns),
             "select": In(1),
@@ -198,6 +237,7 @@ class Row(Block[ReadoutConfig]):
             "request": Out(1),
             "column_request": Out(columns),
             "column_polarity": Out(columns) if config.has_polarity else None,
+            "awake": Out(1),
         }
         self.shared = [name for name in taxel.signature.members if name in shared]
         self.per_taxel = [name for name in taxel.signature.members if name not in shared | own]
@@ -212,6 +252,10 @@ class Row(Block[ReadoutConfig]):
     def elaborate(self, platform: Any) -> Module:
         m = Module()
         requests, polarities = [], []
+        stirs: list[Any] = [
+            self.granted,
+            *(getattr(self, name) for name in ("sample_valid", "decay") if name in self.shared),
+        ]
         for column in range(self.config.columns):
             taxel = Taxel(self.config)
             taxel.place(m, f"taxel_{column}", platform)
@@ -221,11 +265,13 @@ class Row(Block[ReadoutConfig]):
                 width = len(getattr(taxel, name))
                 taxel.connect(m, name, getattr(self, name)[column * width : (column + 1) * width])
             requests.append(taxel.request)
+            stirs.append(taxel.stirs)
             if self.config.has_polarity:
                 polarities.append(taxel.polarity)
         request = Cat(requests)
         m.d.comb += [
             self.request.eq(request.any()),
+            self.awake.eq(or_tree(stirs)),
             self.column_request.eq(request & self.select.replicate(len(requests))),
         ]
         if polarities:

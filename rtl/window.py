@@ -16,16 +16,14 @@ class ClosingWindow(Block[ReadoutConfig]):
 
     Attributes
     ----------
-    enable : In(1)
-        Low holds the window in its reset state.
-    free : In(1)
-        Low freezes the window (the taxel's request waits).
+    open : In(1)
+        The taxel raises an event in this clock, or is masked: the window opens fully.
     tick : In(1)
-        Sample tick.
-    fired : In(1)
-        The taxel raises an event in this clock: the window opens fully.
+        Sample tick that counts: one of an enabled taxel whose request does not wait.
     half_width : Out(closing_levels_log2 + 1)
         In closing steps, from 2**closing_levels_log2 (D) down to 1.
+    closed : Out(1)
+        The window is as narrow as it gets: it stands still, and its counter too, until it is opened.
     """
 
     module_name = "eskin_window"
@@ -34,11 +32,10 @@ class ClosingWindow(Block[ReadoutConfig]):
         super().__init__(
             config,
             {
-                "enable": In(1),
-                "free": In(1),
+                "open": In(1),
                 "tick": In(1),
-                "fired": In(1),
                 "half_width": Out(config.closing_levels_log2 + 1),
+                "closed": Out(1),
             },
         )
 
@@ -47,21 +44,21 @@ class ClosingWindow(Block[ReadoutConfig]):
         levels = 1 << self.config.closing_levels_log2
         # What drives a DAC leaves a flop: for analog comparators the half-width itself is the counter. Otherwise it is
         # the closing steps taken, which are a flop less.
-        if self.config.frontend == "analog":
-            window = Signal(len(self.half_width), init=levels, name="window")
-            m.d.comb += self.half_width.eq(window)
-            narrowest, narrower = 1, window - 1
-        else:
-            window = Signal(range(levels), name="closed")
-            m.d.comb += self.half_width.eq(levels - window)
-            narrowest, narrower = levels - 1, window + 1
         quiet = Signal(range(self.config.window_period))
         last = Signal()
         m.d.comb += last.eq(quiet == self.config.window_period - 1)
-        with m.If(~self.enable | (self.free & self.fired)):
-            m.d.sync += [window.eq(window.init), quiet.eq(0)]
-        with m.Elif(self.free & self.tick):
-            m.d.sync += quiet.eq(Mux(last, 0, (quiet + 1)[: len(quiet)]))
-            with m.If(last & (window != narrowest)):
-                m.d.sync += window.eq(narrower[: len(window)])
+        if self.config.frontend == "analog":
+            window = Signal(len(self.half_width), init=levels, name="window")
+            narrower = window - last
+            m.d.comb += [self.half_width.eq(window), self.closed.eq(window == 1)]
+        else:
+            window = Signal(range(levels), name="steps")
+            narrower = window + last
+            m.d.comb += [self.half_width.eq(levels - window), self.closed.eq(window == levels - 1)]
+        # One enable for both registers, low in a closed window.
+        with m.If(self.open | (self.tick & ~self.closed)):
+            m.d.sync += [
+                window.eq(Mux(self.open, window.init, narrower[: len(window)])),
+                quiet.eq(Mux(self.open | last, 0, (quiet + 1)[: len(quiet)])),
+            ]
         return m

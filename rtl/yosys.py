@@ -119,9 +119,9 @@ def waive(verilog: str, warning: str, reason: str) -> str:
     return f"// {reason}\n/* verilator lint_off {warning} */\n{verilog}"
 
 
-def waive_input(verilog: str, module: str, port: str, warning: str, reason: str) -> str:
-    """Return a text in which a lint warning is waived for one input of a module, with the reason."""
+def waive_signal(verilog: str, module: str, name: str, warning: str, reason: str) -> str:
+    """Return a text in which a lint warning is waived for one input or wire of a module, with the reason."""
     head, mark, body = verilog.partition(f"module {module}(")
-    declaration = re.compile(rf"^  input wire (?:[^;]* )?{port};$", re.MULTILINE)
+    declaration = re.compile(rf"^  (?:input )?wire (?:[^;]* )?{name};$", re.MULTILINE)
     off, on = f"  /* verilator lint_off {warning} */\n", f"\n  /* verilator lint_on {warning} */"
     return head + mark + declaration.sub(rf"  // {reason}\n{off}\g<0>{on}", body, count=1)

@@ -56,7 +56,7 @@ def test_plain_names_stay_apart() -> None:
 def test_waivers_stand_before_what_they_waive() -> None:
     assert yosys.waive("module a;\n", "WIDTH", "meant") == "// meant\n/* verilator lint_off WIDTH */\nmodule a;\n"
     before = "module a(x);\n  input wire signed [3:0] x;\nmodule b(x);\n  input wire signed [3:0] x;\n  wire w;\n"
-    assert yosys.waive_input(before, "b", "x", "UNUSED", "low bits") == (
+    assert yosys.waive_signal(before, "b", "x", "UNUSED", "low bits") == (
         "module a(x);\n  input wire signed [3:0] x;\nmodule b(x);\n  // low bits\n  /* verilator lint_off UNUSED */\n"
         "  input wire signed [3:0] x;\n  /* verilator lint_on UNUSED */\n  wire w;\n"
     )

@@ -17,8 +17,8 @@ class WindowChecker(Checker[ReadoutConfig]):
     block = ClosingWindow
     properties = (
         Property("within_bounds", "the half-width is never below one closing step and never above D"),
-        Property("opens_fully", "after an event, and while the taxel is off, the half-width is D"),
-        Property("holds_while_waiting", "while a request waits the half-width holds still"),
+        Property("opens_fully", "after it is told to open, the half-width is D"),
+        Property("says_closed", "it says that it is closed exactly where the half-width is one step"),
         Property(
             "closes_step_by_step", "otherwise the half-width holds still or loses one closing step, on a sample tick"
         ),
@@ -32,19 +32,18 @@ class WindowChecker(Checker[ReadoutConfig]):
         levels, period = 1 << self.config.closing_levels_log2, self.config.window_period
         width, old = self.half_width, Signal(len(self.half_width), init=levels)
         m.d.sync += old.eq(width)
-        opened = before(m, ~self.enable | (self.free & self.fired), "opened")
-        frozen = before(m, self.enable & ~self.free, "frozen")
-        ticked = before(m, self.enable & self.free & self.tick & ~self.fired, "ticked")
+        opened = before(m, self.open, "opened")
+        ticked = before(m, self.tick & ~self.open, "ticked")
         self.promise(m, "within_bounds", (width >= 1) & (width <= levels), width == 1)
         self.promise(m, "opens_fully", implies(opened, width == levels), opened & (old == 1))
-        self.promise(m, "holds_while_waiting", implies(frozen, width == old), frozen & (width != levels))
+        self.promise(m, "says_closed", self.closed == (width == 1), self.closed)
         closes = (width + 1 == old) & ticked
         self.promise(m, "closes_step_by_step", opened | (width == old) | closes, closes)
         # Quiet ticks since the window was opened, up to those that close it for good.
         quiet = Signal(range(period * levels + 1))
-        with m.If(~self.enable | (self.free & self.fired)):
+        with m.If(self.open):
             m.d.sync += quiet.eq(0)
-        with m.Elif(self.free & self.tick & (quiet != period * (levels - 1))):
+        with m.Elif(self.tick & (quiet != period * (levels - 1))):
             m.d.sync += quiet.eq(quiet + 1)
         due: Any = levels - 1
         for step in reversed(range(levels - 1)):
