@@ -1,4 +1,4 @@
-"""``python -m flow``: proofs of the RTL, and the properties for others' tools."""
+"""``python -m flow``: proofs of the RTL, properties for others' tools, and what becomes of it in gates."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from model.files import atomic_write
 if TYPE_CHECKING:
     from flow.formal.mutants import Mutant
 
-app = make_app("Design flow of the readout: proofs of its RTL.")
+app = make_app("Design flow of the readout: proofs of its RTL, and its netlist.")
 
 
 @app.command()
@@ -75,6 +75,45 @@ def properties(
     with atomic_write(path) as file:
         file.write(text(config).encode())
     print(path)
+
+
+@app.command()
+@with_config
+def gatesim(
+    config: ReadoutConfig,
+    lib: Annotated[Path, typer.Option(help="cell library (.lib) of the netlist")],
+    simulator: Annotated[str, typer.Option("--sim", help="icarus or verilator")] = "icarus",
+    waves: Annotated[bool, typer.Option(help="leave a waveform")] = False,
+    seed: Annotated[int, typer.Option(help="seed of the scenarios")] = 0,
+    textures: Annotated[int, typer.Option(help="scans of the encoding, one class after the other")] = 1,
+    only: Annotated[str | None, typer.Option(help="one texture, by its name, and no scenarios")] = None,
+    ticks: Annotated[int | None, typer.Option(help="sample ticks of a scan at most [all]")] = None,
+    dataset: Annotated[str | None, typer.Option(help="texture folder, or 'embedded'")] = None,
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder for netlist, pictures, events")] = Path("out/gates"),
+) -> None:
+    """Hold the gated netlist to the model, as make sim does the RTL; exit code 1 if they differ or reset leaves X."""
+    from cocotb_tests.session import sim as session
+    from cocotb_tests.session.session import MismatchFound
+    from flow.gates.sim import play, prepare
+
+    plan = session.plan(simulator, waves, seed, textures, only, ticks, dataset, out)
+    gates = prepare(config, lib, out)
+    print(gates.netlist, gates.cells, sep="\n")
+    unknown = gates.unknown
+    if not unknown.clean:
+        left = [*unknown.in_reset, *unknown.after, *unknown.outputs]
+        print(f"UNKNOWN after reset with all inputs unknown: {len(left)} of {unknown.flops} flops, {left[:3]}")
+        raise typer.Exit(1)
+    print(f"known from reset on, all inputs unknown: {unknown.flops} flops")
+    try:
+        tally = play(plan, gates, config, f"GATES=1 LIB={lib}", lambda stage: print(f"{config.encoding}: {stage}"))
+    except MismatchFound as mismatch:
+        print(f"{mismatch}\nMISMATCH; log: {plan.running(config)}")
+        raise typer.Exit(1) from None
+    if not tally.events or not tally.drained:
+        print(f"FAILED: {tally.events} events were compared, {tally.drained} runs left nothing outstanding")
+        raise typer.Exit(1)
+    print(f"bit-exact: {tally.runs} runs, {tally.clocks} clocks, {tally.events} events, 0 mismatches")
 
 
 def _hunt(block: str) -> Iterator[tuple[Mutant, set[str]]]:

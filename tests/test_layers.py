@@ -47,6 +47,7 @@ LAYERS = {
         "asic.library",
         "asic.gating",
         "asic.synthesis",
+        "gates",
         "__main__",
     ),
     "snn": (
@@ -70,7 +71,7 @@ LAYERS = {
 MAY_USE = {
     "model": {"model"},
     "rtl": {"model", "rtl"},
-    "flow": {"model", "rtl", "flow"},
+    "flow": {"model", "rtl", "cocotb_tests", "flow"},
     "snn": {"model", "snn"},
     "cocotb_tests": {"model", "rtl", "cocotb_tests"},
 }

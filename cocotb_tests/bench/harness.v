@@ -178,6 +178,9 @@ module harness;
   eskin_readout dut (
       .clk(clk),
       .rst(rst),
+`ifdef TEST_ENABLE
+      .test_enable(1'b0),
+`endif
 `ifdef TICK
       .sample_valid(sample_valid),
 `endif

@@ -12,6 +12,7 @@ from model.cli.config_options import with_config
 from model.cli.progress import bar, bars
 from model.commands.recordings import OwnData, check_alone, own_recordings, with_preparation
 from model.config import ReadoutConfig
+from model.errors import InputError
 
 if TYPE_CHECKING:
     from cocotb_tests.session.session import Tally
@@ -31,32 +32,48 @@ def sim(
     ticks: Annotated[int | None, typer.Option(help="sample ticks of a scan at most [all]")] = None,
     dataset: Annotated[str | None, typer.Option(help="texture folder, or 'embedded'")] = None,
     data: OwnData = None,
+    netlist: Annotated[
+        Path | None, typer.Option(help="Verilog netlist to hold to the model instead of the RTL")
+    ] = None,
+    cells: Annotated[Path | None, typer.Option(help="Verilog of the cells of the netlist")] = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for pictures and event files")] = Path("out/sim"),
 ) -> None:
     """Hold the RTL to the model on scenarios and texture scans, or your recordings; exit code 1 if they differ."""
     from cocotb_tests.session.session import Tally
 
-    check_alone(data, prepared, {"--dataset": dataset})
-    encodings: list[str] = [config.encoding] if "encoding" in given else ["lcs", "cw-lcs", "nlcs"]
+    check_alone(data, prepared, {"--dataset": dataset, "--netlist": netlist, "--cells": cells})
+    if (netlist is None) != (cells is None):
+        raise InputError("--netlist and --cells belong together: the netlist, and the Verilog of its cells")
+    alone = "encoding" in given or netlist is not None
+    encodings: list[str] = [config.encoding] if alone else ["lcs", "cw-lcs", "nlcs"]
     total = Tally()
     if data is not None:
         for encoding in encodings:
             wanted = config.replace(encoding=encoding)
             _play_own(data, wanted, given, prepared, (simulator, waves, textures, only, ticks, out), total)
     else:
-        _play_textures(config, encodings, (simulator, waves, seed, textures, only, ticks, dataset, out), total)
+        asked = (simulator, waves, seed, textures, only, ticks, dataset, out)
+        _play_textures(config, encodings, asked, (netlist, cells), total)
     if not total.events or not total.drained:
         print(f"FAILED: {total.events} events were compared, {total.drained} runs left nothing outstanding")
         raise typer.Exit(1)
     print(f"bit-exact: {total.runs} runs, {total.clocks} clocks, {total.events} events, 0 mismatches")
 
 
-def _play_textures(config: ReadoutConfig, encodings: list[str], asked: tuple[Any, ...], total: Tally) -> None:
-    """Play scenarios and scans with each encoding."""
+def _play_textures(
+    config: ReadoutConfig,
+    encodings: list[str],
+    asked: tuple[Any, ...],
+    gates: tuple[Path | None, Path | None],
+    total: Tally,
+) -> None:
+    """Play scenarios and scans with each encoding, on the RTL or on a netlist and its cells."""
     from cocotb_tests.session import sim as session
     from cocotb_tests.session.session import MismatchFound
 
     plan = session.plan(*asked)
+    if gates[0] is not None and gates[1] is not None:
+        plan = session.with_netlist(plan, gates[0], gates[1])
     with bars() as show:
         for encoding in encodings:
             chosen = config.replace(encoding=encoding)

@@ -49,6 +49,10 @@ class Plan:
         Sample ticks of a scan at most.
     out : Path
         Folder for pictures and event files.
+    text : str
+        Verilog to play instead of the configuration's own: a netlist and its cells.
+    netlist : str
+        What a user writes behind make for that text; empty without one.
     """
 
     simulator: Simulator
@@ -59,6 +63,8 @@ class Plan:
     textures: list[str]
     ticks: int | None
     out: Path
+    text: str = ""
+    netlist: str = ""
 
     def runs(self, config: ReadoutConfig) -> int:
         """Return how many runs a configuration has."""
@@ -101,6 +107,19 @@ def plan(
     return Plan(simulator, waves, seed, only is None, material, picked, ticks, out)  # type: ignore[arg-type]
 
 
+def with_netlist(plan: Plan, netlist: Path, cells: Path) -> Plan:
+    """Return a plan that plays a netlist, made of cells, in place of the RTL."""
+    texts = []
+    for path, what in ((netlist, "netlist"), (cells, "cells")):
+        try:
+            texts.append(path.read_text(errors="replace"))
+        except OSError as error:
+            raise InputError(f"cannot read the {what} {path}: {error.strerror}") from None
+        if "endmodule" not in texts[-1]:
+            raise InputError(f"{path} holds no Verilog module; give the {what} as Verilog")
+    return dataclasses.replace(plan, text="\n".join(texts), netlist=f"NETLIST={netlist} CELLS={cells}")
+
+
 def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_stage: Callable[[str], None]) -> Tally:
     """Play all runs of a configuration and return what was compared.
 
@@ -119,9 +138,9 @@ def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_st
         If RTL and model differ.
     """
     on_stage(f"building for {plan.simulator}")
-    program = build(config, plan.simulator, waves=plan.waves)
+    program = build(config, plan.simulator, waves=plan.waves, text=plan.text)
     place, material = plan.place(config), plan.material
-    again = reproduce(config, plan.simulator, plan.seed)
+    again = " ".join([reproduce(config, plan.simulator, plan.seed), *filter(None, [plan.netlist])])
     if plan.textures:
         again = f"{again.replace(' TEXTURES=0', '')} DATASET={material.place} TICKS={plan.ticks or ALL_TICKS}"
     job = dataclasses.replace(

@@ -27,6 +27,8 @@ from model.frame_config import FrameConfig
 from rtl.verilog import Config
 
 HARNESS = Path(__file__).parents[1] / "bench" / "harness.v"
+TEST_ENABLE = "input test_enable;"
+"""A port that only netlists have: it holds all clock gates open for a test of the chip."""
 ENVIRONMENT = {
     "COCOTB_ANSI_OUTPUT": "0",
     # To rewrite assertions cocotb would load pytest with all its plugins, a quarter of what most runs take; its checks
@@ -103,6 +105,7 @@ def build(
     waves: bool = False,
     bare: bool = False,
     hierarchical: bool | None = None,
+    text: str = "",
 ) -> Build:
     """Return the simulation program of a configuration, built if need be.
 
@@ -119,16 +122,20 @@ def build(
     hierarchical : bool, optional
         Whether Verilator compiles one row of taxels as a library and places it, instead of the whole array flat; if not
         said, from ``HIERARCHICAL_FROM`` taxels on. A waveform then shows the rows from outside.
+    text : str
+        Verilog to simulate instead of the configuration's own: its netlist, with the cells that it is made of.
     """
     require_programs(simulator)
-    text = verilog_text(config)
+    given, text = bool(text), text or verilog_text(config)
     harness = HARNESS.read_text() if top == "harness" else ""
-    defines, parameters = _shape(config) if harness and isinstance(config, ReadoutConfig) else ({}, {})
+    defines, parameters = shape(config) if harness and isinstance(config, ReadoutConfig) else ({}, {})
     if hierarchical is None:
         hierarchical = isinstance(config, ReadoutConfig) and config.taxels >= HIERARCHICAL_FROM
-    hierarchical = hierarchical and simulator == "verilator" and top == "harness"
+    hierarchical = hierarchical and simulator == "verilator" and top == "harness" and not given
     if waves:
         defines["WAVES"] = "1"
+    if given and TEST_ENABLE in text:
+        defines["TEST_ENABLE"] = "1"
     tool = versions("verilator") if simulator == "verilator" else version_of("iverilog", "-V")
     recipe = [
         text,
@@ -167,9 +174,7 @@ def build(
                     timescale=None if harness else ("1ns", "1ps"),
                 )
         except (SystemExit, RuntimeError) as error:
-            log = draft / "build.log"
-            tail = log.read_text(errors="replace")[-4000:] if log.exists() else ""
-            raise RuntimeError(f"{simulator} could not build {folder.name}: {error}\n{tail}") from None
+            raise _failure(draft / "build.log", f"{simulator} could not build {folder.name}: {error}", given) from None
         (draft / "built").touch()
         try:
             draft.rename(folder)
@@ -187,6 +192,18 @@ def _write_sources(folder: Path, text: str, harness: str, control: str) -> list[
         if content:
             (folder / name).write_text(content)
     return [folder / name for name, content in texts.items() if content]
+
+
+def _failure(log: Path, what: str, given: bool) -> Exception:
+    """Return what to raise for a build that failed: a user's mistake where the Verilog was given."""
+    tail = log.read_text(errors="replace")[-4000:] if log.exists() else ""
+    if not given:
+        return RuntimeError(f"{what}\n{tail}")
+    lines = tail.strip().splitlines() or ["no word"]
+    first = next((line for line in lines if "error" in line.lower()), lines[-1]).strip()
+    return InputError(
+        f"the netlist cannot be built: {first}; give the configuration that it was made of, and all its cells"
+    )
 
 
 def _name(config: Config) -> str:
@@ -213,7 +230,7 @@ def require_programs(simulator: Simulator) -> None:
         raise MissingProgram(f"{', '.join(missing)} not found; install with: apt-get install {' '.join(missing)}")
 
 
-def _shape(config: ReadoutConfig) -> tuple[dict[str, str], dict[str, int]]:
+def shape(config: ReadoutConfig) -> tuple[dict[str, str], dict[str, int]]:
     """Return the macros and parameters that fit the harness to a configuration."""
     macros = {
         "ANALOG": config.frontend == "analog",

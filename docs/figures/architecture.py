@@ -170,17 +170,18 @@ WAYS = {
     ("cocotb_tests", "model"): ((5.7, 9.4), (8.1, 8.4)),
     ("flow", "model"): ((10.9, 13.8), (10.9, 12.4)),
     ("flow", "rtl"): ((8.1, 15.6), (5.65, 6.3)),
+    ("flow", "cocotb_tests"): ((8.1, 17.0), (3.6, 13.3)),
     ("cocotb_tests", "rtl"): ((2.9, 8.5), (2.9, 6.6)),
 }
 
 
 def draw_packages(data: dict[str, Any], path: Path) -> None:
     """Draw every package with its layers, ground at the bottom, and what it uses of the others."""
-    figure = new_figure(
-        11, 10.4, "Packages: a file imports from its own layer, from those below it, and along the arrows"
-    )
+    top = max(y + 0.82 * len(data["layers"][package]) for package, (_, y) in PLACES.items()) + 0.5
+    title = "Packages: a file imports from its own layer, from those below it, and along the arrows"
+    figure = new_figure(11, 0.53 * top, title)
     axis = figure.add_subplot()
-    axis.set(xlim=(0, 21.8), ylim=(-0.2, 19.5))
+    axis.set(xlim=(0, 21.8), ylim=(-0.2, top))
     axis.axis("off")
     for package, (x, y) in PLACES.items():
         for number, rooms in enumerate(data["layers"][package]):

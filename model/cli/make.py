@@ -47,6 +47,8 @@ class Target:
         Variables that the target sets where the user does not.
     instead : dict of str to str
         Variables with which a default is not set.
+    switches : dict of str to Target
+        What runs in its place where a user sets a variable to 1.
     """
 
     help: str
@@ -55,6 +57,7 @@ class Target:
     steps: tuple[str, ...] = ()
     defaults: dict[str, str] = field(default_factory=dict)
     instead: dict[str, str] = field(default_factory=dict)
+    switches: dict[str, Target] = field(default_factory=dict)
 
 
 SIM, SNN, DEV, ALL = ("sim",), ("snn",), ("sim", "snn", "dev"), ("all",)
@@ -65,9 +68,10 @@ TARGETS = {
     "help": Target("list the targets"),
     "setup": Target("virtual environment with all pinned packages (every target installs what it needs)", needs=ALL),
     "sim": Target(
-        "hold the RTL to the model on scenarios, textures or recordings [DATA= SIM= WAVES=1 OUT=]",
+        "hold RTL, or its netlist, to the model on scenarios, textures, recordings [DATA= SIM= GATES=1 LIB= OUT=]",
         "cocotb_tests sim",
         SIM,
+        switches={"GATES": Target("", "flow gatesim", ("sim", "asic"))},
     ),
     "replay": Target(
         "a whole dataset or DATA=my_skin/ through RTL and model [DATASET= PRESET= LIMIT= SCHEDULER= OUT=]",
@@ -252,6 +256,7 @@ def main() -> None:
 
 def _make(name: str, target: Target, variables: dict[str, str], letters: str) -> None:
     """Check the variables as early as the packages allow, install what is missing, and run the target."""
+    target, variables, own = _switched(target, variables)
     if name in ("help", "clean"):
         check_variables(name, variables, [])
         print_help() if name == "help" else _clean("n" in letters)
@@ -265,7 +270,7 @@ def _make(name: str, target: Target, variables: dict[str, str], letters: str) ->
     if target.command and os.path.exists(python()) and INSIDE not in sys.argv:
         os.execv(python(), [python(), "-m", "model.cli.make", name, INSIDE])
     parameters = _options(target, [] if dry else wanted)
-    check_variables(name, variables, list(parameters))
+    check_variables(name, variables, [*parameters, *own])
     lines = command_lines(target, parameters, variables)
     if dry:
         print("\n".join(shlex.join(line) for line in lines))
@@ -273,6 +278,17 @@ def _make(name: str, target: Target, variables: dict[str, str], letters: str) ->
     install(wanted)
     for line in lines:
         _call(line)
+
+
+def _switched(target: Target, variables: dict[str, str]) -> tuple[Target, dict[str, str], list[str]]:
+    """Return the target that the switches choose, the variables without them, and their names."""
+    chosen, left = target, dict(variables)
+    for name, other in target.switches.items():
+        value = left.pop(name, NO[0])
+        if value not in YES + NO:
+            _fail(f"{name} is 1 or 0, not {value!r}")
+        chosen = other if value in YES else chosen
+    return chosen, left, list(target.switches)
 
 
 def _options(target: Target, wanted: list[str]) -> dict[str, Any]:

@@ -170,7 +170,8 @@ def test_the_makefile_has_every_target_and_help_lists_it(make: Make) -> None:
 def test_hints_of_the_help_are_variables_of_the_target() -> None:
     for name, target in TARGETS.items():
         for hint in re.findall(r"\b([A-Z_]+)=", target.help.replace("NAME=VALUE", "")):
-            assert hint in options_of(target), f"{name} {hint}"
+            known = [*target.switches, *(o for t in (target, *target.switches.values()) for o in options_of(t))]
+            assert hint in known, f"{name} {hint}"
 
 
 @pytest.mark.parametrize(
@@ -248,3 +249,12 @@ def test_every_target_of_a_dataset_takes_own_recordings(launch: Callable[..., An
         assert "EVENTS" not in " ".join(lines[0])
         assert not any(word.startswith("--events") for word in lines[0])
     assert any(word.startswith("--events") for word in launch("predict")[1][0])
+
+
+def test_a_switch_chooses_what_runs(launch: Callable[..., Any]) -> None:
+    _, lines, _ = launch("sim", "GATES=1", "LIB=cells.lib", "ROWS=2")
+    assert lines == [["-m", "flow", "gatesim", "--lib=cells.lib", "--rows=2"]]
+    assert launch("sim", "GATES=0", "ROWS=2") == launch("sim", "ROWS=2")
+    code, _, err = launch("sim", "GATES=on")
+    assert (code, err) == (2, "error: GATES is 1 or 0, not 'on'\n")
+    assert launch("sim", "GATE=1")[2] == "error: make sim does not take GATE; did you mean GATES?\n"

@@ -1,0 +1,1 @@
+"""Cells of a library as they behave, and the readout simulated in them."""

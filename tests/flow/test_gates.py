@@ -1,0 +1,146 @@
+"""Cell models from a liberty file, and the netlist made of them held to the model."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from pathlib import Path
+
+import pytest
+
+from cocotb_tests.session.player import Job
+from cocotb_tests.session.session import MismatchFound, Tally, run_job
+from cocotb_tests.session.simulator import build
+from flow.asic.synthesis import Netlist, netlist
+from flow.gates import icarus
+from flow.gates.liberty import CellLibrary, verilog_of
+from flow.gates.models import models
+from flow.gates.netlist import FlatNetlist, read
+from flow.gates.unknown import from_reset
+from model.config import ReadoutConfig
+from model.errors import InputError
+from tests.flow import quill
+
+CONFIG = ReadoutConfig(rows=1, columns=2, resolution=4)
+REAL = Path(__file__).resolve().parents[3] / "shared" / "data" / "ihp-sg13g2" / "sg13g2_stdcell_typ_1p20V_25C.lib"
+
+
+@dataclasses.dataclass(frozen=True)
+class Made:
+    """A netlist, what it is made of, and its flat form."""
+
+    library: CellLibrary
+    netlist: Netlist
+    flat: FlatNetlist
+    cells: str
+
+
+def make(config: ReadoutConfig, path: Path) -> Made:
+    """Return the netlist of a readout in a library, with the models of its cells."""
+    library = CellLibrary.read(path)
+    made = netlist(config, library.known)
+    flat = read(made.text, made.top, library.content)
+    return Made(library, made, flat, models(library, {cell.kind for cell in flat.cells}))
+
+
+@pytest.fixture(scope="module")
+def quills(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("quill") / "quill.lib"
+    path.write_text(quill.library())
+    return path
+
+
+@pytest.fixture(scope="module")
+def made(quills: Path) -> Made:
+    return make(CONFIG, quills)
+
+
+def play(config: ReadoutConfig, text: str, folder: Path) -> Tally:
+    """Play the scenarios of the readout's own test on a netlist with its cells."""
+    job = Job(config.to_dict(), "make sim GATES=1", seed=0)
+    return run_job(build(config, "icarus", text=text), job, folder)
+
+
+def test_a_netlist_does_what_the_model_does(made: Made, tmp_path: Path) -> None:
+    tally = play(CONFIG, made.netlist.text + made.cells, tmp_path)
+    assert tally.runs == 9
+    assert tally.events > 0
+    assert tally.drained > 0
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [
+        ("assign Z = ((A & ~B) | (B & ~A));", "assign Z = (A | B);"),  # an XOR that is none
+        ("if (open_ === 1'b1) held_ = data_;", "if (open_ === 1'b1) held_ = 1'b0;"),  # an enable that is stuck
+        ("STATE <= next_;", "STATE <= 1'b0;"),  # flops that never fire: a netlist without any event
+    ],
+    ids=["xor", "enable", "no event"],
+)
+def test_a_wrong_cell_is_noticed(made: Made, right: str, wrong: str, tmp_path: Path) -> None:
+    assert made.cells.count(right) == 1
+    with pytest.raises(MismatchFound):
+        play(CONFIG, made.netlist.text + made.cells.replace(right, wrong), tmp_path)
+
+
+def test_reset_alone_wakes_every_flop(made: Made, tmp_path: Path) -> None:
+    unknown = from_reset(made.flat, made.library, tmp_path)
+    assert unknown.clean
+    flops = sum(cell.kind == "PERCH" for cell in made.flat.cells)
+    assert unknown.flops == flops > 30
+
+
+def test_a_flop_that_reset_does_not_reach_stays_unknown(made: Made, tmp_path: Path) -> None:
+    deaf = [
+        dataclasses.replace(c, pins={p: "1'b0" if n == "rst" else n for p, n in c.pins.items()})
+        for c in made.flat.cells
+    ]
+    unknown = from_reset(dataclasses.replace(made.flat, cells=tuple(deaf)), made.library, tmp_path)
+    assert not unknown.clean
+    assert len(unknown.in_reset) > 30
+
+
+@pytest.mark.skipif(not REAL.is_file(), reason=f"no cell library {REAL.name} beside the checkout")
+def test_a_netlist_of_a_real_library_does_what_the_model_does(tmp_path: Path) -> None:
+    config = CONFIG.replace(encoding="nlcs", frontend="analog", link="four_phase", reset="async", leak_period=5)
+    made = make(config, REAL)
+    assert from_reset(made.flat, made.library, tmp_path).clean
+    assert play(config, made.netlist.text + made.cells, tmp_path).events > 0
+
+
+def test_a_flop_whose_clock_is_unknown_loses_its_state(made: Made, tmp_path: Path) -> None:
+    bench = """
+module bench;
+  reg clk = 0, d = 1, wipe = 0;
+  wire q, gated;
+  PERCH flop (.BEAT(gated), .NEXT(d), .WIPE(wipe), .HELD(q));
+  reg want = 1;
+  SLUMBER gate (.BEAT(clk), .WANTED(want), .TRIAL(1'b0), .BEATS(gated));
+  initial begin
+    #1 wipe = 1;
+    #1 clk = 1; #1 $write("%b", q); clk = 0;
+    #1 d = 0; want = 0; #1 clk = 1; #1 $write("%b", q); clk = 0;
+    #1 want = 1'bx; #1 clk = 1; #1 $write("%b", q); clk = 0;
+    #1 want = 1; wipe = 0; #1 $write("%b", q); wipe = 1; d = 1'bx; #1 clk = 1; #1 $display("%b", q);
+  end
+endmodule
+"""
+    assert icarus.run([models(made.library, {"PERCH", "SLUMBER"}), bench], "bench", tmp_path).split() == ["11x0x"]
+
+
+def test_expressions_of_a_library_in_verilog() -> None:
+    written = {"!A": "~A", "A B'": "(A & ~B)", "(A ^ B)": "(A ^ B)", "A+B": "(A | B)", "1": "1'b1", "0": "1'b0"}
+    assert {text: verilog_of(text) for text in written} == written
+
+
+def test_cells_that_are_missing_or_say_nothing_are_one_sentence(quills: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"^the cell library .* has no cell OWL; give the one of the netlist$"):
+        models(CellLibrary.read(quills), {"OWL"})
+    silent = tmp_path / "silent.lib"
+    silent.write_text(re.sub(r'function : "!A";', "", quill.library(), count=1))
+    with pytest.raises(
+        InputError, match=r"^the cell library does not say what HOOT does at Z; keep it out of netlists$"
+    ):
+        models(CellLibrary.read(silent), {"HOOT"})
+    with pytest.raises(InputError, match=r"^the netlist does not fit the cell library: .*; give those of one run$"):
+        read("module top(a); input a; OWL o(.A(a)); endmodule", "top", quill.library().encode())
