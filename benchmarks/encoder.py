@@ -3,8 +3,9 @@
 ``python benchmarks/encoder.py --json benchmarks/results/encoder.json``
 
 In every round all candidates run once, one after the other, so that a change of the machine's speed meets all
-of them; ratios are taken within a round. Arrays are allocated and touched before. The NumPy loop has the rule
-of the LCS encoder, and the same events are demanded of it (exit code 1 otherwise). The delta modulation of
+of them; ratios are taken within a round. Times are CPU time of the process. Arrays are allocated and touched
+before. The NumPy loop has the rule of the LCS encoder, and the same events are demanded of it (exit code 1
+otherwise). The delta modulation of
 snnTorch compares neighbouring samples, so slow changes never fire; it is there for its speed, on at most
 1,024 signals (it fills new arrays), and is left out where snnTorch is not installed.
 """
@@ -31,7 +32,7 @@ from scipy.signal import butter, sosfilt
 
 from model.config import ReadoutConfig
 from model.errors import InputError
-from model.files import atomic_write, check_writable
+from model.files import atomic_write, check_writable, origin
 from model.taxel import count_events, decisions_per_tick, encode
 
 RMS = 0.17
@@ -211,9 +212,9 @@ def main(
         events[candidate.name] = candidate.events() if candidate.events else None
     for _ in range(rounds):
         for candidate in timed:
-            start = time.perf_counter()
+            start = time.process_time()
             candidate.call()
-            candidate.seconds.append(time.perf_counter() - start)
+            candidate.seconds.append(time.process_time() - start)
     results = [summary(candidate, timed[0], events[candidate.name]) for candidate in timed]
 
     print(f"{signals} signals x {samples} samples, {config.sample_bits} bits, N = {config.resolution}, one core")
@@ -226,6 +227,7 @@ def main(
     if json_file is not None:
         report = {
             "benchmark": "encoder",
+            **origin(f"python benchmarks/encoder.py --signals {signals} --samples {samples} --rounds {rounds}"),
             "signals": signals,
             "samples": samples,
             "rounds": rounds,

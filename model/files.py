@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import datetime
 import io
 import json
 import math
 import os
 import shutil
+import subprocess
 import tempfile
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping
@@ -121,6 +123,13 @@ def write_json(path: Path, content: dict[str, Any]) -> None:
     """Write a JSON file, whole or not at all; floats that are no finite numbers become texts."""
     with atomic_write(path) as file:
         file.write((json.dumps(plain(content), indent=1, allow_nan=False) + "\n").encode())
+
+
+def origin(command: str) -> dict[str, str]:
+    """Return what says where a kept result comes from: the command, the commit of these files, and the date."""
+    describe = ["git", "describe", "--always", "--dirty"]
+    commit = subprocess.run(describe, cwd=Path(__file__).parent, capture_output=True, text=True).stdout.strip()
+    return {"command": command, "commit": commit, "date": datetime.date.today().isoformat()}
 
 
 def read_json(path: Path, what: str, kind: type | None = None) -> Any:

@@ -332,8 +332,8 @@ class _Bank:
 
     config: ReadoutConfig
     u: NDArray[Any]
-    closed: NDArray[np.int32]
-    quiet: NDArray[np.int32]
+    closed: NDArray[Any]
+    quiet: NDArray[Any]
     tick: int = 0
 
     @classmethod
@@ -345,7 +345,9 @@ class _Bank:
             start <<= config.fraction_bits
         elif config.encoding == "lcs" and config.resolution <= 12:
             dtype = np.int16  # the cap of 2**(N + 2) steps takes N + 4 bits
-        return cls(config, np.full(taxels, start, dtype), np.zeros(taxels, np.int32), np.zeros(taxels, np.int32))
+        elif config.encoding == "cw-lcs" and _closing_fits(config):
+            dtype = np.int16
+        return cls(config, np.full(taxels, start, dtype), np.zeros(taxels, dtype), np.zeros(taxels, dtype))
 
     def run(self, x: NDArray[Any], counts: Counts, late: Flags | None) -> None:
         """Write the events of the samples x, shape (ticks, taxels), into counts and, if wanted, late."""
@@ -370,6 +372,11 @@ def _phases(config: ReadoutConfig) -> NDArray[np.int32]:
 def _closing(config: ReadoutConfig) -> kernels.ClosingRule:
     levels = config.closing_levels_log2
     return kernels.ClosingRule(_log2(config.closing_step), levels, config.window_period, _largest_count(config))
+
+
+def _closing_fits(config: ReadoutConfig) -> bool:
+    """Return whether 16 bits hold the state of CW-LCS; a difference of samples takes W + 1, less the closing step."""
+    return config.sample_bits - _log2(config.closing_step) <= 15 and config.window_period <= np.iinfo(np.int16).max
 
 
 def _leaky(config: ReadoutConfig) -> kernels.LeakyRule:

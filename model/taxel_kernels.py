@@ -38,7 +38,10 @@ class LeakyRule(NamedTuple):
 
 
 class TaxelState(NamedTuple):
-    """Reference, closing steps taken, and quiet ticks since the last of them; each (taxels,), changed in place."""
+    """Reference, closing steps taken, and quiet ticks since the last of them; each (taxels,), changed in place.
+
+    All of one type, which holds the difference of two samples in closing steps, and ``window_period``.
+    """
 
     u: NDArray[Any]
     closed: NDArray[np.int32]
@@ -142,33 +145,40 @@ def cw_lcs(x: Any, taxels: TaxelState, rule: ClosingRule, counts: Any, late: Any
     If the first is quiet the window may close, which the second decision sees; a third finds nothing new.
     """
     u, closed, quiet = taxels
-    state = u.dtype.type
-    shift, step_log2, levels = state(rule.closing_step_log2), state(rule.levels_log2), state(1 << rule.levels_log2)
-    high, low, none = state(rule.cap - 1), state(1 - rule.cap), state(0)
+    code, state = x.dtype.type, u.dtype.type
+    shift, step_log2, levels = code(rule.closing_step_log2), state(rule.levels_log2), state(1 << rule.levels_log2)
+    high, low, period = state(rule.cap - 1), state(1 - rule.cap), state(rule.window_period)
+    none, one, minus, never = state(0), state(1), state(-1), state(np.iinfo(u.dtype).max)
     for i in range(x.shape[0]):
         for j in range(x.shape[1]):
-            d = state(np.right_shift(state(x[i, j]), shift) - u[j])
-            half = state(levels - closed[j])
-            first = state(state(d >= half) - state(d < state(-half)))
-            move = half if first > 0 else (state(-half) if first < 0 else none)
+            d = state(state(np.right_shift(x[i, j], shift)) - u[j])
+            half, below = state(levels - closed[j]), state(closed[j] - levels)
+            move = half if d >= half else none
+            move = below if d < below else move
+            first = one if move > none else (minus if move < none else none)
             d = state(d - move)
-            more = state(np.right_shift(d, step_log2) + state(d < 0))  # 0 after a quiet first decision
+            more = state(np.right_shift(d, step_log2) + (one if d < none else none))  # 0 after a quiet first decision
             more = min(max(more, low), high)
             move = state(move + np.left_shift(more, step_log2))
 
-            ticks = none if first != 0 else state(quiet[j] + 1)
-            closes = ticks == rule.window_period
-            shut = none if first != 0 else state(closed[j] + state(closes and half > 1))
-            half = state(levels - shut)
-            second = state(state(d >= half) - state(d < state(-half))) if closes and rule.cap > 1 else none
-            move = state(move + (half if second > 0 else (state(-half) if second < 0 else none)))
+            ticks = state(quiet[j] + one) if first == none else none
+            shut = closed[j] if first == none else none
+            half = never
+            if ticks == period:
+                ticks = none
+                shut = min(state(shut + one), state(levels - one))
+                half = state(levels - shut) if rule.cap > 1 else never
+            below = state(-half)
+            again = half if d >= half else none
+            again = below if d < below else again
+            second = one if again > none else (minus if again < none else none)
 
-            quiet[j] = none if closes else ticks
-            closed[j] = none if second != 0 else shut
-            u[j] = state(u[j] + move)
+            quiet[j] = ticks
+            closed[j] = shut if second == none else none
+            u[j] = state(u[j] + state(move + again))
             counts[i, j] = state(state(first + more) + second)
             if timed:
-                late[i, j] = second != 0
+                late[i, j] = second != none
 
 
 @njit(cache=True, nogil=True)

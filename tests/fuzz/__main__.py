@@ -6,7 +6,6 @@ stopped goes on where it was, and pieces in which something was wrong run again 
 
 from __future__ import annotations
 
-import datetime
 import json
 import os
 import subprocess
@@ -15,7 +14,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from model.files import write_json
+from model.files import origin, write_json
 
 ROOT = Path(__file__).parents[2]
 KEPT = ROOT / "docs" / "data" / "verification" / "fuzz.json"
@@ -73,10 +72,8 @@ def keep(pieces: list[Any]) -> None:
                 else:
                     total[key] += value
         sums[name] = dict(total) | {key: dict(sorted(counter.items())) for key, counter in by.items()}
-    commit = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=ROOT, capture_output=True, text=True).stdout
-    head = {"command": f"python -m tests.fuzz {len(pieces) * PIECE}", "commit": commit.strip()}
     KEPT.parent.mkdir(exist_ok=True)
-    write_json(KEPT, head | {"date": datetime.date.today().isoformat(), **sums})
+    write_json(KEPT, origin(f"python -m tests.fuzz {len(pieces) * PIECE}") | sums)
     print(f"kept {KEPT.relative_to(ROOT)}")
 
 

@@ -330,6 +330,25 @@ def test_a_closed_window_follows_closer_than_an_open_one() -> None:
     assert rms["cw-lcs"] < 0.5 * rms["lcs"]
 
 
+@pytest.mark.parametrize("period", [2**15 - 1, 2**15, 2**16])
+def test_a_window_may_close_after_more_ticks_than_16_bits_count(period: int) -> None:
+    config = one("cw-lcs", window_period=period, closing_shift=1)
+    found = encode(config, np.full((period + 5, 33), 103, np.int16))  # 100 at once, 3 where the window is D / 2
+    assert np.array_equal(np.unique(np.nonzero(found)[0]), [0, period])
+    assert found[[0, period]].tolist() == [[25] * 33, [1] * 33]
+
+
+@pytest.mark.parametrize("wide", [15, 16])
+def test_cw_lcs_goes_from_end_to_end_of_the_scale_where_16_bits_hold_it_and_where_not(wide: int) -> None:
+    config = one("cw-lcs", sample_bits=16, resolution=wide - 2 - 1, closing_shift=1, clocks_per_sample=2**14)
+    assert config.sample_bits - (config.closing_step.bit_length() - 1) == wide
+    ends = np.repeat([[-(2**15)], [2**15 - 1], [-(2**15)]], 3, axis=0)
+    samples = np.repeat(ends, 33, axis=1)
+    events, reference, _ = naive(config, samples[:, :1])
+    assert np.array_equal(decode(config, *encode_timed(config, samples)), np.repeat(reference, 33, axis=1))
+    assert count_events(config, samples)[0] == len(events)
+
+
 # -- refusals ----------------------------------------------------------------------------------------
 
 
