@@ -23,7 +23,10 @@ app = make_app("Design flow of the readout: proofs of its RTL, and its netlist."
 @app.command()
 def formal(
     block: Annotated[
-        str, typer.Option(help="only this block: arbiter, link, window, taxel, frame_readout, readout")
+        str,
+        typer.Option(
+            help="only this block: arbiter, link, window, taxel, frame_readout, readout, spi, registers, pattern"
+        ),
     ] = "",
     small: Annotated[bool, typer.Option(help="only one small configuration of each block")] = False,
     mutants: Annotated[bool, typer.Option(help="plant bugs too, and see the properties fail")] = False,

@@ -18,6 +18,7 @@ Link = Literal["stream", "four_phase"]
 Frontend = Literal["digital", "analog"]
 Reset = Literal["sync", "async"]
 DecideEvery = Literal["clock", "sample"]
+Registers = Literal["none", "spi"]
 
 MAX_SIDE = 64
 """Largest number of rows or columns: a row of requests fits one 64-bit word of the model."""
@@ -86,6 +87,8 @@ class ReadoutConfig:
         Sample ticks per second.
     clocks_per_sample : int
         Clocks per sample tick; the clock is ``sample_rate_hz * clocks_per_sample``.
+    registers : "none" or "spi"
+        Whether resolution, leak, window, mask and more can be set at run time, up to what is built.
 
     Raises
     ------
@@ -127,6 +130,7 @@ class ReadoutConfig:
     reset: Reset = parameter("sync", "", f"{SPECIFICATION} 4", "reset style of the flops")
     sample_rate_hz: float = parameter(20_000.0, "Hz", f"{SPECIFICATION} 6", "sample ticks per second")
     clocks_per_sample: int = parameter(64, "", f"{SPECIFICATION} 4", "clocks per sample tick")
+    registers: Registers = parameter("none", "", f"{SPECIFICATION} 4", "settings at run time: none, or over SPI")
 
     def __post_init__(self) -> None:
         for name, hint in get_type_hints(type(self)).items():
@@ -148,6 +152,11 @@ class ReadoutConfig:
         if not MIN_RATE_HZ <= self.sample_rate_hz <= MAX_RATE_HZ:
             raise InputError(
                 f"sample_rate_hz must be in {MIN_RATE_HZ:g}..{MAX_RATE_HZ:g} hertz, not {self.sample_rate_hz!r}"
+            )
+        if self.registers != "none" and self.encoding == "nlcs" and self.leak_period < self.rows:
+            raise InputError(
+                f"leak_period must be at least the number of rows, {self.rows}, with registers={self.registers}, "
+                f"not {self.leak_period}"
             )
         # A reference stands on a level of its encoder; the leaky one never goes below zero.
         low = 0 if self.encoding == "nlcs" else -self.full_scale
@@ -307,8 +316,11 @@ class ReadoutConfig:
         return dataclasses.replace(self, **changes)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as a plain dictionary."""
-        return dataclasses.asdict(self)
+        """Return all fields as a plain dictionary; registers only where there are any."""
+        fields = dataclasses.asdict(self)
+        if self.registers == "none":
+            del fields["registers"]
+        return fields
 
     def to_json(self) -> str:
         """Return the configuration as JSON text, keys in the order of the fields."""

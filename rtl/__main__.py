@@ -37,7 +37,10 @@ def verilog(
         bool, typer.Option("--chip", help="the readout with that classifier behind it, eskin_chip")
     ] = False,
 ) -> None:
-    """Write eskin_readout.v or eskin_frame_readout.v, .sdc, .json (configuration and ports) and .core (FuseSoC)."""
+    """Write eskin_readout.v or eskin_frame_readout.v, .sdc, .json (configuration and ports) and .core (FuseSoC).
+
+    With --registers spi also eskin_registers.h and eskin_registers.md.
+    """
     from rtl.delivery import write
     from rtl.verilog import Config
 
@@ -83,7 +86,7 @@ def gates(
     designs: dict[str, ReadoutConfig | FrameConfig] = {
         encoding: config.replace(encoding=encoding) for encoding in ("lcs", "cw-lcs", "nlcs")
     }
-    designs["frame"] = FrameConfig(readout=config, **stored)
+    designs["frame"] = FrameConfig(readout=config.replace(registers="none"), **stored)
     counted = {name: count_gates(design, config.taxels, liberty).to_dict() for name, design in designs.items()}
     if as_json:
         print(json.dumps({"liberty": liberty.name if liberty else None, "readouts": counted}, indent=2))

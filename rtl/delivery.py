@@ -16,6 +16,8 @@ from model.classifier.config import ClassifierConfig
 from model.config import ReadoutConfig
 from model.files import atomic_write
 from model.frame_config import FrameConfig
+from model.registers.description import NAME
+from model.registers.export import c_header, page
 from rtl.classifier.ports import CLASSIFIER_PORTS, WATCHED_PORTS
 from rtl.verilog import Config, header, top_block, verilog, what_is
 
@@ -37,8 +39,16 @@ PORTS = PORTS_OF_ALL | {
     "aer_req": "request, four-phase",
     "aer_ack": "acknowledge, asynchronous",
     "aer_addr": "{{polarity, row, column}}, stable from one clock before aer_req rises until aer_ack has fallen",
+    "spi_sck": "SPI mode 0, asynchronous; its times stand in eskin_registers.md",
+    "spi_cs_n": "chip select, active low, asynchronous",
+    "spi_mosi": "from the host, asynchronous",
+    "spi_miso": "to the host",
+    "spi_miso_enable": "opens the pad of spi_miso: a transfer is under way",
 }
 """What every port of the spiking readout means; fields in braces are those of the configuration."""
+
+ASYNCHRONOUS = ("aer_ack", "spi_sck", "spi_cs_n", "spi_mosi")
+"""Ports that know nothing of the clock."""
 
 FRAME_PORTS = PORTS_OF_ALL | {
     "frame_start": "scan the array once; not heard during a scan",
@@ -111,7 +121,7 @@ def constraints(config: Config) -> str:
         way: " ".join(
             pins[port["name"]]
             for port in ports(config)
-            if port["direction"] == way and port["name"] not in ("clk", "aer_ack")
+            if port["direction"] == way and port["name"] not in ("clk", *ASYNCHRONOUS)
         )
         for way in ("input", "output")
     }
@@ -132,12 +142,13 @@ def constraints(config: Config) -> str:
         f"set_input_delay [expr 0.2 * $period_ns] -clock clk [get_ports {{{timed['input']}}}]",
         f"set_output_delay [expr 0.2 * $period_ns] -clock clk [get_ports {{{timed['output']}}}]",
     ]
-    if "aer_ack" in pins:
-        lines += [
-            "",
-            "# Asynchronous; two flops in the link take it.",
-            "set_false_path -from [get_ports {aer_ack}]",
-        ]
+    for names, taker in ((ASYNCHRONOUS[:1], "link"), (ASYNCHRONOUS[1:], "SPI slave")):
+        if found := " ".join(pins[name] for name in names if name in pins):
+            lines += [
+                "",
+                f"# Asynchronous; two flops in the {taker} take {'it' if len(names) == 1 else 'each'}.",
+                f"set_false_path -from [get_ports {{{found}}}]",
+            ]
     return header(config, "#") + "\n" + "\n".join(lines) + "\n"
 
 
@@ -185,6 +196,14 @@ def _summary(config: Config) -> str:
     return f"{what}, {config.rows} x {config.columns} taxels, {encoding}{config.resolution} b"
 
 
+def _of_registers(config: Config) -> dict[str, str]:
+    """Return the C header and the page of a design with registers, by the names of their files."""
+    readout = config.readout if isinstance(config, ChipConfig) else config
+    if not isinstance(readout, ReadoutConfig) or readout.registers == "none":
+        return {}
+    return {f"{NAME}.h": header(config, "//") + c_header(readout), f"{NAME}.md": page(readout)}
+
+
 def write(config: Config, folder: Path) -> list[Path]:
     """Write Verilog, constraints, description and core file into a folder, made if need be; return their paths.
 
@@ -197,10 +216,11 @@ def write(config: Config, folder: Path) -> list[Path]:
         ".json": description(config) + "\n",
         ".core": core(config),
     }
+    texts = {f"{top}{suffix}": text for suffix, text in files.items()} | _of_registers(config)
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
-    for suffix, text in files.items():
-        paths.append(folder / f"{top}{suffix}")
+    for name, text in texts.items():
+        paths.append(folder / name)
         with atomic_write(paths[-1]) as file:
             file.write(text.encode())
     return paths

@@ -14,6 +14,8 @@ from rtl.block import Block
 from rtl.decay import DecayTicks
 from rtl.link import FourPhaseLink, aer_ports
 from rtl.logic import or_tree
+from rtl.registers.host import Host
+from rtl.registers.spi import PINS
 from rtl.taxel import Row
 
 
@@ -33,6 +35,8 @@ class Readout(Block[ReadoutConfig]):
         Address events (``link="stream"``).
     aer_req, aer_ack, aer_addr
         Address events (``link="four_phase"``).
+    spi_sck, spi_cs_n, spi_mosi, spi_miso, spi_miso_enable
+        Settings at run time (``registers="spi"``), see ``rtl.registers``.
     """
 
     module_name = "eskin_readout"
@@ -47,6 +51,8 @@ class Readout(Block[ReadoutConfig]):
             flow = In if row.signature.members[name].flow is In else Out
             ports[name] = flow(unsigned(config.rows * len(getattr(row, name))))
         ports |= event_ports(config, Out) if config.link == "stream" else aer_ports(config)
+        if config.registers == "spi":
+            ports |= PINS
         super().__init__(config, ports)
 
     def elaborate(self, platform: Any) -> Module:
@@ -54,6 +60,8 @@ class Readout(Block[ReadoutConfig]):
         config = self.config
         arbiter = Arbiter(config)
         arbiter.place(m, "arbiter", platform)
+        host = self._host(m, arbiter, platform)
+        enable = self.taxel_enable if host is None else host.enabled
 
         stirs: list[Any] = [arbiter.awake]
         if config.needs_tick:
@@ -69,12 +77,9 @@ class Readout(Block[ReadoutConfig]):
             m.d.comb += [
                 row.select.eq(arbiter.select[index]),
                 row.granted.eq(arbiter.granted[index]),
-                arbiter.row_request[index].eq(row.request),
-                _slice(arbiter.column_request, index, config.columns).eq(row.column_request),
             ]
             stirs.append(row.awake)
-            if config.has_polarity:
-                m.d.comb += _slice(arbiter.column_polarity, index, config.columns).eq(row.column_polarity)
+            _request(m, arbiter, row, host, index)
             if "tick" in row.signature.members:
                 m.d.comb += row.tick.eq(tick)
             if config.encoding == "nlcs":
@@ -82,7 +87,7 @@ class Readout(Block[ReadoutConfig]):
             if config.frontend == "digital":
                 m.d.comb += row.sample_valid.eq(self.sample_valid)
             for name in self.per_row:
-                outer = getattr(self, "taxel_enable" if name == "enable" else name)
+                outer = enable if name == "enable" else getattr(self, name)
                 row.connect(m, name, _slice(outer, index, len(getattr(row, name))))
 
         # Nothing in here uses it: a clock gate may, with all but the link behind it, which listens to ACK.
@@ -99,6 +104,22 @@ class Readout(Block[ReadoutConfig]):
             arbiter.connect(m, name, getattr(sink, name))
         return m
 
+    def _host(self, m: Module, arbiter: Arbiter, platform: Any) -> Host | None:
+        """Add what the host sets, if anything."""
+        if self.config.registers == "none":
+            return None
+        host = Host(self.config)
+        host.place(m, "host", platform)
+        for name in PINS:
+            host.connect(m, name, getattr(self, name))
+        m.d.comb += [
+            host.taxel_enable.eq(self.taxel_enable),
+            host.event_valid.eq(arbiter.event_valid),
+            host.event_ready.eq(arbiter.event_ready),
+            host.granted.eq(arbiter.granted),
+        ]
+        return host
+
     def _row_decay(self, m: Module, tick: Signal, platform: Any) -> list[Any]:
         """Return the decay tick of every row: the sample tick itself where every one is a decay tick."""
         config = self.config
@@ -108,6 +129,25 @@ class Readout(Block[ReadoutConfig]):
         decay.place(m, "decay", platform)
         m.d.comb += decay.tick.eq(tick)
         return [decay.decay[decay.phases.index(phase)] for phase in decay_phases(config)]
+
+
+def _request(m: Module, arbiter: Arbiter, row: Row, host: Host | None, index: int) -> None:
+    """Show the arbiter the requests of a row, or that of the test pattern: then those of the array are masked."""
+    config = arbiter.config
+    request, columns = row.request, row.column_request
+    if host is not None:
+        request = request | host.row_request[index]
+        columns = columns | (host.column_request & (row.select & host.row_request[index]).replicate(config.columns))
+    m.d.comb += [
+        arbiter.row_request[index].eq(request),
+        _slice(arbiter.column_request, index, config.columns).eq(columns),
+    ]
+    if config.has_polarity:
+        polarity = row.column_polarity
+        if host is not None:
+            selected = (row.select & host.row_request[index]).replicate(config.columns)
+            polarity = polarity | (host.column_polarity & selected)
+        m.d.comb += _slice(arbiter.column_polarity, index, config.columns).eq(polarity)
 
 
 def _slice(signal: Any, index: int, width: int) -> Any:

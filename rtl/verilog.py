@@ -46,6 +46,8 @@ UNUSED_AWAKE = "low in a clock at whose end no register of the array changes: fo
 
 UNUSED_SAMPLE_BITS = "bits below the encoder's step can never change a decision: the taxel keeps the others"
 
+UNUSED_WRITE_BITS = "no register has a field there"
+
 
 def top_block(config: Config) -> Block[Any]:
     """Return the top module of a configuration."""
@@ -105,6 +107,8 @@ def _waive(text: str, config: Config) -> str:
         text = yosys.waive_signal(text, "eskin_readout", "awake", "UNUSEDSIGNAL", UNUSED_AWAKE)
     if isinstance(readout, ReadoutConfig) and readout.frontend == "digital" and readout.grid > 1:
         text = yosys.waive_signal(text, "eskin_taxel", "sample", "UNUSEDSIGNAL", UNUSED_SAMPLE_BITS)
+    if isinstance(readout, ReadoutConfig) and readout.registers != "none":
+        text = yosys.waive_signal(text, "eskin_registers", "write_data", "UNUSEDSIGNAL", UNUSED_WRITE_BITS)
     if isinstance(config, ClassifierConfig | ChipConfig):
         for module in MEMORIES_WITHOUT_RESET:
             text = yosys.waive_signal(text, module, "rst", "UNUSEDSIGNAL", UNUSED_RESET)

@@ -18,7 +18,7 @@ LAYERS = {
         "files",
         "crew",
         "config",
-        "events.address window decay arbiter link taxel_kernels frame_config frame_words",
+        "events.address window decay arbiter link taxel_kernels frame_config frame_words registers",
         "taxel readout frame classifier",
         "events textures",
         "recordings",
@@ -31,7 +31,7 @@ LAYERS = {
     ),
     "rtl": (
         "block logic yosys",
-        "window decay taxel arbiter link frame classifier",
+        "window decay taxel arbiter link frame classifier registers",
         "readout classifier.chip",
         "verilog",
         "delivery",

@@ -8,7 +8,10 @@ from typing import Any
 from flow.formal.blocks.arbiter import ArbiterChecker
 from flow.formal.blocks.frame import FrameChecker
 from flow.formal.blocks.link import LinkChecker
+from flow.formal.blocks.pattern import PatternChecker
 from flow.formal.blocks.readout import ReadoutChecker
+from flow.formal.blocks.registers import RegistersChecker
+from flow.formal.blocks.spi import NarrowSpiChecker
 from flow.formal.blocks.taxel import TaxelChecker
 from flow.formal.blocks.window import WindowChecker
 from flow.formal.checker import Checker
@@ -52,6 +55,10 @@ class Proof:
             return f"{config.rows} x {config.columns}{'' if config.has_polarity else ' unipolar'}"
         if self.block == "frame_readout":
             return f"{config.rows} x {config.columns}, {config.resolution} in {config.word_bits} bits"
+        if self.block == "spi":
+            return f"words of {self.checker.block.word_bits} bits"
+        if self.block in ("registers", "pattern"):
+            return f"{config.rows} x {config.columns} {config.encoding}"
         if self.block == "readout":
             return f"{config.rows} x {config.columns} {config.link}"
         what = f"{config.encoding} {config.frontend} {config.sample_bits} bits"
@@ -131,6 +138,19 @@ def readouts() -> list[Proof]:
     ]
 
 
+def hosts() -> list[Proof]:
+    """Return the proofs of what a host sets at run time: a mask of part of a word, and one of a word and more."""
+    base = ReadoutConfig(registers="spi")
+    few = base.replace(rows=2, columns=2, encoding="nlcs", sample_bits=8, resolution=3, leak_period=5)
+    more = base.replace(rows=5, columns=8, encoding="cw-lcs", window_period=5)
+    patterns = [base.replace(rows=2, columns=2), base.replace(rows=1, columns=4), base.replace(rows=4, columns=1)]
+    return [
+        Proof(NarrowSpiChecker, few, 22, True, True),
+        *(Proof(RegistersChecker, c, 8, c == few, True) for c in (few, more)),
+        *(Proof(PatternChecker, c, 14, c.rows == 2, c.rows == 2) for c in patterns),
+    ]
+
+
 def proofs() -> list[Proof]:
     """Return all proofs, in the order in which they run."""
-    return [*arbiters(), *links(), *taxels(), *readouts()]
+    return [*arbiters(), *links(), *taxels(), *readouts(), *hosts()]

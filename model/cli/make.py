@@ -79,7 +79,7 @@ TARGETS = {
         SIM,
     ),
     "verilog": Target(
-        "write Verilog, constraints, port list and FuseSoC core [READOUT=spiking|frame OUT=]",
+        "write Verilog, constraints, port list and FuseSoC core [READOUT=spiking|frame REGISTERS=spi OUT=]",
         "rtl verilog",
         defaults={"OUT": "out/verilog"},
     ),
@@ -131,6 +131,7 @@ TARGETS = {
         steps=(
             "docs/tables.py",
             "docs/commands.py",
+            "docs/registers.py",
             "docs/figures/architecture.py",
             "docs/tutorial_page.py",
             "-m mkdocs build --quiet",
@@ -156,6 +157,9 @@ TARGETS = {
     "format": Target("format the code", needs=DEV, steps=("-m ruff format .", "-m ruff check --fix .")),
     "clean": Target("remove what was built and the recorded scans that are kept, not the virtual environment and out/"),
 }
+
+GROUP_OF = {("REGISTERS", "spi"): "registers"}
+"""Groups of packages that a value of a variable needs."""
 
 BUILT = ("build", ".pytest_cache", ".mypy_cache", ".ruff_cache", ".hypothesis")
 INSIDE = "--inside"
@@ -262,6 +266,7 @@ def _make(name: str, target: Target, variables: dict[str, str], letters: str) ->
         print_help() if name == "help" else _clean("n" in letters)
         return
     wanted = groups() if target.needs == ALL else [BASE, *target.needs]
+    wanted += [group for pair, group in GROUP_OF.items() if pair in variables.items() and group not in wanted]
     dry = "n" in letters
     if not target.command:  # its variables are known without any package
         check_variables(name, variables, list(options_of(target)))

@@ -50,6 +50,11 @@ def test_the_command_reference_is_what_help_prints() -> None:
     assert commands.PAGE.read_text() == commands.page(), "run python docs/commands.py"
 
 
+def test_the_page_of_the_registers_is_that_of_their_description() -> None:
+    registers = load("docs/registers.py")
+    assert registers.PAGE.read_text() == registers.page(), "run python docs/registers.py"
+
+
 def test_the_pictures_of_the_architecture_are_those_of_the_code() -> None:
     architecture = load("docs/figures/architecture.py")
     assert json.loads(architecture.DATA.read_text()) == architecture.data(), "run python docs/figures/architecture.py"

@@ -1,0 +1,94 @@
+"""A host on SPI: its pins clock by clock, well behaved and not."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from model.registers.description import WORD_BITS, WORD_BYTES
+from model.registers.spi import GAP_CLOCKS, LAG_CLOCKS, LEAD_CLOCKS, Pins, transfer
+
+
+@dataclass(frozen=True)
+class Timing:
+    """How long a host takes, in clocks of the readout.
+
+    Attributes
+    ----------
+    high, low : int
+        SCK high and low.
+    lead, lag, gap : int
+        From the fall of CS to SCK, from SCK to the rise of CS, with CS high.
+    """
+
+    high: int
+    low: int
+    lead: int = LEAD_CLOCKS
+    lag: int = LAG_CLOCKS
+    gap: int = GAP_CLOCKS
+
+
+def waveform(bits: Iterable[int], timing: Timing) -> Iterator[Pins]:
+    """Yield the pins of a transfer, clock by clock, and of the gap behind it."""
+    yield from [Pins(cs_n=0)] * timing.lead
+    for bit in bits:
+        yield from [Pins(1, 0, bit)] * timing.high
+        yield from [Pins(0, 0, bit)] * timing.low
+    yield from [Pins(cs_n=0)] * max(timing.lag - timing.low, 0)
+    yield from [Pins()] * timing.gap
+
+
+def glitched(pins: Sequence[Pins], rng: random.Random) -> list[Pins]:
+    """Return a transfer in which CS is high for one clock, somewhere."""
+    place = rng.randrange(len(pins) - 1)
+    return [*pins[:place], pins[place]._replace(cs_n=1), *pins[place + 1 :]]
+
+
+def cut(pins: Sequence[Pins], rng: random.Random) -> list[Pins]:
+    """Return a transfer that the host breaks off, somewhere; SCK may be high then."""
+    place = rng.randrange(len(pins))
+    return [*pins[:place], *[Pins(pins[max(place - 1, 0)].sck)] * (GAP_CLOCKS + 2), *[Pins()] * 2]
+
+
+def noise(clocks: int, rng: random.Random) -> list[Pins]:
+    """Return pins that do anything."""
+    return [Pins(rng.randrange(2), int(rng.random() < 0.1), rng.randrange(2)) for _ in range(clocks)]
+
+
+def traffic(addresses: Sequence[int], words: Sequence[int], rng: random.Random, calm: bool = False) -> Iterator[Pins]:
+    """Yield what hosts of all kinds do, without end.
+
+    Parameters
+    ----------
+    addresses, words : sequence of int
+        What transfers go to and carry, mostly.
+    rng : Random
+    calm : bool
+        Only whole transfers within the stated times.
+    """
+    while True:
+        write = rng.random() < 0.6
+        low = rng.choice([2, 2, 3, 6]) if write else rng.choice([4, 4, 5])
+        timing = Timing(rng.choice([2, 2, 3]), low, rng.choice([2, 5]), rng.choice([2, 4]), rng.choice([3, 3, 9, 60]))
+        count = rng.choice([0, 1, 1, 1, 2, 3])
+        address = rng.choice(addresses) if rng.random() < 0.9 else rng.randrange(1 << 15)
+        pins = list(waveform(transfer(address, [rng.choice(words) for _ in range(count)], write), timing))
+        kind = "whole" if calm else rng.choice(["whole"] * 6 + ["glitched", "cut", "noise"])
+        if kind == "glitched":
+            pins = glitched(pins, rng) + [Pins()] * GAP_CLOCKS
+        elif kind == "cut":
+            pins = cut(pins, rng)
+        elif kind == "noise":
+            pins = noise(200, rng) + [Pins()] * GAP_CLOCKS
+        yield from pins
+
+
+def next_address(address: int) -> int:
+    """Return the address behind one."""
+    return (address + WORD_BYTES) % (1 << 15)
+
+
+def any_word(rng: random.Random) -> int:
+    """Return a word, often one at an end."""
+    return rng.choice([0, 1, (1 << WORD_BITS) - 1, rng.getrandbits(WORD_BITS), rng.getrandbits(6)])

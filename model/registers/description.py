@@ -1,0 +1,190 @@
+"""The registers of a configuration, read from their one description, ``eskin_registers.rdl`` (SystemRDL)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal
+
+from model import __version__
+from model.config import ReadoutConfig
+from model.errors import InputError
+
+SOURCE = Path(__file__).with_name("eskin_registers.rdl")
+NAME = SOURCE.stem
+WORD_BITS = 32
+WORD_BYTES = WORD_BITS // 8
+ENCODINGS = ("lcs", "cw-lcs", "nlcs")
+"""In the order of their numbers in ``shape.encoding``."""
+
+Kind = Literal["constant", "setting", "pulse", "counter"]
+
+
+@dataclass(frozen=True)
+class Field:
+    """Some bits of a register.
+
+    Parameters
+    ----------
+    name : str
+    low, width : int
+        Place of the lowest bit, and number of bits.
+    reset : int
+    kind : str
+        ``constant`` for ever; ``setting``, written and read back; ``pulse``, 1 for one clock after a 1 was written;
+        ``counter`` of its input, which stops at its end.
+    least, most : int
+        What may be written.
+    announced : bool
+        A write of the register is told to what is behind it (``swmod``).
+    meaning : str
+    """
+
+    name: str
+    low: int
+    width: int
+    reset: int
+    kind: Kind
+    least: int
+    most: int
+    announced: bool
+    meaning: str
+
+    @property
+    def bits(self) -> int:
+        """Bits that can differ from 0: those above what is never written need no flop."""
+        return min(self.width, self.most.bit_length())
+
+    def of(self, word: int) -> int:
+        """Return the value of the field in a word."""
+        return word >> self.low & (1 << self.width) - 1
+
+    def allows(self, word: int) -> bool:
+        """Return whether a word may be written, as far as this field goes."""
+        return self.kind != "setting" or self.least <= self.of(word) <= self.most
+
+
+@dataclass(frozen=True)
+class Register:
+    """A word of 32 bits at a byte address.
+
+    Parameters
+    ----------
+    name : str
+    index : int or None
+        Number within an array of registers of that name.
+    address : int
+    title : str
+    fields : tuple of Field
+        From the lowest bit on.
+    """
+
+    name: str
+    index: int | None
+    address: int
+    title: str
+    fields: tuple[Field, ...]
+
+    @property
+    def key(self) -> str:
+        """Name, with the number of one in an array."""
+        return self.name if self.index is None else f"{self.name}[{self.index}]"
+
+    @property
+    def writable(self) -> bool:
+        """Whether a write does anything."""
+        return any(field.kind in ("setting", "pulse") for field in self.fields)
+
+    @property
+    def reset(self) -> int:
+        """The word after reset."""
+        return sum(field.reset << field.low for field in self.fields)
+
+    def allows(self, word: int) -> bool:
+        """Return whether a word may be written: every field of it is in its range."""
+        return self.writable and all(field.allows(word) for field in self.fields)
+
+    def signal(self, field: Field) -> str:
+        """Return the name of the signal behind a field; that of an array's field has the bits of all."""
+        return f"{self.name}_{field.name}"
+
+
+def parameters(config: ReadoutConfig) -> dict[str, Any]:
+    """Return the parameters of the description for a configuration."""
+    major, minor, patch = (int(part) for part in __version__.split("+")[0].split("."))
+    return {
+        "MAJOR": major,
+        "MINOR": minor,
+        "PATCH": patch,
+        "ROWS": config.rows,
+        "COLUMNS": config.columns,
+        "ENCODING": ENCODINGS.index(config.encoding),
+        "SAMPLE_BITS": config.sample_bits,
+        "RESOLUTION": config.resolution,
+        "LEAKS": config.encoding == "nlcs",
+        "LEAK_SHIFT": config.leak_shift,
+        "LEAK_PERIOD": config.leak_period,
+        "CLOSES": config.closes,
+        "WINDOW_PERIOD": config.window_period,
+        "POLARITY": config.has_polarity,
+    }
+
+
+def compiled(given: dict[str, Any]) -> Any:
+    """Return the address map of the description with some parameters, as systemrdl-compiler elaborates it.
+
+    Raises
+    ------
+    InputError
+        If the compiler is not installed.
+    """
+    try:
+        from systemrdl import RDLCompiler
+    except ImportError:
+        raise InputError(
+            "registers need the package systemrdl-compiler; install it with: "
+            ".venv/bin/python -m pip install -c constraints.txt systemrdl-compiler peakrdl-cheader"
+        ) from None
+    compiler = RDLCompiler()
+    compiler.compile_file(str(SOURCE))
+    return compiler.elaborate(top_def_name=NAME, parameters=given).top
+
+
+@cache
+def registers(config: ReadoutConfig) -> tuple[Register, ...]:
+    """Return all registers of a configuration, in the order of their addresses."""
+    return walk(compiled(parameters(config)))
+
+
+def walk(top: Any) -> tuple[Register, ...]:
+    """Return the registers of an elaborated address map."""
+    found = []
+    for node in top.registers(unroll=True):
+        index = node.current_idx[0] if node.is_array else None
+        fields = tuple(_field(item) for item in node.fields())
+        found.append(Register(node.inst_name, index, node.absolute_address, node.get_property("name"), fields))
+    return tuple(sorted(found, key=lambda register: register.address))
+
+
+def _field(node: Any) -> Field:
+    """Return a field of the elaborated description."""
+    kind: Kind = "constant"
+    if node.get_property("counter"):
+        kind = "counter"
+    elif node.get_property("singlepulse"):
+        kind = "pulse"
+    elif node.is_sw_writable:
+        kind = "setting"
+    most = node.get_property("most", default=None)
+    return Field(
+        name=node.inst_name,
+        low=node.low,
+        width=node.width,
+        reset=node.get_property("reset"),
+        kind=kind,
+        least=node.get_property("least", default=None) or 0,
+        most=(1 << node.width) - 1 if most is None else most,
+        announced=bool(node.get_property("swmod")),
+        meaning=node.get_property("desc"),
+    )

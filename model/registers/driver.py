@@ -1,0 +1,93 @@
+"""The registers of a chip from Python, over any SPI adapter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.registers.description import WORD_BITS, WORD_BYTES, Register, registers
+from model.registers.spi import COMMAND_BITS, command
+
+
+class Registers:
+    """Reads and writes registers by the names of the description.
+
+    Parameters
+    ----------
+    config : ReadoutConfig
+        Of the chip, with ``registers="spi"``.
+    exchange : callable
+        Makes one transfer with CS low: takes the bytes to send and returns as many that came back.
+
+    Examples
+    --------
+    >>> from model.registers.driver import Registers                       # doctest: +SKIP
+    >>> chip = Registers(config, adapter.exchange)                         # doctest: +SKIP
+    >>> chip.write("test", mode=2, on=1, interval=10)                      # doctest: +SKIP
+    >>> chip.read("events")["count"]                                       # doctest: +SKIP
+    118
+    """
+
+    def __init__(self, config: ReadoutConfig, exchange: Callable[[bytes], bytes]) -> None:
+        if config.registers != "spi":
+            raise InputError("the configuration has no registers; build it with registers=spi")
+        self.config, self.exchange = config, exchange
+        self.named = {register.key: register for register in registers(config)}
+
+    def register(self, name: str) -> Register:
+        """Return a register by its name, with the number of one in an array: ``mask[3]``."""
+        if name not in self.named:
+            raise InputError(f"there is no register {name!r}; there are {', '.join(self.named)}")
+        return self.named[name]
+
+    def read_word(self, name: str) -> int:
+        """Return the word of a register."""
+        sent = command(self.register(name).address, False).to_bytes(COMMAND_BITS // 8, "big") + bytes(WORD_BYTES)
+        return int.from_bytes(self.exchange(sent)[-WORD_BYTES:], "big")
+
+    def read(self, name: str) -> dict[str, int]:
+        """Return the fields of a register."""
+        word = self.read_word(name)
+        return {field.name: field.of(word) for field in self.register(name).fields}
+
+    def write_word(self, name: str, word: int) -> None:
+        """Write the word of a register.
+
+        Raises
+        ------
+        InputError
+            If the chip would refuse it.
+        """
+        register = self.register(name)
+        if not register.writable:
+            raise InputError(f"register {name} can only be read")
+        for field in register.fields:
+            if not field.allows(word):
+                raise InputError(f"{name}.{field.name} must be in {field.least}..{field.most}, not {field.of(word)}")
+        sent = command(register.address, True).to_bytes(COMMAND_BITS // 8, "big") + word.to_bytes(WORD_BYTES, "big")
+        self.exchange(sent)
+
+    def write(self, name: str, **values: int) -> None:
+        """Write some fields of a register; the others keep what they have."""
+        register = self.register(name)
+        known = {field.name: field for field in register.fields}
+        word = self.read_word(name) if set(known) - set(values) else 0
+        for field_name, value in values.items():
+            if field_name not in known:
+                raise InputError(f"{name} has no field {field_name!r}; it has {', '.join(known)}")
+            field = known[field_name]
+            if not 0 <= value < 1 << field.width:
+                raise InputError(f"{name}.{field_name} must be in {field.least}..{field.most}, not {value}")
+            word = word & ~((1 << field.width) - 1 << field.low) | value << field.low
+        self.write_word(name, word)
+
+    def silence(self, taxels: Collection[int]) -> None:
+        """Mask some taxels, by their indices row * columns + column, and no others."""
+        mask = ~sum(1 << taxel for taxel in set(taxels))
+        for name, register in self.named.items():
+            if register.name.startswith("mask"):
+                (field,) = register.fields
+                start = WORD_BITS * (register.index or 0)
+                start += self.config.taxels // WORD_BITS * WORD_BITS if register.name == "mask_rest" else 0
+                self.write(name, **{field.name: mask >> start & (1 << field.width) - 1})

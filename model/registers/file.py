@@ -1,0 +1,121 @@
+"""The register file: what is written, read back and counted."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import NamedTuple
+
+from model.config import ReadoutConfig
+from model.registers.description import WORD_BITS, Register, registers
+
+
+class Write(NamedTuple):
+    """A word that is written."""
+
+    address: int
+    word: int
+
+
+class RegisterFile:
+    """All registers of a readout, clock by clock.
+
+    A word with a field out of its range is refused as a whole, and so is a write to a register that cannot be written
+    or to a hole. A hole reads 0. A counter stops at its end.
+
+    Attributes
+    ----------
+    words : dict of int to int
+        The registers by their addresses.
+    told : frozenset of str
+        Signals of the fields that tell what is behind them, in this clock, that their register was written.
+    """
+
+    def __init__(self, config: ReadoutConfig) -> None:
+        self.at: dict[int, Register] = {register.address: register for register in registers(config)}
+        self.reset()
+
+    def reset(self) -> None:
+        """Take the reset state."""
+        self.words = {address: register.reset for address, register in self.at.items()}
+        self.told: frozenset[str] = frozenset()
+
+    def read(self, address: int) -> int:
+        """Return what is read at an address; 0 at a hole. A pulse reads 0."""
+        if address not in self.at:
+            return 0
+        word = self.words[address]
+        for field in self.at[address].fields:
+            if field.kind == "pulse":
+                word &= ~((1 << field.width) - 1 << field.low)
+        return word
+
+    def signals(self) -> dict[str, int]:
+        """Return the value of every setting and pulse by its signal."""
+        found: dict[str, int] = {}
+        for address, register in self.at.items():
+            for field in register.fields:
+                if field.kind in ("setting", "pulse"):
+                    value = field.of(self.words[address]) << (register.index or 0) * WORD_BITS
+                    found[register.signal(field)] = found.get(register.signal(field), 0) | value
+        return found
+
+    def clock(self, write: Write | None, counted: Collection[str] = (), clear: bool = False) -> None:
+        """Take a rising edge.
+
+        Parameters
+        ----------
+        write : Write or None
+            The word that is written in this clock.
+        counted : collection of str
+            Signals of the counters that count in this clock.
+        clear : bool
+            All counters become 0 instead.
+        """
+        told = set()
+        for address, register in self.at.items():
+            written = write is not None and write.address == address and register.allows(write.word)
+            word = 0
+            for field in register.fields:
+                value = field.of(self.words[address])
+                if field.kind == "counter":
+                    counts = register.signal(field) in counted and value != (1 << field.width) - 1
+                    value = 0 if clear else value + counts
+                elif field.kind == "pulse":
+                    value = 0
+                if written and write is not None and field.kind in ("setting", "pulse"):
+                    value = field.of(write.word)
+                    if field.announced:
+                        told.add(register.signal(field))
+                word |= value << field.low
+            self.words[address] = word
+        self.told = frozenset(told)
+
+
+class Settings(NamedTuple):
+    """What the registers say to the readout.
+
+    Attributes
+    ----------
+    resolution, leak_shift, leak_period, window_period : int
+        As the fields of ``ReadoutConfig``.
+    mask : int
+        A bit for each taxel.
+    """
+
+    resolution: int
+    leak_shift: int
+    leak_period: int
+    window_period: int
+    mask: int
+
+    @classmethod
+    def of(cls, config: ReadoutConfig, signals: Mapping[str, int]) -> Settings:
+        """Return the settings that signals of the register file stand for; those that are absent are as built."""
+        whole = config.taxels // WORD_BITS * WORD_BITS
+        return cls(
+            resolution=signals["resolution_bits"],
+            leak_shift=signals.get("decay_shift", config.leak_shift),
+            leak_period=signals.get("decay_period", config.leak_period),
+            window_period=signals.get("window_period", config.window_period),
+            mask=signals.get("mask_taxels", 0) | signals.get("mask_rest_taxels", 0) << whole,
+        )

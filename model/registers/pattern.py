@@ -1,0 +1,78 @@
+"""The test pattern, clock by clock: requests in place of those of the array, one after the other.
+
+Plain functions, which the loop of the readout's model compiles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+OFF, ONE, ALL = range(3)
+"""Modes: no pattern, one taxel again and again, all taxels in turn."""
+
+REQUEST, ROW, COLUMN, SIGN, COUNT = range(5)
+"""Words of the state: a request waits; its taxel and polarity, or those of the next; clocks until the next may rise."""
+
+
+class Pattern(NamedTuple):
+    """The register ``test``, field by field."""
+
+    mode: int = OFF
+    on: int = 1
+    turns: int = 0
+    interval: int = 0
+    row: int = 0
+    column: int = 0
+
+
+def new_state() -> list[int]:
+    """Return the state after reset, 5 words."""
+    return [0, 0, 0, 1, 0]
+
+
+def requests(state: Sequence[int], restart: bool) -> bool:
+    """Return whether the pattern requests in this clock; in that of a restart it does not."""
+    return state[REQUEST] == 1 and not restart
+
+
+def advance(state: Any, p: Any, shape: Any, restart: bool, taken: bool) -> None:
+    """Take a rising edge.
+
+    Parameters
+    ----------
+    state : list of int, or ndarray of int64, shape (5,)
+        Changed in place.
+    p : Pattern
+    shape : (int, int)
+        Rows and columns of the array.
+    restart : bool
+        The register ``test`` has just changed, or everything is cleared.
+    taken : bool
+        The row of the request is granted in this clock.
+    """
+    if restart:
+        state[REQUEST] = state[COUNT] = 0
+        state[ROW], state[COLUMN], state[SIGN] = p.row, p.column, p.on
+        return
+    if p.mode == OFF:
+        return
+    may_rise = state[COUNT] == 0
+    if state[COUNT] > 0:
+        state[COUNT] -= 1
+    if taken:
+        state[REQUEST] = 0
+        ends = p.mode == ONE
+        if p.mode == ALL:
+            state[COLUMN] += 1
+            if state[COLUMN] == shape[1]:
+                state[COLUMN] = 0
+                state[ROW] += 1
+                if state[ROW] == shape[0]:
+                    state[ROW] = 0
+                    ends = True
+        if ends and p.turns == 1:
+            state[SIGN] = 1 - state[SIGN]
+    if may_rise and state[REQUEST] == 0:
+        state[REQUEST] = 1
+        state[COUNT] = (1 << p.interval) - 1

@@ -1,0 +1,102 @@
+"""The host's side of a readout: SPI slave, register file and test pattern, and what they say to the array."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from amaranth.hdl import Cat, Module, Signal
+from amaranth.lib.wiring import In, Out
+
+from model.config import ReadoutConfig
+from rtl.block import Block
+from rtl.registers.file import BUS, COUNTS, WRITTEN, RegisterFile, signals
+from rtl.registers.pattern import REGISTER, TestPattern, fields
+from rtl.registers.spi import PINS, SpiSlave
+
+SETTINGS = ("decay_shift", "decay_period", "window_period")
+"""Fields of the register file that the array takes as they are."""
+
+
+class Host(Block[ReadoutConfig]):
+    """Takes settings over SPI and shows them to the array; counts; sends a test pattern in place of the array.
+
+    Attributes
+    ----------
+    spi_sck, spi_cs_n, spi_mosi, spi_miso, spi_miso_enable
+        See ``SpiSlave``.
+    taxel_enable, enabled : In(rows * columns), Out(rows * columns)
+        The mask from outside, and that of the array: none where a test pattern runs or everything is cleared.
+    event_valid, event_ready : In(1)
+        Of the arbiter, to be counted.
+    granted : In(rows)
+        The row that is granted.
+    row_request, column_request, column_polarity
+        The pattern's, see ``TestPattern``.
+    step : Out(resolution)
+        D, one-hot, in units of the D that was built; a register, a clock behind the one that the host wrote.
+    decay_restart : Out(1)
+        The decay ticks start anew.
+    decay_shift, decay_period, window_period : Out
+        Fields of the registers; those that the encoder has.
+    """
+
+    module_name = "eskin_host"
+
+    def __init__(self, config: ReadoutConfig) -> None:
+        pattern = TestPattern(config).signature.members
+        found = signals(config)
+        super().__init__(
+            config,
+            {
+                **PINS,
+                "taxel_enable": In(config.taxels),
+                "enabled": Out(config.taxels),
+                "event_valid": In(1),
+                "event_ready": In(1),
+                **{
+                    name: pattern[name]
+                    for name in ("granted", "row_request", "column_request", "column_polarity")
+                    if name in pattern
+                },
+                "step": Out(config.resolution),
+                "decay_restart": Out(1) if config.encoding == "nlcs" else None,
+                **{name: found[name] for name in SETTINGS if name in found},
+            },
+        )
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        config = self.config
+        spi, file, pattern = SpiSlave(config), RegisterFile(config), TestPattern(config)
+        for name, block in (("spi", spi), ("registers", file), ("pattern", pattern)):
+            block.place(m, name, platform)
+        for name in PINS:
+            spi.connect(m, name, getattr(self, name))
+        for name in BUS:
+            file.connect(m, name, getattr(spi, name))
+
+        clear, restart = file.control_clear, Signal()
+        masks = [getattr(file, name) for name in ("mask_taxels", "mask_rest_taxels") if hasattr(file, name)]
+        m.d.comb += [
+            file.clear.eq(clear),
+            getattr(file, f"events_count{COUNTS}").eq(self.event_valid & self.event_ready),
+            getattr(file, f"stalls_count{COUNTS}").eq(self.event_valid & ~self.event_ready),
+            restart.eq(getattr(file, f"{REGISTER}_mode{WRITTEN}") | clear),
+            self.enabled.eq(self.taxel_enable & Cat(masks) & (~pattern.testing & ~clear).replicate(config.taxels)),
+            pattern.restart.eq(restart),
+            *(getattr(pattern, name).eq(getattr(file, f"{REGISTER}_{name}")) for name in fields(config)),
+        ]
+        for name in ("granted", "row_request", "column_request", "column_polarity"):
+            if name in self.signature.members:
+                pattern.connect(m, name, getattr(self, name))
+
+        step = Signal(config.resolution, init=1, name="step_units")
+        with m.If(getattr(file, f"resolution_bits{WRITTEN}")):
+            m.d.sync += step.eq(Cat(file.resolution_bits == bits for bits in range(config.resolution, 0, -1)))
+        m.d.comb += self.step.eq(step)
+        if config.encoding == "nlcs":
+            m.d.comb += self.decay_restart.eq(getattr(file, f"decay_period{WRITTEN}") | clear)
+        for name in SETTINGS:
+            if name in self.signature.members:
+                m.d.comb += getattr(self, name).eq(getattr(file, name))
+        return m

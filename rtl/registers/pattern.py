@@ -1,0 +1,103 @@
+"""The test pattern: requests in place of those of the array, one after the other."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from amaranth.hdl import Cat, Const, Module, Mux, Signal
+from amaranth.lib.wiring import In, Out
+
+from model.config import ReadoutConfig
+from model.registers.description import registers
+from rtl.block import Block
+
+REGISTER = "test"
+
+
+def fields(config: ReadoutConfig) -> dict[str, int]:
+    """Return the fields of the register of the pattern that are not always 0, and their bits."""
+    (register,) = (register for register in registers(config) if register.name == REGISTER)
+    return {field.name: field.bits for field in register.fields if field.bits}
+
+
+class TestPattern(Block[ReadoutConfig]):
+    """Requests for one taxel again and again, or for all in turn; the arbiter sees them as those of the array.
+
+    A request rises ``2**interval`` clocks after the one before, or when that has been taken. A restart withdraws one
+    that waits, as a mask does.
+
+    Attributes
+    ----------
+    mode, on, turns, interval, row, column : In
+        The fields of the register ``test``.
+    restart : In(1)
+        The register has just changed, or everything is cleared.
+    granted : In(rows)
+        The row (one-hot) whose requests are taken in this clock.
+    testing : Out(1)
+        The pattern stands in place of the array.
+    row_request : Out(rows)
+        The row of the request, one-hot; 0 while there is none.
+    column_request, column_polarity : Out(columns)
+        Its column, one-hot, and its polarity there.
+    """
+
+    __test__ = False  # no class of tests
+    module_name = "eskin_pattern"
+
+    def __init__(self, config: ReadoutConfig) -> None:
+        super().__init__(
+            config,
+            {
+                **{name: In(width) for name, width in fields(config).items()},
+                "restart": In(1),
+                "granted": In(config.rows),
+                "testing": Out(1),
+                "row_request": Out(config.rows),
+                "column_request": Out(config.columns),
+                "column_polarity": Out(config.columns) if config.has_polarity else None,
+            },
+        )
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        config = self.config
+        request, taken, rises = (Signal(name=name) for name in ("request", "taken", "rises"))
+        count = Signal((1 << len(self.interval)) - 1)
+        row, column = Signal(range(config.rows), name="at_row"), Signal(range(config.columns), name="at_column")
+        m.d.comb += [
+            self.testing.eq(self.mode != 0),
+            self.row_request.eq(self._one_hot(row, config.rows) & (request & ~self.restart).replicate(config.rows)),
+            self.column_request.eq(self._one_hot(column, config.columns)),
+            taken.eq((self.row_request & self.granted).any()),
+            rises.eq(self.testing & ~count.any() & (~request | taken)),
+        ]
+        with m.If(self.restart | rises | taken):
+            m.d.sync += request.eq(rises & ~self.restart)
+        gap = (Const(1, 1) << self.interval)[: len(count)] - 1
+        with m.If(self.restart | rises | count.any()):
+            m.d.sync += count.eq(Mux(self.restart, 0, Mux(rises, gap, count - 1))[: len(count)])
+
+        # The place moves on with every request of a round that is taken.
+        last_column, last, goes_on = (Signal(name=name) for name in ("last_column", "last", "goes_on"))
+        m.d.comb += [
+            last_column.eq(self.column_request[-1]),
+            last.eq(self.mode[0] | (last_column & self._one_hot(row, config.rows)[-1])),
+            goes_on.eq(taken & self.mode[1]),
+        ]
+        for place, first, steps in (("column", column, goes_on), ("row", row, goes_on & last_column)):
+            if len(first):
+                end = last_column if place == "column" else last
+                with m.If(self.restart | steps):
+                    following = Mux(end, 0, first + 1)
+                    m.d.sync += first.eq(Mux(self.restart, getattr(self, place), following)[: len(first)])
+        if config.has_polarity:
+            sign = Signal(init=1)
+            with m.If(self.restart | (taken & last & self.turns)):
+                m.d.sync += sign.eq(Mux(self.restart, self.on, ~sign))
+            m.d.comb += self.column_polarity.eq(self.column_request & sign.replicate(config.columns))
+        return m
+
+    def _one_hot(self, place: Signal, count: int) -> Any:
+        """Return a place as one of some lines; the only one there is always is it."""
+        return Cat(place == index for index in range(count)) if len(place) else Const(1, 1)

@@ -1,0 +1,185 @@
+"""One description gives the addresses, the C header, the Python class and the page; the model keeps to it."""
+
+from __future__ import annotations
+
+import random
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.registers.description import WORD_BITS, registers
+from model.registers.driver import Registers
+from model.registers.export import c_header, constants, page
+from model.registers.file import RegisterFile, Settings
+from model.registers.spi import COMMAND_BITS, Pins, SpiSlave
+
+CONFIG = ReadoutConfig(registers="spi")
+CONFIGS = [
+    CONFIG,
+    CONFIG.replace(rows=3, columns=5, encoding="nlcs"),
+    CONFIG.replace(rows=1, columns=1, encoding="cw-lcs"),
+    CONFIG.replace(rows=5, columns=9),
+    CONFIG.replace(rows=64, columns=64),
+]
+
+
+def name(config: ReadoutConfig) -> str:
+    return f"{config.rows}x{config.columns}-{config.encoding}"
+
+
+class Chip:
+    """Slave and register file behind an adapter with a clock of 8 clocks a bit."""
+
+    def __init__(self, config: ReadoutConfig) -> None:
+        self.slave, self.file = SpiSlave(), RegisterFile(config)
+        self.hold(Pins(), 6)
+
+    def hold(self, pins: Pins, clocks: int) -> None:
+        for _ in range(clocks):
+            write = self.slave.write
+            self.slave.clock(pins, self.file.read(self.slave.address))
+            self.file.clock(write)
+
+    def exchange(self, sent: bytes) -> bytes:
+        found = 0
+        self.hold(Pins(cs_n=0), 3)
+        for place in reversed(range(8 * len(sent))):
+            bit = int.from_bytes(sent, "big") >> place & 1
+            self.hold(Pins(0, 0, bit), 4)
+            found = found << 1 | self.slave.miso
+            self.hold(Pins(1, 0, bit), 4)
+        self.hold(Pins(cs_n=0), 4)
+        self.hold(Pins(), 4)
+        return found.to_bytes(len(sent), "big")
+
+
+@pytest.mark.parametrize("config", CONFIGS, ids=name)
+def test_registers_do_not_overlap_and_the_mask_has_a_bit_for_each_taxel(config: ReadoutConfig) -> None:
+    found = registers(config)
+    addresses = [register.address for register in found]
+    assert len(set(addresses)) == len(addresses)
+    assert all(address % 4 == 0 for address in addresses)
+    for register in found:
+        bits = [bit for field in register.fields for bit in range(field.low, field.low + field.width)]
+        assert len(bits) == len(set(bits))
+        assert max(bits) < WORD_BITS
+    masks = [register for register in found if register.name.startswith("mask")]
+    assert sum(field.width for register in masks for field in register.fields) == config.taxels
+    assert Settings.of(config, RegisterFile(config).signals()) == Settings(
+        config.resolution, config.leak_shift, config.leak_period, config.window_period, (1 << config.taxels) - 1
+    )
+
+
+@pytest.mark.parametrize("config", CONFIGS[:4], ids=name)
+def test_the_header_compiles_and_says_what_the_python_class_says(config: ReadoutConfig, tmp_path: Path) -> None:
+    compiler = shutil.which("gcc") or shutil.which("g++")
+    assert compiler, "gcc not found; install with: apt-get install g++"
+    (tmp_path / "eskin_registers.h").write_text(c_header(config))
+    expected = constants(config)
+    lines = [f'  printf("{key} %lu\\n", (unsigned long)({key}));' for key in expected]
+    offsets = {register.key: register.address for register in registers(config)}
+    lines += [f'  printf("{key} %lu\\n", (unsigned long)offsetof(eskin_registers_t, {key}));' for key in offsets]
+    source = "\n".join(
+        [
+            "#include <stddef.h>",
+            "#include <stdio.h>",
+            '#include "eskin_registers.h"',
+            "int main(void) {",
+            *lines,
+            "  return 0;",
+            "}",
+            "",
+        ]
+    )
+    (tmp_path / "main.c").write_text(source)
+    command = [compiler, "-Wall", "-Werror", "-x", "c", "-std=c11", "main.c", "-o", "main"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    said = subprocess.run([tmp_path / "main"], capture_output=True, text=True).stdout
+    assert {line.split()[0]: int(line.split()[1]) for line in said.splitlines()} == expected | offsets
+    defined = set(re.findall(r"^#define (\w+_(?:bm|bp|bw|reset)) ", c_header(config), re.MULTILINE))
+    assert defined == set(expected)
+
+
+def test_the_python_class_reads_what_it_wrote_through_slave_and_file() -> None:
+    config = CONFIG.replace(rows=5, columns=9, encoding="nlcs")
+    chip = Registers(config, Chip(config).exchange)
+    assert chip.read("id") == {"map": 1, "chip": 0xE5C1}
+    assert chip.read("shape")["columns"] == 9
+    chip.write("decay", period=12)
+    assert chip.read("decay") == {"period": 12, "shift": config.leak_shift}
+    chip.write("test", mode=2, row=4, column=8)
+    assert chip.read("test")["column"] == 8
+    chip.silence([0, 33, 44])
+    assert chip.read_word("mask[0]") == 0xFFFFFFFE
+    assert chip.read_word("mask_rest") == (1 << 13) - 1 - 2 - (1 << 12)
+    chip.write("control", clear=1)
+    assert chip.read_word("control") == 0
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda chip: chip.write("resolution", bits=7), "resolution.bits must be in 1..6, not 7"),
+        (lambda chip: chip.write("resolution", bits=0), "resolution.bits must be in 1..6, not 0"),
+        (lambda chip: chip.write("id", map=2), "register id can only be read"),
+        (lambda chip: chip.write("test", speed=1), "test has no field 'speed'; it has mode, on, turns"),
+        (lambda chip: chip.read("gain"), "there is no register 'gain'; there are id, version"),
+        (lambda chip: Registers(ReadoutConfig(), chip.exchange), "the configuration has no registers"),
+    ],
+)
+def test_what_a_chip_would_refuse_is_a_sentence(call: object, sentence: str) -> None:
+    chip = Registers(CONFIG, Chip(CONFIG).exchange)
+    with pytest.raises(InputError, match=re.escape(sentence)):
+        call(chip)  # type: ignore[operator]
+
+
+def test_a_transfer_that_is_broken_off_anywhere_writes_nothing() -> None:
+    rng = random.Random(5)
+    chip = Chip(CONFIG)
+    before = dict(chip.file.words)
+    sent = (1 << 15 | 0x1C) << WORD_BITS | 0x0000_0002
+    for count in range(COMMAND_BITS + WORD_BITS):
+        chip.hold(Pins(cs_n=0), 3)
+        for place in range(count):
+            bit = sent >> COMMAND_BITS + WORD_BITS - 1 - place & 1
+            chip.hold(Pins(0, 0, bit), 2)
+            chip.hold(Pins(1, 0, bit), 2)
+        chip.hold(Pins(sck=rng.randrange(2)), 5)
+        chip.hold(Pins(), 4)
+    assert chip.file.words == before
+    chip.exchange(sent.to_bytes(6, "big"))
+    assert chip.file.words != before
+
+
+def test_the_page_names_every_field_of_its_configuration() -> None:
+    for config in CONFIGS[:3]:
+        text = page(config)
+        for register in registers(config):
+            assert f"`{register.name}`" in text
+            assert all(f"`{field.name}`" in text and field.meaning in text for field in register.fields)
+    assert "160 kHz and 320 kHz at 1.28 MHz" in page(CONFIG)
+
+
+def test_without_the_compiler_it_is_a_sentence() -> None:
+    code = (
+        "import sys; sys.modules['systemrdl'] = None\n"
+        "from model.config import ReadoutConfig\nfrom model.registers.description import registers\n"
+        "try:\n    registers(ReadoutConfig(registers='spi'))\nexcept Exception as error:\n    print(type(error), error)"
+    )
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
+    assert "InputError" in said
+    assert "install it with: .venv/bin/python -m pip install -c constraints.txt systemrdl-compiler" in said
+
+
+def test_a_leak_period_below_the_rows_is_refused() -> None:
+    with pytest.raises(
+        InputError, match=r"leak_period must be at least the number of rows, 8, with registers=spi, not 7"
+    ):
+        ReadoutConfig(registers="spi", encoding="nlcs", leak_period=7)
