@@ -10,6 +10,8 @@ from snn.commands.cache import cache
 from snn.commands.counts import counts
 from snn.commands.exchange import convert, export, import_, quantise
 from snn.commands.figures import fig8, fig9
+from snn.commands.merits import merits
+from snn.commands.noise_power import noise_power
 from snn.commands.pair import pair
 from snn.commands.predict import predict
 from snn.commands.robustness import robustness
@@ -18,7 +20,23 @@ from snn.commands.train import crossval, train
 
 app = make_app("Classifier of the spiking e-skin readout: from address events to texture class.")
 
-COMMANDS = (train, crossval, sweep, pair, counts, predict, robustness, fig8, fig9, export, convert, quantise, cache)
+COMMANDS = (
+    train,
+    crossval,
+    sweep,
+    pair,
+    counts,
+    predict,
+    robustness,
+    noise_power,
+    merits,
+    fig8,
+    fig9,
+    export,
+    convert,
+    quantise,
+    cache,
+)
 for command in COMMANDS:
     app.command()(command)
 app.command("import")(import_)

@@ -60,6 +60,7 @@ LAYERS = {
         "train",
         "exchange",
         "experiments",
+        "studies",
         "figures",
         "commands",
         "__main__",

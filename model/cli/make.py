@@ -113,6 +113,16 @@ TARGETS = {
         "snn robustness",
         SNN,
     ),
+    "noise-power": Target(
+        "accuracy against total power of trained networks at one AFE noise [WEIGHTS=out/train NOISES=mV,... OUT=]",
+        "snn noise-power",
+        SNN,
+    ),
+    "merits": Target(
+        "what events and frames are good for: latency, rest, noise, timing [WEIGHTS= PAIR=A,B NOISE= LIMIT= OUT=]",
+        "snn merits",
+        SNN,
+    ),
     "power": Target("power of the three readouts [MODE= RESOLUTION= NOISE= TAU= CROSSOVER=1]", "model power"),
     "fig6": Target("power at three noise targets in both modes, data and picture [OUT= SYNTHESIS=]", "model fig6"),
     "fig7": Target("noise at which spikes and frames cost the same [OUT= SYNTHESIS=]", "model fig7"),

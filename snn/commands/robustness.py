@@ -38,7 +38,7 @@ def robustness(
 
     chosen = cases(list(DISTURBANCES) if only is None else [name.strip() for name in only.split(",")])
     check_device("cpu", 1)
-    subjects = [Subject.load(path) for path in _trained(weights or [Path("out/train")])]
+    subjects = [Subject.load(path) for path in trained_files(weights or [Path("out/train")])]
     places = [(subject.network, subject.fold, subject.seed) for subject in subjects]
     if twice := [place for place in places if places.count(place) > 1]:
         network, fold, seed = twice[0]
@@ -59,7 +59,7 @@ def robustness(
     print(printable(f"result: {out / 'robustness.json'}, picture: {out / 'robustness.png'}"))
 
 
-def _trained(places: list[Path]) -> list[Path]:
+def trained_files(places: list[Path]) -> list[Path]:
     """Return the weight files of folders, at any depth."""
     found = []
     for place in places:

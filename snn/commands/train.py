@@ -30,6 +30,9 @@ def train(
     checkpoint_every: Annotated[int, typer.Option(min=1, help="epochs between checkpoints")] = 5,
     threads: Annotated[int, typer.Option(min=1, help="threads of torch")] = 1,
     device: Annotated[str, typer.Option(help="as torch names it")] = "cpu",
+    watch_test: Annotated[
+        bool, typer.Option("--watch-test", help="also note the test accuracy of every epoch; it selects nothing")
+    ] = False,
     out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="checkpoint and result")] = Path("out/train"),
 ) -> None:
     """Train one network on one fold; stopped, it goes on from its checkpoint when called again."""
@@ -62,7 +65,9 @@ def train(
     if not kernel.available():
         print("no C++ compiler was found: the dense torch path is used, about five times slower")
     checkpoint = Checkpoint(out / "checkpoint.pt", checkpoint_every)
-    training = _learn(made, Split(data, images), seed, checkpoint=checkpoint, device=device)
+    training = _learn(
+        made, Split(data, images, test if watch_test else None), seed, checkpoint=checkpoint, device=device
+    )
     predicted = predicted_classes(training.network, data, test, device)
     accuracy = float((predicted == labels[test]).mean())
     result = {
@@ -83,6 +88,9 @@ def train(
     last = training.history[-1]
     print(f"after epoch {last.number}: loss {last.loss:.3f}, accuracy of the training scans {last.accuracy:.1%}")
     print(f"test accuracy {accuracy:.1%} ({(predicted == labels[test]).sum()} of {len(test)} images), last epoch")
+    if watch_test:
+        best = max(training.history, key=lambda epoch: epoch.held_out or 0.0)
+        print(f"the best test epoch, no result as it is chosen by the test: {best.held_out:.1%}, epoch {best.number}")
     print(f"result: {out / 'result.json'}, weights: {out / 'weights.npz'}")
 
 

@@ -25,7 +25,7 @@ Parts = dict[str, int]
 
 def coded_bits(words: NDArray[np.unsignedinteger]) -> int:
     """Return the bits of a stream of words after coding; bytes of equal weight stand together."""
-    planes = words.astype(f"<u{words.dtype.itemsize}").view(np.uint8).reshape(len(words), -1).T
+    planes = words.astype(f"<u{words.dtype.itemsize}").view(np.uint8).reshape(len(words), words.dtype.itemsize).T
     stream = planes.tobytes()
     filters = [{"id": lzma.FILTER_LZMA2, "preset": 9}]
     sizes = [

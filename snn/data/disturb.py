@@ -30,6 +30,9 @@ from snn.data.scans import ScanData, collect
 Level = Literal["scene", "signals", "comparators", "events"]
 Generator = np.random.Generator
 
+SLOW_HZ = 97.0
+"""Bandwidth of an AFE that lets through what the textures have and no more (docs/results/power.md)."""
+
 HOT_HZ = 1000.0
 """Events per second of a hot taxel."""
 
@@ -139,7 +142,32 @@ def _scene_signals(draft: Draft) -> Signals:
 
 
 def _noise(draft: Draft, strength: float, generator: Generator) -> None:
-    draft.signals = draft.signals + generator.normal(0.0, strength, draft.signals.shape)
+    draft.signals = noisy(draft.signals, strength, generator)
+
+
+def _slow_noise(draft: Draft, strength: float, generator: Generator) -> None:
+    draft.signals = noisy(draft.signals, strength, generator, SLOW_HZ / draft.config.sample_rate_hz)
+
+
+def noisy(signals: Signals, noise_v: float, generator: Generator, pole: float | None = None) -> Signals:
+    """Return signals with noise of some rms in full scales: white, or behind one pole, stationary from the start.
+
+    Parameters
+    ----------
+    signals : float64 array, shape (ticks, taxels)
+    noise_v : float
+    generator : Generator
+    pole : float, optional
+        Its frequency by the sample rate.
+    """
+    from scipy.signal import lfilter
+
+    noise = generator.normal(0.0, noise_v, signals.shape)
+    if pole is not None:
+        kept = math.exp(-2 * math.pi * pole)
+        noise[1:] *= math.sqrt(1 - kept**2)
+        noise = lfilter([1.0], [1.0, -kept], noise, axis=0)
+    return signals + noise
 
 
 def _gain(draft: Draft, strength: float, _: Generator) -> None:
@@ -276,9 +304,10 @@ DISTURBANCES: dict[str, Disturbance] = {
         ("jitter", "s", "of every event, deviation", "events", (0.001, 0.004), _jitter),
         ("late", "s", "the recording begins so long after the touch", "events", (0.01, 0.05), _late),
         ("short", "s", "the touch lasts so long", "events", (0.05, 0.1, 0.2), _short),
+        ("slow-noise", "V", "AFE output noise below 97 Hz, rms", "signals", (0.005, 0.01, 0.02), _slow_noise),
     )
 }
-"""Disturbances by name, in the order in which a recording meets them."""
+"""Disturbances by name; a recording meets those of a level in this order. A new one comes last: places seed them."""
 
 
 def check_strength(name: str, strength: float) -> None:

@@ -54,15 +54,19 @@ def codes_of(
     frames: FrameSteps, texture: Texture, scan: Scan, config: ReadoutConfig, start_row: float = 0.0
 ) -> NDArray[np.int32]:
     """Return the frames of one scan as they are sent, shape (frames, taxels); ``config`` gives the array only."""
-    sampled = ReadoutConfig(
+    codes, _ = scan.samples(sampled_config(frames, config), texture.load(), start_row)
+    return codes
+
+
+def sampled_config(frames: FrameSteps, config: ReadoutConfig) -> ReadoutConfig:
+    """Return the configuration with which a scan gives the samples of frames; ``config`` gives the array only."""
+    return ReadoutConfig(
         rows=config.rows,
         columns=config.columns,
         sample_bits=frames.bits,
         resolution=1,
         sample_rate_hz=frames.rate_hz,
     )
-    codes, _ = scan.samples(sampled, texture.load(), start_row)
-    return codes
 
 
 def values_of(frames: FrameSteps, codes: NDArray[np.int32]) -> NDArray[Any]:

@@ -59,14 +59,19 @@ class Subject:
     digest: str
 
     @classmethod
-    def load(cls, file: Path) -> Subject:
-        """Return the network of a weight file with ``result.json`` beside it; refuse others than of physical scans."""
+    def load(cls, file: Path, scenes: bool = True) -> Subject:
+        """Return the network of a weight file with ``result.json`` beside it, trained on scans of the model.
+
+        With ``scenes`` others than of events of physical scans are refused.
+        """
         weights, note = load_weights(file), file.parent / "result.json"
         if not note.exists():
             raise InputError(f"there is no {note.name} of the training beside {file}; give a folder of snn train")
         result = read_result(note, file, weights)
         experiment = result.experiment
-        if experiment.frames is not None or experiment.events is not None or experiment.preset != "physical":
+        if experiment.events is not None or experiment.variant:
+            raise InputError(f"{file} was trained on event files or a variant of an encoder; train it on textures")
+        if scenes and (experiment.frames is not None or experiment.preset != "physical"):
             raise InputError(f"{file} was not trained on events of physical scans; only those are disturbed")
         dataset = open_dataset(experiment.dataset)
         if dataset.class_names != result.class_names:

@@ -82,6 +82,8 @@ GOOD: dict[str, tuple[str, ...]] = {
     "snn pair": ("good/sweep/sweep.json:lcs-3", "good/sweep/sweep.json:lcs-3", "-o", "new.json"),
     "snn counts": ("--points", "lcs:2", "--dataset", "good/images", "-o", "new.json"),
     "snn robustness": ("good/nothing", "-o", "new"),
+    "snn noise-power": ("good/nothing", "-o", "new"),
+    "snn merits": ("good/nothing", "-o", "new"),
     "snn quantise": ("good/train/weights.npz", "-o", "new.npz"),
     "snn cache": (),
     "snn convert": ("good/events.npz", "-o", "new.npy"),

@@ -1,0 +1,68 @@
+"""What a network says while a touch goes on, from the steps so far (docs/results/what_events_are_good_for.md)."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from model.textures.dataset import open_dataset
+from snn.data.bins import counted_from
+from snn.data.record import record
+from snn.data.scans import ScanData
+from snn.experiments.experiment import Experiment
+from snn.experiments.intervals import bootstrap
+from snn.experiments.points import as_word
+from snn.experiments.robustness import Subject
+from snn.studies.paired import right_of
+
+Points = list[dict[str, Any]]
+
+
+def latency_points(subjects: Sequence[Subject], times_s: Sequence[float], tick: Callable[[], object]) -> Points:
+    """Return accuracy and answers of every network at some times since the scan began, over all its folds.
+
+    A network has seen the steps that are whole by then; before the first it has no answer, which is wrong.
+    """
+    found: dict[tuple[str, float], list[dict[str, Any]]] = {}
+    for subject in subjects:
+        data = subject.experiment.data()
+        scans = data.scans_of(subject.images, first_row_only=True)
+        begin_s = begin_of(subject.experiment)
+        labels = as_word(data.labels[scans])
+        for time_s in times_s:
+            steps = int((time_s - begin_s) / data.step_s + 1e-9)
+            predicted = _answers(subject, data, scans, min(steps, data.steps)) if steps > 0 else "." * len(scans)
+            answer = {"fold": subject.fold, "seed": subject.seed, "images": data.images[scans].tolist()}
+            found.setdefault((subject.network, time_s), []).append(answer | {"labels": labels, "predicted": predicted})
+            tick()
+    return [_point(network, time_s, answers) for (network, time_s), answers in found.items()]
+
+
+def _answers(subject: Subject, data: ScanData, scans: Any, steps: int) -> str:
+    from snn.train import logits_of
+
+    begun = dataclasses.replace(data, values=data.values[:, :steps])
+    return as_word(logits_of(subject.weights.network, begun, scans).argmax(1))
+
+
+def begin_of(experiment: Experiment) -> float:
+    """Return the seconds from the start of a scan to the first step: that from which events count, 0 for frames."""
+    if experiment.frames is not None:
+        return 0.0
+    scan, config = experiment.scan_and_config()
+    textures = open_dataset(experiment.dataset)
+    made = record(textures[0], textures.name, scan, config)
+    return counted_from(made, experiment.bins.start_s) / config.clock_hz
+
+
+def _point(network: str, time_s: float, answers: Points) -> dict[str, Any]:
+    right = right_of(answers)
+    return {
+        "network": network,
+        "time_s": time_s,
+        "accuracy": float(right.mean()),
+        "bootstrap_95": bootstrap(right[:, None]),
+        "images": len(right),
+        "answers": answers,
+    }

@@ -1,0 +1,244 @@
+"""Accuracy, event rate and power of trained networks at one AFE noise v_n (docs/results/what_events_are_good_for.md).
+
+The scans of the test images are recorded anew with noise at the outputs of the AFE. The events that then leave the
+array feed the power model, so that all three numbers belong to the same v_n.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import InputError
+from model.events.address import taxel_of
+from model.events.recording import Recording
+from model.files import read_json, write_json
+from model.power.equations import CORRECTIONS, FloatArray, PowerModel, Readout, TaxelRates
+from model.power.parameters import PowerParameters
+from model.textures.dataset import Texture, open_dataset
+from model.textures.scan import Scan, quantise
+from snn.data.bins import counted_from
+from snn.data.disturb import SLOW_HZ, noisy
+from snn.data.frames import sampled_config, values_of
+from snn.data.record import said_of
+from snn.data.scans import ScanData, collect
+from snn.exchange.weights import config_of
+from snn.experiments.experiment import Experiment
+from snn.experiments.intervals import bootstrap, wilson
+from snn.experiments.points import as_word
+from snn.experiments.robustness import Subject
+
+Mode = Literal["paper", "consistent"]
+MODES: tuple[Mode, ...] = get_args(Mode)
+NOISES_V = (1e-4, 1e-3, 3e-3, 1e-2, 2e-2)
+
+POLE_HZ: dict[Mode, float | None] = {"paper": None, "consistent": SLOW_HZ}
+"""Bandwidth of the noise in each mode: 10 kHz, white to every readout here, and that of the textures."""
+
+CORRECTED: dict[Mode, frozenset[str]] = {"paper": frozenset({"event_rates"}), "consistent": frozenset(CORRECTIONS)}
+"""The published equations with the event rates of this noise, and all corrections."""
+
+
+@dataclass(frozen=True)
+class Noisy:
+    """A mode's noise on the signals of a scan."""
+
+    mode: Mode
+    noise_v: float
+
+    def samples(self, scan: Scan, config: Any, signals: NDArray[np.float64], image: int) -> NDArray[np.int32]:
+        """Return the codes of a scan with noise, the same for all networks that take these samples of an image."""
+        generator = np.random.default_rng([MODES.index(self.mode), round(1e7 * self.noise_v), image])
+        pole_hz = POLE_HZ[self.mode]
+        pole = None if pole_hz is None else pole_hz / config.sample_rate_hz
+        return quantise(noisy(signals, self.noise_v, generator, pole), config.sample_bits)[0]
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Rates of one noise as a ``RateSource`` of the power model."""
+
+    population_hz: float
+    square_sum_hz2: float
+
+    def taxel_rates(self, readout: Readout, resolution: FloatArray, tau_s: FloatArray, taxels: int) -> TaxelRates:
+        """Return these rates, whatever the resolution; the array is that of the recordings."""
+        ones = np.ones_like(resolution * tau_s)
+        return TaxelRates(self.population_hz * ones, self.square_sum_hz2 * ones)
+
+
+# -- scans with noise --------------------------------------------------------------------------------
+
+
+def noisy_scans(
+    experiment: Experiment, images: Sequence[int], noises: Sequence[Noisy], progress: Callable[[], object]
+) -> list[tuple[ScanData, Rates]]:
+    """Return what a network takes of some images under every noise, and the rates; signals are made once."""
+    scan, config = experiment.scan_and_config()
+    dataset, frames = open_dataset(experiment.dataset), experiment.frames
+    if frames is not None:
+        config = sampled_config(frames, config)
+    found: list[list[Any]] = [[] for _ in noises]
+    for image in images:
+        texture = dataset[int(image)]
+        signals = scan.signals(config, texture.load())
+        for noise, kept in zip(noises, found, strict=True):
+            codes = noise.samples(scan, config, signals, int(image))
+            said = said_of(texture, dataset.name, scan)
+            kept.append(values_of(frames, codes) if frames is not None else recorded(config, codes, said))
+        progress()
+    if frames is None:
+        return [(collect(kept, experiment.bins, dataset.class_names), rates_of(kept)) for kept in found]
+    rate_hz = frames.rate_hz * config.taxels
+    textures = [dataset[int(image)] for image in images]
+    made = (_frame_data(experiment, textures, np.stack(kept), dataset.class_names, rate_hz) for kept in found)
+    return [(data, Rates(rate_hz, rate_hz**2 / config.taxels)) for data in made]
+
+
+def recorded(config: Any, codes: NDArray[np.int32], metadata: dict[str, Any]) -> Recording:
+    """Return what the clock-by-clock model of a readout sends on some codes."""
+    from model.readout import Stimulus, simulate
+
+    stimulus = Stimulus.from_samples(config, codes)
+    return Recording(simulate(config, stimulus), config, stimulus.clocks, metadata=metadata)
+
+
+def rates_of(recordings: Sequence[Recording]) -> Rates:
+    """Return the rates of the events that count: their sum over the taxels, and that of their squares."""
+    config = recordings[0].config
+    of_taxels = np.zeros(config.taxels)
+    for recording in recordings:
+        events = recording.events[recording.events["t"] >= counted_from(recording)]
+        of_taxels += np.bincount(taxel_of(events, config), minlength=config.taxels) / recording.duration_s
+    of_taxels /= len(recordings)
+    return Rates(float(of_taxels.sum()), float((of_taxels**2).sum()))
+
+
+def _frame_data(
+    experiment: Experiment, textures: Sequence[Texture], values: Any, classes: tuple[str, ...], rate_hz: float
+) -> ScanData:
+    assert experiment.frames is not None
+    return ScanData(
+        values=values,
+        labels=np.array([texture.label for texture in textures], np.int64),
+        images=np.arange(len(textures)),
+        names=tuple(texture.name for texture in textures),
+        class_names=classes,
+        taxels=experiment.readout.taxels,
+        step_s=experiment.frames.step_s,
+        rate_hz=rate_hz,
+    )
+
+
+# -- networks ----------------------------------------------------------------------------------------
+
+
+def under_noise(
+    subjects: Sequence[Subject], noises_v: Sequence[float], out: Path, progress: Callable[[], object]
+) -> list[dict[str, Any]]:
+    """Return what every network says at every noise of both modes; a file for each network, those found are read.
+
+    Raises
+    ------
+    InputError
+        If a file is of other weights or noises.
+    """
+    from snn.train import check_fits, logits_of
+
+    found = []
+    for subject in subjects:
+        path = out / f"{subject.network}-fold-{subject.fold}-seed-{subject.seed}.json"
+        key = {"weights": subject.digest, "noises_v": list(noises_v), "images": subject.images.tolist()}
+        if path.exists():
+            cell = read_json(path, "the results of a network", dict)
+            if {name: cell.get(name) for name in key} != key:
+                raise InputError(f"{path} is of other weights, noises or images; remove it or choose another --out")
+            found.append(cell)
+            continue
+        noises = [Noisy(mode, noise) for mode in MODES for noise in noises_v]
+        data = noisy_scans(subject.experiment, subject.images.tolist(), noises, progress)
+        network = subject.weights.network
+        check_fits(config_of(network), data[0][0])
+        answers = [
+            {
+                "mode": noise.mode,
+                "noise_v": noise.noise_v,
+                "predicted": logits_of(network, scans).argmax(1).tolist(),
+                "population_hz": rates.population_hz,
+                "square_sum_hz2": rates.square_sum_hz2,
+            }
+            for noise, (scans, rates) in zip(noises, data, strict=True)
+        ]
+        about = {name: getattr(subject, name) for name in ("network", "fold", "seed")}
+        cell = about | key | {"labels": data[0][0].labels.tolist(), "answers": answers}
+        out.mkdir(parents=True, exist_ok=True)
+        write_json(path, cell)
+        found.append(cell)
+    return found
+
+
+# -- accuracy, rate and power ------------------------------------------------------------------------
+
+
+def points_of(subjects: Sequence[Subject], cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return a point for every network, mode and noise: accuracy with its intervals, rates, power, and the answers."""
+    found = []
+    for network in dict.fromkeys(subject.network for subject in subjects):
+        own = [(subject, cell) for subject, cell in zip(subjects, cells, strict=True) if subject.network == network]
+        for number, first in enumerate(own[0][1]["answers"]):
+            right = np.concatenate(
+                [np.equal(cell["answers"][number]["predicted"], cell["labels"]) for _, cell in own]
+            ).astype(float)
+            means = {
+                name: float(np.mean([cell["answers"][number][name] for _, cell in own]))
+                for name in ("population_hz", "square_sum_hz2")
+            }
+            experiment = own[0][0].experiment
+            bits = experiment.readout.event_bits if experiment.frames is None else experiment.frames.bits
+            found.append(
+                {
+                    "network": network,
+                    "readout": "frame" if experiment.frames is not None else experiment.readout.encoding,
+                    "mode": first["mode"],
+                    "noise_v": first["noise_v"],
+                    "accuracy": float(right.mean()),
+                    "wilson_95": wilson(float(right.sum()), len(right)),
+                    "bootstrap_95": bootstrap(right[:, None]),
+                    "images": len(right),
+                    "folds": sorted({cell["fold"] for _, cell in own}),
+                    "rate_hz": means["population_hz"],
+                    "data_rate_bps": means["population_hz"] * bits,
+                    "power_w": power_of(experiment, first["mode"], first["noise_v"], Rates(**means)),
+                    "answers": [
+                        {name: cell[name] for name in ("fold", "seed", "images")}
+                        | {"labels": as_word(cell["labels"])}
+                        | {"predicted": as_word(cell["answers"][number]["predicted"])}
+                        for _, cell in own
+                    ],
+                }
+            )
+    return found
+
+
+def power_of(experiment: Experiment, mode: Mode, noise_v: float, rates: Rates) -> dict[str, float]:
+    """Return AFE, converter, I/O and total in watts.
+
+    CW-LCS costs what LCS costs at its rate: the model has no part for the closing window. Frames cost 2 BW M samples a
+    second in ``paper``, of which the receiver drops what it does not use, and those that are used in ``consistent``.
+    """
+    parameters = PowerParameters(rows=experiment.readout.rows, columns=experiment.readout.columns)
+    readout: Readout = "nlcs" if experiment.readout.encoding == "nlcs" else "lcs"
+    bits, tau_s = experiment.readout.resolution, 0.2
+    if experiment.frames is not None:
+        readout, bits = "frame", experiment.frames.bits
+        parameters = parameters.replace(signal_bandwidth_hz=experiment.frames.rate_hz / 2)
+    elif readout == "nlcs":
+        tau_s = experiment.scan_and_config()[1].tau_s
+    model = PowerModel(parameters=parameters, corrections=CORRECTED[mode], measured=rates)
+    found = model.breakdown(readout, bits, noise_v, tau_s)
+    return {name: float(getattr(found, name)) for name in ("afe", "converter", "io", "total")}

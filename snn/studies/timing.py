@@ -1,0 +1,125 @@
+"""How well the time of a level crossing is known from events and frames (docs/results/what_events_are_good_for.md).
+
+The true crossings are those of the same levels by a signal that is sampled FINE_HZ times a second. A crossing that is
+found counts for the nearest true one of the same taxel, level and direction; each may be found once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.config import ReadoutConfig
+from model.events.address import taxel_of
+from model.taxel import encode, uncontended_events
+from model.textures.dataset import Dataset
+from model.textures.physical import PhysicalScan
+from model.textures.scan import quantise
+from snn.data.frame_steps import FrameSteps
+from snn.data.frames import sampled_config
+from snn.studies.noise import recorded
+
+FINE_HZ = 100_000.0
+NEAR_S = 0.02
+"""A crossing further away than this is another one."""
+
+Crossings = dict[tuple[int, int, bool], NDArray[np.float64]]
+"""Times in seconds by taxel, level and direction."""
+
+
+def timing_points(
+    dataset: Dataset, config: ReadoutConfig, frames: Sequence[FrameSteps], tick: Callable[[], object]
+) -> list[dict[str, Any]]:
+    """Return for events, and for frames of some rates with and without interpolation, what is found, and its errors.
+
+    ``config`` is of LCS, at its own sample rate and with its arbiter and link.
+    """
+    scan = PhysicalScan()
+    fine = config.replace(sample_rate_hz=FINE_HZ, sample_bits=16, decide_every="clock")
+    errors: dict[tuple[str, float], list[NDArray[np.float64]]] = {}
+    bits: dict[tuple[str, float], float] = {}
+    truths = 0
+    for texture in dataset:
+        true = _crossings(fine, quantise(scan.signals(fine, texture.load()), 16)[0])
+        truths += sum(map(len, true.values()))
+        codes = quantise(scan.signals(config, texture.load()), config.sample_bits)[0]
+        sent = recorded(config, codes, {})
+        key = ("events", config.sample_rate_hz)
+        errors.setdefault(key, []).append(_errors(true, _levels(sent.events, config, config.clock_hz)))
+        bits[key] = bits.get(key, 0.0) + len(sent.events) * config.event_bits / sent.duration_s / len(dataset)
+        for one in frames:
+            sampled = scan.signals(sampled_config(one, config), texture.load())
+            for name in ("frames", "interpolated"):
+                key = (name, one.rate_hz)
+                bits[key] = one.rate_hz * config.taxels * one.bits
+                errors.setdefault(key, []).append(_errors(true, _of_frames(fine, sampled, one, name)))
+        tick()
+    return [_point(name, rate_hz, found, truths, bits[name, rate_hz]) for (name, rate_hz), found in errors.items()]
+
+
+def _point(name: str, rate_hz: float, found: list[Any], truths: int, bps: float) -> dict[str, Any]:
+    errors = np.concatenate(found)
+    sizes = np.abs(errors)
+    return {
+        "known_from": name,
+        "rate_hz": rate_hz,
+        "sent_bps": bps,
+        "found": len(errors) / truths,
+        "median_s": float(np.median(sizes)),
+        "p95_s": float(np.quantile(sizes, 0.95)),
+        "mean_s": float(errors.mean()),
+        "deviation_s": float(errors.std()),
+    }
+
+
+def _of_frames(fine: ReadoutConfig, signals: NDArray[np.float64], frames: FrameSteps, name: str) -> Crossings:
+    """Return the crossings that a receiver finds: at the frame that shows them, or on straight lines between frames."""
+    codes = quantise(signals, frames.bits)[0].astype(float) * 2.0 ** (fine.sample_bits - frames.bits)
+    if name == "frames":
+        config = fine.replace(sample_rate_hz=frames.rate_hz)
+        return _crossings(config, codes.astype(np.int32), 0.0)
+    ticks = np.arange(int((len(codes) - 1) * FINE_HZ / frames.rate_hz) + 1)
+    lines = [np.interp(ticks / FINE_HZ, np.arange(len(codes)) / frames.rate_hz, column) for column in codes.T]
+    return _crossings(fine, np.rint(np.stack(lines, 1)).astype(np.int32))
+
+
+def _crossings(config: ReadoutConfig, codes: NDArray[np.int32], late_s: float | None = None) -> Crossings:
+    """Return the crossings of an encoder without arbiter, half a sample before that which shows them."""
+    events = uncontended_events(config, encode(config, codes))
+    half = 0.5 / config.sample_rate_hz if late_s is None else late_s
+    events["t"] = events["t"] // config.clocks_per_sample
+    return {key: times - half for key, times in _levels(events, config, config.sample_rate_hz).items()}
+
+
+def _levels(events: Any, config: ReadoutConfig, ticks_per_s: float) -> Crossings:
+    """Return the times of LCS events by taxel, level that they reach or leave, and direction."""
+    taxels, signs = taxel_of(events, config), np.where(events["p"], 1, -1)
+    found: Crossings = {}
+    for taxel in range(config.taxels):
+        own = taxels == taxel
+        level, up = np.cumsum(signs[own]), events["p"][own]
+        times = events["t"][own] / ticks_per_s
+        for key in set(zip(level.tolist(), up.tolist(), strict=True)):
+            found[taxel, key[0], key[1]] = times[(level == key[0]) & (up == key[1])]
+    return found
+
+
+def _errors(true: Crossings, found: Crossings) -> NDArray[np.float64]:
+    """Return found minus true, in seconds, of all true crossings that were found."""
+    errors = []
+    for key, times in true.items():
+        if key not in found:
+            continue
+        others = found[key]
+        place = np.searchsorted(others, times)
+        near = [others[np.clip(place + shift, 0, len(others) - 1)] - times for shift in (-1, 0)]
+        best = np.where(np.abs(near[0]) < np.abs(near[1]), near[0], near[1])
+        nearest = times + best  # one that is found stands for one true crossing, the nearest to it
+        for value in np.unique(nearest):
+            own = best[nearest == value]
+            errors.append(own[np.abs(own).argmin()])
+    kept = np.array(errors)
+    return kept[np.abs(kept) <= NEAR_S]

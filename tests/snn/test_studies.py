@@ -1,0 +1,187 @@
+"""Accuracy, rate and power belong to one noise; latency, rest and timing are measured as they are described."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from model.config import ReadoutConfig
+from model.power.equations import CORRECTIONS, PowerModel
+from model.power.parameters import PowerParameters
+from model.textures.dataset import Dataset, open_dataset
+from snn.__main__ import app
+from snn.data.disturb import noisy
+from snn.data.frame_steps import FrameSteps
+from snn.experiments.experiment import Experiment
+from snn.studies.latency import begin_of
+from snn.studies.noise import Noisy, Rates, noisy_scans, power_of
+from snn.studies.paired import paired
+from snn.studies.rest import bits_per_second
+from snn.studies.timing import _errors, timing_points
+from tests.snn.helpers import caller
+
+call = caller(app)
+SMALL = ReadoutConfig(rows=2, columns=3, resolution=4)
+
+
+@pytest.fixture(scope="module")
+def textures() -> Dataset:
+    return open_dataset("embedded").limit(2)
+
+
+def test_noise_has_its_rms_and_its_bandwidth() -> None:
+    quiet = np.zeros((20_000, 4))
+    white, slow = (noisy(quiet, 0.01, np.random.default_rng(0), pole) for pole in (None, 0.005))
+    for found, next_sample in ((white, 0.0), (slow, np.exp(-2 * np.pi * 0.005))):
+        assert found.std() == pytest.approx(0.01, rel=0.1)
+        assert (found[1:] * found[:-1]).mean() / found.var() == pytest.approx(next_sample, abs=0.02)
+    assert slow[0].std() > 0.002  # from the start
+
+
+@pytest.mark.parametrize("kind", ["lcs", "nlcs", "frames"])
+def test_scans_with_next_to_no_noise_are_those_of_the_training(kind: str) -> None:
+    frames = FrameSteps.parse("frame-onoff:250:8", 0.004) if kind == "frames" else None
+    readout = SMALL.replace(encoding="lcs" if kind == "frames" else kind)
+    made = Experiment(dataset="embedded", preset="paper", readout=readout, frames=frames)
+    images = [0, 7]
+    noises = [Noisy("paper", 1e-9), Noisy("consistent", 1e-9), Noisy("paper", 0.05)]
+    (clean, rates), (slow, _), (noise, more) = noisy_scans(made, images, noises, lambda: None)
+    whole = made.data()
+    assert np.array_equal(clean.values, whole.values[images])
+    assert np.array_equal(slow.values, clean.values)
+    assert not np.array_equal(noise.values, clean.values)
+    assert clean.labels.tolist() == whole.image_labels[images].tolist()
+    assert rates.population_hz == pytest.approx(clean.rate_hz)
+    assert rates.population_hz**2 / 6 <= rates.square_sum_hz2 * (1 + 1e-9) <= rates.population_hz**2
+    assert (more.population_hz > rates.population_hz) == (kind != "frames")
+
+
+def test_power_is_that_of_the_model_at_these_rates() -> None:
+    lcs = Experiment(preset="paper", readout=ReadoutConfig(resolution=6))
+    fitted = PowerModel().breakdown("lcs", 6, 1e-3)
+    rate_hz = 2429.0 * 2**4
+    found = power_of(lcs, "paper", 1e-3, Rates(rate_hz, rate_hz**2 / 64))
+    assert found["total"] == pytest.approx(float(fitted.total))
+    assert power_of(lcs, "paper", 1e-3, Rates(2 * rate_hz, rate_hz**2))["io"] == pytest.approx(2 * found["io"])
+    frames = Experiment(preset="paper", frames=FrameSteps.parse("frame-diff:250:8", 0.004))
+    any_rates = Rates(16_000.0, 4e6)
+    assert power_of(frames, "paper", 1e-3, any_rates)["total"] == pytest.approx(
+        float(PowerModel().breakdown("frame", 8, 1e-3).total)
+    )
+    at_250_hz = PowerModel(
+        parameters=PowerParameters(signal_bandwidth_hz=125.0), corrections=frozenset(CORRECTIONS), measured=any_rates
+    ).breakdown("frame", 8, 1e-3)
+    found = power_of(frames, "consistent", 1e-3, any_rates)
+    assert found["io"] == pytest.approx(16_000 * 8 * 0.5 * 5e-12 * 1.8**2)
+    assert found["total"] == pytest.approx(float(at_250_hz.total))
+
+
+def test_a_touch_that_rests_sends_no_events_and_all_frames(textures: Dataset) -> None:
+    readouts: dict[str, Any] = {"lcs": SMALL, "frames": FrameSteps(rate_hz=500.0, bits=6, frames_per_step=2)}
+    rows = bits_per_second(textures, readouts, (0.0, 0.01), lambda: None)
+    sent = {(row["readout"], row["noise_v"], row["phase"]): row["sent_bps"] for row in rows}
+    assert sent["lcs", 0.0, "resting"] == 0 < sent["lcs", 0.01, "resting"] < sent["lcs", 0.01, "moving"]
+    assert {sent["frames", noise, phase] for noise in (0.0, 0.01) for phase in ("moving", "resting")} == {500 * 64 * 6}
+    coded = {(row["readout"], row["noise_v"], row["phase"]): row["coded_bps"] for row in rows}
+    assert coded["frames", 0.0, "resting"] < 0.1 * coded["frames", 0.0, "moving"] < 0.1 * 500 * 64 * 6
+
+
+def test_errors_are_to_the_nearest_crossing_of_the_same_level() -> None:
+    true = {(0, 1, True): np.array([0.1, 0.2]), (0, 1, False): np.array([0.15]), (1, 1, True): np.array([0.3])}
+    found = {(0, 1, True): np.array([0.101, 0.24]), (0, 1, False): np.array([0.149, 0.1501]), (2, 1, True): np.ones(1)}
+    assert sorted(_errors(true, found).tolist()) == pytest.approx([0.0001, 0.001])
+
+
+def test_events_know_times_to_a_sample_and_frames_to_a_period(textures: Dataset) -> None:
+    rates = [FrameSteps(rate_hz=rate, bits=8, frames_per_step=1) for rate in (250.0, 1000.0)]
+    points = timing_points(textures, SMALL.replace(resolution=3), rates, lambda: None)
+    found = {(point["known_from"], point["rate_hz"]): point for point in points}
+    assert found["events", 20_000.0]["found"] > 0.97
+    assert found["events", 20_000.0]["p95_s"] < 1e-4
+    for rate in (250.0, 1000.0):
+        late = found["frames", rate]
+        assert late["mean_s"] == pytest.approx(0.5 / rate, rel=0.2)
+        assert found["interpolated", rate]["median_s"] < 0.6 * late["median_s"]
+        assert late["found"] < found["events", 20_000.0]["found"]
+    assert found["frames", 250.0]["sent_bps"] == 250 * 6 * 8
+
+
+def test_steps_of_events_begin_where_they_count() -> None:
+    paper = Experiment(dataset="embedded", preset="paper", readout=SMALL)
+    assert begin_of(paper) == pytest.approx(0.01, rel=0.06)
+    assert begin_of(dataclasses.replace(paper, frames=FrameSteps())) == 0
+    assert begin_of(dataclasses.replace(paper, preset="physical")) == 0
+
+
+def test_answers_are_paired_on_the_folds_that_both_have() -> None:
+    def point(network: str, folds: dict[int, str]) -> dict[str, Any]:
+        answers = [{"fold": f, "seed": 0, "labels": "0123", "predicted": said} for f, said in folds.items()]
+        return {"network": network, "time_s": 0.1, "answers": answers}
+
+    (found,) = paired([point("a", {0: "01..", 1: "0123"}), point("b", {0: "0.23"})], "a", "b", ["time_s"])
+    assert (found["images"], found["only_first"], found["only_second"]) == (4, 1, 2)
+    assert paired([point("a", {1: "0123"}), point("b", {0: "0.23"})], "a", "b", ["time_s"]) == []
+
+
+def test_both_commands_write_what_they_print(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    generator = np.random.default_rng(0)
+    for name in ("rough", "smooth"):
+        (tmp_path / "textures" / name).mkdir(parents=True)
+        for number in range(4):
+            pixels = generator.integers(0, 256 if name == "rough" else 64, (40, 160), np.uint8)
+            Image.fromarray(pixels).save(tmp_path / "textures" / name / f"{number}.png")
+    small = "--dataset textures --folds 2 --epochs 1 --set hidden=8"
+    for name, options in (("a", ""), ("b", "--frames frame-onoff:250:8")):
+        assert call(f"train {small} {options} -o nets/{name}/fold-0", capsys)[0] == 0
+    code, text = call("noise-power nets --noises 1,50 --pair a,b -o out", capsys)
+    assert code == 0, text
+    content = json.loads((tmp_path / "out" / "noise_power.json").read_text())
+    assert content["command"] == "python -m snn noise-power nets --noises 1,50 --pair a,b"
+    points = content["points"]
+    assert [one["images"] for one in content["pairs"]] == [4] * 4
+    assert [(p["network"], p["mode"], p["noise_v"]) for p in points[:3]] == [
+        ("a", "paper", 0.001),
+        ("a", "paper", 0.05),
+        ("a", "consistent", 0.001),
+    ]
+    assert points[1]["rate_hz"] > points[3]["rate_hz"] > points[2]["rate_hz"]  # slow noise makes fewer events
+    answer = points[0]["answers"][0]
+    assert points[0]["accuracy"] == np.mean(
+        [a == b for a, b in zip(answer["predicted"], answer["labels"], strict=True)]
+    )
+    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "out").glob("*-fold-*.json")}
+    assert call("noise-power nets --noises 1,50 -o out", capsys)[0] == 0
+    assert len(before) == 2
+    assert {path: path.stat().st_mtime_ns for path in before} == before
+
+    line = "merits nets --pair a,b --dataset textures --limit 1 --noise out/noise_power.json -o merits"
+    code, text = call(line, capsys)
+    assert code == 0, text
+    result = json.loads((tmp_path / "merits" / "merits.json").read_text())
+    last = [point for point in result["latency"] if point["network"] == "a"][-1]
+    said = json.loads((tmp_path / "nets" / "a" / "fold-0" / "result.json").read_text())["predicted"]
+    assert last["answers"][0]["predicted"] == "".join(map(str, said))  # the whole scan lasts less than that
+    assert len(result["latency_pairs"]) == 14
+    assert len(result["noise"]) == 8
+    assert (tmp_path / "merits" / "merits.png").stat().st_size > 10_000
+    for line, message in (
+        ("noise-power nets --noises 1,50,60 -o out", "out/a-fold-0-seed-0.json is of other weights, noises or images"),
+        (
+            "noise-power nets --noises 0",
+            "--noises takes positive numbers of mV below 1000 with commas between, not '0'",
+        ),
+        ("merits --pair a,b", "--pair compares trained networks; name their folders"),
+        ("merits nets --pair a,c", "--pair takes two of a, b, with a comma between, not 'a,c'"),
+    ):
+        code, text = call(line, capsys)
+        assert (code, text.count("\n")) == (2, 1), text
+        assert text.startswith(f"error: {message}"), text
