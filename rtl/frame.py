@@ -36,6 +36,8 @@ class FrameSequencer(Block[FrameConfig]):
         The stream of codes, with the first and the last of a frame marked.
     frame_overrun : Out(1)
         The ``frame_start`` of the clock before was missed.
+    awake : Out(1)
+        Low in a clock at whose end no register of the sequencer changes: its clock may be stopped.
     """
 
     module_name = "eskin_frame_sequencer"
@@ -52,6 +54,7 @@ class FrameSequencer(Block[FrameConfig]):
                 "adc_code": In(config.resolution),
                 **sample_ports(config, Out),
                 "frame_overrun": Out(1),
+                "awake": Out(1),
             },
         )
 
@@ -80,6 +83,8 @@ class FrameSequencer(Block[FrameConfig]):
             self.sample_first.eq(first),
             self.frame_overrun.eq(overrun),
         ]
+        stirs = [self.frame_start, overrun, taken, self.adc_start, scanning & (settling != 0), held & self.sample_ready]
+        m.d.comb += self.awake.eq(Cat(stirs).any())
         if "sample_last" in self.signature.members:
             m.d.comb += self.sample_last.eq(last)
         m.d.sync += overrun.eq(self.frame_start & scanning)
@@ -122,13 +127,15 @@ class FramePacker(Block[FrameConfig]):
         The stream of codes.
     word_valid, word_ready, word_data, word_sync : Out(1), In(1), Out(word_bits), Out(1)
         The stream of words; valid and payload are flops. ``word_sync`` marks the first word of a frame.
+    awake : Out(1)
+        Low in a clock at whose end no register of the packer changes: its clock may be stopped.
     """
 
     module_name = "eskin_frame_packer"
 
     def __init__(self, config: FrameConfig) -> None:
         self.grain = bit_positions(config)
-        super().__init__(config, {**sample_ports(config, In), **word_ports(config)})
+        super().__init__(config, {**sample_ports(config, In), **word_ports(config), "awake": Out(1)})
 
     def elaborate(self, platform: Any) -> Module:
         m = Module()
@@ -146,6 +153,7 @@ class FramePacker(Block[FrameConfig]):
             self.word_sync.eq(sync),
             free.eq(~valid | self.word_ready),
             self.sample_ready.eq(free & ~flush),
+            self.awake.eq((valid & self.word_ready) | (free & (flush | self.sample_valid))),
             begins.eq(opening | (self.sample_first & ~flush)),
         ]
         with m.If(free):
@@ -204,7 +212,7 @@ class FrameReadout(Block[FrameConfig]):
 
     def __init__(self, config: FrameConfig) -> None:
         sequencer = FrameSequencer(config)
-        inner = sample_ports(config, Out)
+        inner = {*sample_ports(config, Out), "awake"}
         ports = {name: port for name, port in sequencer.signature.members.items() if name not in inner}
         super().__init__(config, {**ports, **word_ports(config)})
 
@@ -218,6 +226,9 @@ class FrameReadout(Block[FrameConfig]):
         for name in self.signature.members:
             block = packer if name.startswith("word_") else sequencer
             block.connect(m, name, getattr(self, name))
+        # Nothing in here uses it: a clock gate may.
+        awake = Signal(attrs={"keep": 1})
+        m.d.comb += awake.eq(sequencer.awake | packer.awake)
         return m
 
 

@@ -23,7 +23,8 @@ class Own:
     pending : Signal
         Register: a request waits.
     enabled : Signal
-        Register: the mask of the clock before, so that a masked taxel is reset once and then stands still.
+        Register: the mask of the clock before, so that a masked taxel is reset once and then stands still; where the
+        taxel ``sleeps``, it also has taken a sample since.
     on, off : Signal
         A free taxel steps up, or down, in this clock; where both are high, up.
     asks : Signal
@@ -111,13 +112,16 @@ class Taxel(Block[ReadoutConfig]):
         above, below = self._leaky(m, own) if config.encoding == "nlcs" else self._level(m, own, platform)
         decide = self.tick if config.decide_every == "sample" else Const(1)
         switched = Signal()
-        leaks = self.enable & self.decay if config.encoding == "nlcs" else Const(0)
+        m.d.comb += switched.eq(self.enable ^ own.enabled)
+        if self.sleeps:
+            decide &= own.enabled
+            m.d.comb += switched.eq(Mux(own.enabled, ~self.enable, self.enable & self.sample_valid))
+        leaks = own.enabled & self.decay if config.encoding == "nlcs" else Const(0)
         m.d.comb += [
             self.request.eq(own.pending & self.enable),
             own.on.eq(decide & above),
             own.off.eq(decide & below),
             own.asks.eq(self.enable & (own.on | own.off)),
-            switched.eq(self.enable ^ own.enabled),
             own.moves.eq(switched | Mux(own.pending, self.granted, own.asks | leaks)),
             self.stirs.eq(switched | (~own.pending & own.asks) | own.closing),
         ]
@@ -129,6 +133,15 @@ class Taxel(Block[ReadoutConfig]):
                 m.d.sync += sign.eq(own.on)
             m.d.comb += self.polarity.eq(sign)
         return m
+
+    @property
+    def sleeps(self) -> bool:
+        """Whether the taxel does nothing from its reset to its first sample: then masks need not reset the sample.
+
+        A reference of 0 meets a sample of 0, and no window closes.
+        """
+        config = self.config
+        return config.frontend == "digital" and config.reference_reset == 0 and not config.closes
 
     def _leaky(self, m: Module, own: Own) -> tuple[Any, Any]:
         """Add the reference of N-LCS; return whether a step up is due, and one down, which never is."""
@@ -194,8 +207,12 @@ class Taxel(Block[ReadoutConfig]):
         if not config.has_polarity:  # a sample below zero never asks: it counts as zero
             sample = Signal(config.sample_bits - 1)
             newest = Mux(self.sample[-1], 0, self.sample[:-1])
-        with m.If(Mux(self.enable, self.sample_valid, own.enabled)):
-            m.d.sync += sample.eq(Mux(self.enable, newest, 0))
+        takes = self.enable & self.sample_valid
+        if not self.sleeps:
+            takes |= ~self.enable & own.enabled
+            newest = Mux(self.enable, newest, 0)
+        with m.If(takes):
+            m.d.sync += sample.eq(newest)
         difference = Signal(signed(config.sample_bits - low_bits + 1))
         m.d.comb += difference.eq(sample - reference)
         above = Signal()

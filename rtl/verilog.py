@@ -42,7 +42,7 @@ MEMORIES_WITHOUT_RESET = ("eskin_weights", "eskin_neuron_weights", "eskin_lane")
 
 UNUSED_RESET = "a memory has no reset"
 
-UNUSED_AWAKE = "low in a clock at whose end no register of the array changes: for a clock gate, should there be one"
+UNUSED_AWAKE = "low in a clock at whose end no register changes: for a clock gate, should there be one"
 
 UNUSED_SAMPLE_BITS = "bits below the encoder's step can never change a decision: the taxel keeps the others"
 
@@ -103,8 +103,8 @@ def _waive(text: str, config: Config) -> str:
     for warning, reason in reversed(waivers.items()):
         text = yosys.waive(text, warning, reason)
     readout = config.readout if isinstance(config, ChipConfig) else config
-    if isinstance(readout, ReadoutConfig):
-        text = yosys.waive_signal(text, "eskin_readout", "awake", "UNUSEDSIGNAL", UNUSED_AWAKE)
+    if isinstance(readout, ReadoutConfig | FrameConfig):
+        text = yosys.waive_signal(text, top_block(readout).module_name, "awake", "UNUSEDSIGNAL", UNUSED_AWAKE)
     if isinstance(readout, ReadoutConfig) and readout.frontend == "digital" and readout.grid > 1:
         text = yosys.waive_signal(text, "eskin_taxel", "sample", "UNUSEDSIGNAL", UNUSED_SAMPLE_BITS)
     if isinstance(readout, ReadoutConfig) and readout.registers != "none":

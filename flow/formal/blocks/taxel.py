@@ -155,10 +155,19 @@ class TaxelChecker(Checker[ReadoutConfig]):
         if _analog(config):
             return self.above, self.below if config.has_polarity else Const(0)
         sample = Signal(signed(config.sample_bits), name="x")
-        with m.If(~self.enable):
-            m.d.sync += sample.eq(0)
-        with m.Elif(self.sample_valid):
-            m.d.sync += sample.eq(self.sample)
+        # To a leaky taxel, whose reference never is below zero, a sample below zero is as good as zero.
+        newest = Mux(self.sample < 0, 0, self.sample) if _leaks(config) else self.sample
+        if Taxel(config).sleeps:  # that of the block is kept, and not heard until there is a new one
+            kept, known = Signal(sample.shape(), name="x_kept"), Signal(name="x_known")
+            with m.If(self.enable & self.sample_valid):
+                m.d.sync += kept.eq(newest)
+            m.d.sync += known.eq(self.enable & (known | self.sample_valid))
+            m.d.comb += sample.eq(Mux(known, kept, 0))
+        else:
+            with m.If(~self.enable):
+                m.d.sync += sample.eq(0)
+            with m.Elif(self.sample_valid):
+                m.d.sync += sample.eq(newest)
         self._sample = sample
         gap = Signal(signed(config.sample_bits + 4), name="gap")
         m.d.comb += gap.eq(sample - (reference >> self._fraction))
