@@ -7,6 +7,7 @@ from model.cli.app import leave_without, make_app, run
 try:
     from cocotb_tests.commands.replay import replay
     from cocotb_tests.commands.sim import sim
+    from cocotb_tests.commands.touch import touch
 except ModuleNotFoundError as error:
     if __name__ != "__main__":
         raise
@@ -15,6 +16,7 @@ except ModuleNotFoundError as error:
 app = make_app("Co-simulation of the spiking e-skin readout: RTL against golden model.")
 app.command()(sim)
 app.command()(replay)
+app.command()(touch)
 
 
 def main() -> None:

@@ -13,6 +13,12 @@
 // offset of every taxel's comparator above and below; all in 1/16 code. Noise is even from -noise to +noise, drawn anew in
 // every clock; a comparator that is high stays high until the signal is back by the hysteresis. decisions.txt has a line
 // for every clock: what the comparators above and below found, in hexadecimal.
+//
+// With CHIP the readout has its classifier behind it. weights.hex and neurons.hex are written into its memories while
+// the reset holds. events.txt then has a line for every event: the clock from which it was offered, that in which it
+// was taken, and its channel; classes.txt one for every bin: clock, class, overrun, stalls, sums over all potentials and
+// spikes of the hidden and of the output neurons (`mixed`), evidence in hexadecimal; spikes.txt one for every hidden
+// spike: bin and neuron.
 
 `timescale 1ns / 1ns
 
@@ -23,6 +29,19 @@ module harness;
   parameter COLUMN_BITS = 3;
 
   parameter STEP = 16;
+
+`ifdef CHIP
+  parameter CHANNEL_BITS = 7;
+  parameter HIDDEN_BITS = 8;
+  parameter CLASS_BITS = 3;
+  parameter MEMBRANE_BITS = 16;
+  parameter OUTPUT_BITS = 16;
+  parameter EVIDENCE_BITS = 96;  // of all classes
+  parameter ADDRESS_BITS = 13;
+  parameter WORD_BITS = 64;
+  parameter WEIGHT_WORDS = 6144;
+  parameter NEURON_WORDS = 2048;
+`endif
 
 `ifdef ANALOG
   localparam FRACTION_BITS = 4;
@@ -155,6 +174,31 @@ module harness;
 `else
   wire aer_addr = 0;  // a single unipolar taxel needs no address
 `endif
+`elsif CHIP
+  wire event_valid, event_ready, class_valid, overrun;
+  wire hidden_valid, hidden_spike, output_valid;
+`ifdef OUTPUT_SPIKES
+  wire output_spike;
+`else
+  wire output_spike = 0;
+`endif
+  wire [CHANNEL_BITS-1:0] event_channel;
+  wire [CLASS_BITS-1:0] class_index;
+  wire [EVIDENCE_BITS-1:0] evidence;
+  wire [23:0] stall_count;
+  wire [HIDDEN_BITS-1:0] hidden_index;
+  wire signed [MEMBRANE_BITS-1:0] hidden_potential;
+  wire signed [OUTPUT_BITS-1:0] output_potential;
+  reg load_valid = 0;
+  reg load_neurons = 0;
+  reg [ADDRESS_BITS-1:0] load_address = 0;
+  reg [WORD_BITS-1:0] load_data = 0;
+  reg [WORD_BITS-1:0] weights [0:WEIGHT_WORDS-1];
+  reg [WORD_BITS-1:0] neurons [0:NEURON_WORDS-1];
+  reg [63:0] left /* verilator public_flat_rw */ = 0;  // 1 + the clock from which an event waits when the run ends, 0 for none
+  reg waiting = 0;
+  reg [63:0] offered = 0;
+  reg [31:0] loaded = 0;  // words of both memories that have been written since the reset began
 `else
   wire event_valid;
   wire event_ready;
@@ -175,7 +219,11 @@ module harness;
 `endif
 `endif
 
+`ifdef CHIP
+  eskin_chip dut (
+`else
   eskin_readout dut (
+`endif
       .clk(clk),
       .rst(rst),
 `ifdef TEST_ENABLE
@@ -202,6 +250,30 @@ module harness;
 `ifdef ADDRESS
       .aer_addr(aer_addr),
 `endif
+`elsif CHIP
+      .load_valid(load_valid),
+      .load_neurons(load_neurons),
+      .load_address(load_address),
+      .load_data(load_data),
+      .scan_start(1'b0),
+      .event_valid(event_valid),
+      .event_ready(event_ready),
+      .event_channel(event_channel),
+      .class_valid(class_valid),
+      .class_index(class_index),
+      .evidence(evidence),
+      .overrun(overrun),
+      .stall_count(stall_count),
+      .hidden_valid(hidden_valid),
+      .hidden_index(hidden_index),
+      .hidden_potential(hidden_potential),
+      .hidden_spike(hidden_spike),
+      .output_valid(output_valid),
+      .output_index(),
+      .output_potential(output_potential),
+`ifdef OUTPUT_SPIKES
+      .output_spike(output_spike),
+`endif
 `else
       .event_valid(event_valid),
       .event_ready(event_ready),
@@ -226,7 +298,7 @@ module harness;
   reg [7:0] ready_pattern [0:PATTERN-1];
   reg [15:0] ack_pattern [0:PATTERN/16-1];
   reg [2:0] hold = 0;
-  integer stimulus_file, pattern_file, event_file, decision_file, count;
+  integer stimulus_file, pattern_file, event_file, decision_file, class_file, spike_file, count;
 `ifdef FOUR_PHASE
   reg responding = 0;
   wire quiet = !responding && !aer_ack;
@@ -237,6 +309,19 @@ module harness;
   always @(posedge clk)
     if (!running) begin
       if (hold != 4) hold <= hold + 1;
+`ifdef CHIP
+      else if (go != done && loaded != WEIGHT_WORDS + NEURON_WORDS + 1) begin
+        if (loaded == 0) begin
+          $readmemh("weights.hex", weights);
+          $readmemh("neurons.hex", neurons);
+        end
+        load_valid <= loaded != WEIGHT_WORDS + NEURON_WORDS;
+        load_neurons <= loaded >= WEIGHT_WORDS;
+        load_address <= loaded < WEIGHT_WORDS ? loaded : loaded - WEIGHT_WORDS;
+        load_data <= loaded < WEIGHT_WORDS ? weights[loaded] : neurons[loaded-WEIGHT_WORDS];
+        loaded <= loaded + 1;
+      end
+`endif
       else if (go != done && quiet) begin
         pattern_file = $fopen("ready.bin", "rb");
         count = $fread(ready_pattern, pattern_file);
@@ -246,6 +331,10 @@ module harness;
         $fclose(pattern_file);
         stimulus_file = $fopen("stimulus.bin", "rb");
         event_file = $fopen("events.txt", "w");
+`ifdef CHIP
+        class_file = $fopen("classes.txt", "w");
+        spike_file = $fopen("spikes.txt", "w");
+`endif
 `ifdef ANALOG
         pattern_file = $fopen("comparators.bin", "rb");
         count = $fread(comparators, pattern_file);
@@ -284,6 +373,12 @@ module harness;
 `ifdef ANALOG
         $fclose(decision_file);
 `endif
+`ifdef CHIP
+        $fclose(class_file);
+        $fclose(spike_file);
+        loaded <= 0;
+        left <= event_valid && !event_ready ? (waiting ? offered : cycle) + 1 : 0;
+`endif
         running <= 0;
         rst <= 1;
         hold <= 0;
@@ -318,6 +413,42 @@ module harness;
       if ((aer_req || aer_ack) && aer_addr != addr_before) errors <= errors + 1;
       if (aer_req && !req_before && ack_before) errors <= errors + 1;
       if (!aer_req && req_before && !ack_before) errors <= errors + 1;
+    end
+  end
+`elsif CHIP
+  reg [CHANNEL_BITS-1:0] channel_before = 0;
+  reg [31:0] bin_count = 0;
+  reg [63:0] hidden_sum = 0, output_sum = 0;
+
+  // A sum in which a number's place counts: equal sums of 64 bits from other numbers would be an accident.
+  function automatic [63:0] mixed(input [63:0] sum, input signed [63:0] potential, input spike);
+    begin
+      mixed = sum * 64'd6364136223846793005 + {potential[62:0], spike} + 64'd1442695040888963407;
+    end
+  endfunction
+
+  always @(posedge clk) begin
+    waiting <= running & event_valid & ~event_ready;
+    channel_before <= event_channel;
+    if (running) begin
+      if (event_valid && !waiting) offered <= cycle;
+      if (event_valid && event_ready)
+        $fwrite(event_file, "%0d %0d %0d\n", waiting ? offered : cycle, cycle, event_channel);
+      if (waiting && (!event_valid || event_channel != channel_before)) errors <= errors + 1;
+      if (hidden_valid) hidden_sum <= mixed(hidden_sum, hidden_potential, hidden_spike);
+      if (hidden_valid && hidden_spike) $fwrite(spike_file, "%0d %0d\n", bin_count, hidden_index);
+      if (output_valid) output_sum <= mixed(output_sum, output_potential, output_spike);
+      if (class_valid) begin
+        $fwrite(class_file, "%0d %0d %0d %0d %0d %0d %h\n", cycle, class_index, overrun, stall_count, hidden_sum,
+                output_sum, evidence);
+        bin_count <= bin_count + 1;
+        hidden_sum <= 0;
+        output_sum <= 0;
+      end
+    end else begin
+      bin_count <= 0;
+      hidden_sum <= 0;
+      output_sum <= 0;
     end
   end
 `else

@@ -210,9 +210,18 @@ class Bench:
         return await self._go()
 
     async def _go(self) -> tuple[Events, int]:
+        errors = await self._done()
+        return self.monitor.read(), errors
+
+    async def _done(self) -> int:
         self.dut.go.value = int(self.dut.done.value) + 1
         await ValueChange(self.dut.done)
-        return self.monitor.read(), int(self.dut.errors.value)
+        return int(self.dut.errors.value)
+
+    async def play_chip(self, stimulus: Stimulus) -> int:
+        """Play a stimulus to a chip; return the breaches of the protocol between readout and classifier."""
+        self.driver.write(stimulus)
+        return await self._done()
 
     async def check(self, name: str, stimulus: Stimulus) -> Events:
         """Play a stimulus and hold the RTL to the model; return the events."""

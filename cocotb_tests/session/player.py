@@ -108,7 +108,7 @@ def _samples_of(job: Job, config: ReadoutConfig, image: Any) -> tuple[Any, dict[
 
 
 @contextlib.contextmanager
-def _told_to_the_caller() -> Iterator[None]:
+def told_to_the_caller() -> Iterator[None]:
     """Leave the text of a mismatch in mismatch.txt, and that of bad input in refused.txt."""
     try:
         yield
@@ -158,7 +158,7 @@ async def play(dut: Any) -> None:
     config = ReadoutConfig.from_dict(job.config)
     bench = Bench(dut, config, Path.cwd())
     parent = os.getppid()
-    with Path("progress.jsonl").open("w", buffering=1) as progress, _told_to_the_caller():
+    with Path("progress.jsonl").open("w", buffering=1) as progress, told_to_the_caller():
         for played in (_play_scenarios, _play_scans):
             async for told in played(bench, job, config):
                 progress.write(json.dumps(told) + "\n")

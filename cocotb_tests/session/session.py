@@ -79,18 +79,38 @@ def run_job(program: Build, job: Job, folder: Path, on_run: Callable[[dict[str, 
 
 def _follow(program: Build, job: Job, folder: Path, on_run: Callable[[dict[str, Any]], None]) -> Tally:
     """Start a job, tell of each run as it is done, and return what was compared."""
-    progress, mismatch, refused = folder / "progress.jsonl", folder / "mismatch.txt", folder / "refused.txt"
-    for old in (progress, mismatch, refused):
-        old.unlink(missing_ok=True)
     if job.seed is not None:
         job = dataclasses.replace(job, scenarios=_prepare(job, folder / "scenarios"))
     job.write(folder / "job.json")
+    environment = {JOB: str((folder / "job.json").resolve())}
+    try:
+        return follow(program, "cocotb_tests.session.player", environment, folder, on_run)
+    finally:
+        shutil.rmtree(folder / "scenarios", ignore_errors=True)
 
+
+def follow(
+    program: Build,
+    module: str,
+    environment: dict[str, str],
+    folder: Path,
+    on_run: Callable[[dict[str, Any]], None] = lambda run: None,
+) -> Tally:
+    """Start the player ``module`` in a folder, tell of each run as it is done, and return what was compared.
+
+    Raises
+    ------
+    MismatchFound, InputError, AssertionError
+        As ``run_job`` does.
+    """
+    progress, mismatch, refused = folder / "progress.jsonl", folder / "mismatch.txt", folder / "refused.txt"
+    for old in (progress, mismatch, refused):
+        old.unlink(missing_ok=True)
     failure: list[BaseException] = []
 
     def simulate() -> None:
         try:
-            program.test("cocotb_tests.session.player", folder, "play", {JOB: str((folder / "job.json").resolve())})
+            program.test(module, folder, "play", environment)
         except BaseException as error:
             failure.append(error)
 
@@ -106,13 +126,12 @@ def _follow(program: Build, job: Job, folder: Path, on_run: Callable[[dict[str, 
                 while (line := file.readline()).endswith("\n"):
                     position = file.tell()
                     run = json.loads(line)
-                    drained = not run["outstanding"]
+                    drained = not run.get("outstanding")
                     tally += Tally(1, run["clocks"], run["events"], int(drained), int(not drained))
                     on_run(run)
         if not alive:
             break
         thread.join(POLL_S)
-    shutil.rmtree(folder / "scenarios", ignore_errors=True)
     if mismatch.exists():
         raise MismatchFound(mismatch.read_text())
     if refused.exists():

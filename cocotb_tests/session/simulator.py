@@ -24,6 +24,7 @@ from model.config import ReadoutConfig
 from model.errors import InputError
 from model.files import refusing_a_full_disk
 from model.frame_config import FrameConfig
+from rtl.classifier.core import Classifier
 from rtl.verilog import Config
 
 HARNESS = Path(__file__).parents[1] / "bench" / "harness.v"
@@ -39,6 +40,18 @@ ENVIRONMENT = {
 
 HIERARCHICAL_FROM = 512
 """Taxels from which on Verilator gets the array row by row: flat, 64 x 64 would not be built within ten minutes."""
+
+CHIP_WIDTHS = {
+    "CHANNEL_BITS": "event_channel",
+    "HIDDEN_BITS": "hidden_index",
+    "CLASS_BITS": "class_index",
+    "MEMBRANE_BITS": "hidden_potential",
+    "OUTPUT_BITS": "output_potential",
+    "EVIDENCE_BITS": "evidence",
+    "ADDRESS_BITS": "load_address",
+    "WORD_BITS": "load_data",
+}
+"""Parameters of the harness, and the ports of the classifier that are so wide."""
 
 
 class SimulationDied(AssertionError):  # it may be done again
@@ -128,7 +141,7 @@ def build(
     require_programs(simulator)
     given, text = bool(text), text or verilog_text(config)
     harness = HARNESS.read_text() if top == "harness" else ""
-    defines, parameters = shape(config) if harness and isinstance(config, ReadoutConfig) else ({}, {})
+    defines, parameters = shape(config) if harness else ({}, {})
     if hierarchical is None:
         hierarchical = isinstance(config, ReadoutConfig) and config.taxels >= HIERARCHICAL_FROM
     hierarchical = hierarchical and simulator == "verilator" and top == "harness" and not given
@@ -230,8 +243,12 @@ def require_programs(simulator: Simulator) -> None:
         raise MissingProgram(f"{', '.join(missing)} not found; install with: apt-get install {' '.join(missing)}")
 
 
-def shape(config: ReadoutConfig) -> tuple[dict[str, str], dict[str, int]]:
+def shape(config: Config) -> tuple[dict[str, str], dict[str, int]]:
     """Return the macros and parameters that fit the harness to a configuration."""
+    if isinstance(config, ChipConfig):
+        macros, parameters = shape(config.readout)
+        return macros | _chip_macros(config.classifier), parameters | _chip_parameters(config.classifier)
+    assert isinstance(config, ReadoutConfig)
     macros = {
         "ANALOG": config.frontend == "analog",
         "FOUR_PHASE": config.link == "four_phase",
@@ -250,3 +267,13 @@ def shape(config: ReadoutConfig) -> tuple[dict[str, str], dict[str, int]]:
         "STEP": config.step,
     }
     return {name: "1" for name, on in macros.items() if on}, parameters
+
+
+def _chip_macros(config: ClassifierConfig) -> dict[str, str]:
+    return {"CHIP": "1"} | ({"OUTPUT_SPIKES": "1"} if config.readout == "spikes" else {})
+
+
+def _chip_parameters(config: ClassifierConfig) -> dict[str, int]:
+    ports = {name: len(getattr(Classifier(config), name)) for name in CHIP_WIDTHS.values()}
+    widths = {parameter: ports[name] for parameter, name in CHIP_WIDTHS.items()}
+    return widths | {"WEIGHT_WORDS": config.weight_words, "NEURON_WORDS": config.neuron_words}

@@ -30,7 +30,8 @@ class IntegerWeights:
     class_names : tuple of str
         Of the outputs, in their order.
     notes : dict
-        What the quantiser says: the float value of a weight of 1 for each matrix, and the errors.
+        What the quantiser says: the float value of a weight of 1 for each matrix, the errors, and under ``training``
+        for which readout and bins it was trained and what it says of images that it has not learned.
     """
 
     network: IntegerNetwork
@@ -50,7 +51,7 @@ class IntegerWeights:
         }
         arrays: dict[str, NDArray[Any]] = {n: getattr(self.network, n).astype(kind) for n, kind in ARRAYS.items()}
         arrays["metadata"] = np.array(json.dumps(header))
-        write_arrays(path, arrays)
+        write_arrays(path, arrays, compressed=True)
 
     @classmethod
     def load(cls, path: Path) -> IntegerWeights:

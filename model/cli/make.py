@@ -78,6 +78,11 @@ TARGETS = {
         "cocotb_tests replay",
         SIM,
     ),
+    "touch": Target(
+        "texture to class as one chip, held to its models [DATASET= DATA= WEIGHTS= LIMIT=]",
+        "cocotb_tests touch",
+        SIM,
+    ),
     "verilog": Target(
         "write Verilog, constraints, port list and FuseSoC core [READOUT=spiking|frame REGISTERS=spi OUT=]",
         "rtl verilog",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -166,6 +167,7 @@ def quantise(
     from model.classifier.file import write_images
     from snn.exchange.integer import Precision, quantise, summary
     from snn.exchange.weights import load_weights
+    from snn.experiments.trained import said_of_training
 
     given = {"in_bits": in_bits, "rec_bits": rec_bits, "out_bits": out_bits}
     precision = Precision(
@@ -176,7 +178,9 @@ def quantise(
         lanes=lanes,
         clock_hz=clock,
     )
-    made = quantise(load_weights(weights), precision)
+    trained = load_weights(weights)
+    made = quantise(trained, precision)
+    made = dataclasses.replace(made, notes=made.notes | {"training": said_of_training(weights, trained)})
     lines = summary(made)
     if accuracy:
         from snn.experiments.evaluate import compare_integer

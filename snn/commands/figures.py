@@ -70,13 +70,13 @@ def fig8(
     data_out: DataOutOption = None,
 ) -> None:
     """Draw figure 8: one scan from the texture over events and hidden spikes to the evidence for each class."""
-    from snn.figures.fig8 import plot_fig8
+    from model.figures.scan_to_class import plot_scan
     from snn.figures.fig8_play import Places, play
 
     if dataset is not None and data is not None:
         raise InputError("--dataset is for textures, --data for your own recordings; give one of the two")
     played = play(weights, result or weights.parent / "result.json", Places(dataset, data), image)
-    print(printable(write_results(out, "fig8", played.to_dict(), lambda _, path: plot_fig8(played, path), data_out)))
+    print(printable(write_results(out, "fig8", played.to_dict(), lambda _, path: plot_scan(played, path), data_out)))
     print(printable(f"{played.name}: true {played.true}, predicted {played.predicted}"))
     if played.tests:
         noun = "recordings" if played.pixels is None else "images"

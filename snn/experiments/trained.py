@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -201,6 +202,34 @@ def load_test_scans(
     if data.class_names != result.class_names:
         raise InputError("the images found here are not those of the training; give its textures with --dataset")
     return result, data, result.test_images(data.image_labels)
+
+
+def said_of_training(path: Path, weights: Weights) -> dict[str, Any]:
+    """Return what a file made from weights shall say of their training, nothing where there is no result beside them.
+
+    Returns
+    -------
+    dict
+        ``readout``, ``preset``, ``dataset``, ``bin_s``, ``tested``: what the network with its trained weights
+        says (the number of a class) of every image that it has not learned, by name; and ``recordings``, how own
+        ones were taken.
+    """
+    note = path.parent / "result.json"
+    if not note.exists():
+        return {}
+    result = read_result(note, path, weights)
+    experiment = result.experiment
+    names, labels, dataset = _images_of(experiment, result.class_names, result.own is not None)
+    readout = result.own.config if result.own else experiment.scan_and_config()[1]
+    tested = [names[number] for number in result.test_images(labels)]
+    return {
+        "readout": readout.to_dict(),
+        "preset": experiment.preset,
+        "dataset": dataset,
+        "bin_s": experiment.bins.bin_s,
+        "tested": dict(zip(tested, result.predicted, strict=True)) if result.predicted else {},
+        "recordings": result.own.to_dict() if result.own else None,
+    }
 
 
 def _images_of(

@@ -14,9 +14,9 @@ from torch.nn import functional
 
 from model.errors import InputError
 from model.events.recording import Recording
+from model.figures.scan_to_class import Played
 from model.recordings.folder import read_set
 from model.textures.dataset import open_dataset
-from model.textures.scan import Scan
 from snn.data.bins import BinConfig
 from snn.data.record import record
 from snn.data.scans import collect
@@ -28,85 +28,6 @@ from snn.network import SpikingNetwork
 
 MEANINGS = {"spikes": "output spikes so far", "membrane": "output membranes so far, divided by all steps"}
 """The evidence, by the readout of the network."""
-
-
-@dataclass(frozen=True, eq=False)
-class Played:
-    """One scan and what the network makes of it.
-
-    Attributes
-    ----------
-    name, true : str
-        Of the texture or own recording, and of its class.
-    label : int
-        Of the class, an index into ``class_names``.
-    tested : bool
-        It was none of those that the network learned from.
-    scan : Scan or None
-        None of own recordings, which are no scans.
-    pixels : uint8 array, shape (height, width), or None
-        The texture.
-    recording : Recording
-        Its events.
-    signals : array, shape (ticks, taxels)
-        Samples in full scales.
-    start_s, step_s : float
-        Begin of the first time step, and length of a step.
-    spikes : array, shape (steps, hidden)
-        Spikes of the hidden neurons, 0 or 1.
-    evidence : array, shape (steps, classes)
-        See :func:`evidence`.
-    class_names : tuple of str
-    meaning : str
-        What the evidence is, in words.
-    right, tests : int
-        How many of so many test images the network classified rightly; 0 of 0 where that is not known.
-    """
-
-    name: str
-    true: str
-    label: int
-    tested: bool
-    scan: Scan | None
-    pixels: NDArray[np.uint8] | None
-    recording: Recording
-    signals: NDArray[np.float64]
-    start_s: float
-    step_s: float
-    spikes: NDArray[np.float32]
-    evidence: NDArray[np.float32]
-    class_names: tuple[str, ...]
-    meaning: str
-    right: int = 0
-    tests: int = 0
-
-    @property
-    def predicted(self) -> str:
-        """Class of the largest evidence at the end."""
-        return self.class_names[int(self.evidence[-1].argmax())]
-
-    @property
-    def ends_ms(self) -> NDArray[np.floating[Any]]:
-        """End of every time step in milliseconds."""
-        return 1e3 * (self.start_s + self.step_s * np.arange(1, len(self.spikes) + 1))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what the network says, for a file: hidden spikes as pairs (step, neuron)."""
-        return {
-            "image": self.name,
-            "of_the_test_fold": self.tested,
-            "preset": None if self.scan is None else self.scan.name,
-            "readout": self.recording.config.to_dict(),
-            "events": len(self.recording.events),
-            "start_s": self.start_s,
-            "step_s": self.step_s,
-            "class_names": list(self.class_names),
-            "true": self.true,
-            "predicted": self.predicted,
-            "test_images_right": [self.right, self.tests],
-            "evidence": self.evidence.tolist(),
-            "hidden_spikes": np.argwhere(self.spikes).tolist(),
-        }
 
 
 @torch.no_grad()

@@ -20,6 +20,7 @@ from matplotlib.transforms import Bbox
 from model.cli.app import make_app, run
 from model.config import ReadoutConfig
 from model.errors import InputError
+from model.figures.scan_to_class import Played, draw_scan
 from model.report.data import fig9_data as report_data
 from model.report.page import ACCURACY
 from model.textures.dataset import open_dataset
@@ -36,8 +37,7 @@ from snn.experiments.sweep import PUBLISHED_BPS, PointRun, SweepPoint
 from snn.figures import fig9 as figures
 from snn.figures import fig9_plot as pictures
 from snn.figures.confusion import confusion_data, draw_confusion
-from snn.figures.fig8 import draw_fig8
-from snn.figures.fig8_play import Played, evidence, play
+from snn.figures.fig8_play import evidence, play
 from snn.network import SpikingNetwork, build
 from snn.network_config import NetworkConfig
 
@@ -523,7 +523,7 @@ def test_fig8_shows_the_first_test_image_and_its_logits(snn: Call, folder: Path,
     assert data["predicted"] == textures.class_names[int(logits.argmax())]
     assert f"predicted {data['predicted']}" in out
 
-    figure = draw_fig8(played)
+    figure = draw_scan(played)
     verdict = "right" if data["predicted"] == data["true"] else "wrong"
     title = figure.get_suptitle()
     assert title == (f"{data['image']} (test image): true {data['true']}, predicted {data['predicted']}, {verdict}")
@@ -547,7 +547,7 @@ def test_the_way_of_the_scan_is_seen_on_the_texture(folder: Path) -> None:
         config = ReadoutConfig(rows=rows, columns=12 // rows // 2, resolution=4)
         experiment = Experiment(dataset="embedded", preset=preset, readout=config, bins=EXPERIMENT.bins)
         trained(folder / preset, experiment)
-        figure = draw_fig8(play(folder / preset / "weights.npz", folder / preset / "result.json"))
+        figure = draw_scan(play(folder / preset / "weights.npz", folder / preset / "result.json"))
         panel = next(panel for panel in figure.axes if panel.get_title("left") == "texture and scan")
         figure.canvas.draw()
         drawn = np.asarray(figure.canvas.buffer_rgba()).astype(int)  # type: ignore[attr-defined]
@@ -582,7 +582,7 @@ def test_the_default_of_fig8_is_right_and_says_how_many_are(snn: Call, folder: P
     file.write_text(json.dumps(result | {"predicted": [2 - a for a in result["labels"]]}))  # none, or class 1 alone
     code, out, _ = snn("fig8", *options, "--image", textures[int(test[0])].name)
     assert code == 0
-    title = draw_fig8(play(folder / "train" / "weights.npz", file, image=textures[int(test[0])].name)).get_suptitle()
+    title = draw_scan(play(folder / "train" / "weights.npz", file, image=textures[int(test[0])].name)).get_suptitle()
     assert ", wrong; the network is right for " in title
     for bad in ([0], ["a"] * len(test), 3):
         file.write_text(json.dumps(result | {"predicted": bad}))
@@ -596,14 +596,14 @@ def test_fig8_of_the_paper_scan_counts_from_where_events_count(folder: Path) -> 
     assert played.start_s == pytest.approx(0.1, abs=1e-3)
     assert played.ends_ms[-1] <= 1e3 * played.recording.duration_s
     assert not played.tested
-    assert "grass/grass-03 (training image): true grass" in draw_fig8(played).get_suptitle()
+    assert "grass/grass-03 (training image): true grass" in draw_scan(played).get_suptitle()
     assert notes(played) == ["events do not\ncount yet"]
     assert notes(dataclasses.replace(played, start_s=0.1 * played.recording.duration_s)) == []  # no room
 
 
 def notes(played: Played) -> list[str]:
     """Return the texts in the panel of the hidden neurons."""
-    hidden = [panel for panel in draw_fig8(played).axes if panel.get_title("left") == "hidden neurons"]
+    hidden = [panel for panel in draw_scan(played).axes if panel.get_title("left") == "hidden neurons"]
     return [text.get_text() for text in hidden[0].texts]
 
 
@@ -612,7 +612,7 @@ def test_labels_of_fig8_do_not_lie_on_each_other(folder: Path) -> None:
     played = play(folder / "train" / "weights.npz", folder / "train" / "result.json")
     grown = np.zeros_like(played.evidence)
     grown[-1, 1 - played.label] = 0.001  # another class wins by a hair
-    panel = draw_fig8(dataclasses.replace(played, evidence=grown)).axes[-1]
+    panel = draw_scan(dataclasses.replace(played, evidence=grown)).axes[-1]
     heights = sorted(text.xy[1] for text in panel.texts)
     assert len(heights) == 2
     assert heights[1] - heights[0] > 0.1 * (panel.get_ylim()[1] - panel.get_ylim()[0])

@@ -1,17 +1,19 @@
-"""Fig. 8: one scan on its way through the network, from the texture to the evidence for each class."""
+"""Fig. 8: one scan on its way from the texture through the network to the evidence for each class."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.events.address import taxel_of
+from model.events.recording import Recording
 from model.figures.style import GREY, OFF_COLOUR, ON_COLOUR, PALETTE, dress, new_figure, save_figure
 from model.textures.physical import PhysicalScan
-from snn.figures.fig8_play import Played
+from model.textures.scan import Scan
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,12 +30,91 @@ _SHOWN = 3  # taxels whose signal is drawn
 _NOTE = 0.15  # this part of a panel's width has room for words
 
 
-def plot_fig8(played: Played, path: Path) -> None:
-    """Draw a scan on its way through the network; see :func:`draw_fig8`."""
-    save_figure(draw_fig8(played), path)
+@dataclass(frozen=True, eq=False)
+class Played:
+    """One scan and what the network makes of it.
+
+    Attributes
+    ----------
+    name, true : str
+        Of the texture or own recording, and of its class.
+    label : int
+        Of the class, an index into ``class_names``.
+    tested : bool
+        It was none of those that the network learned from.
+    scan : Scan or None
+        None of own recordings, which are no scans.
+    pixels : uint8 array, shape (height, width), or None
+        The texture.
+    recording : Recording
+        Its events.
+    signals : array, shape (ticks, taxels)
+        Samples in full scales.
+    start_s, step_s : float
+        Begin of the first time step, and length of a step.
+    spikes : array, shape (steps, hidden)
+        Spikes of the hidden neurons, 0 or 1.
+    evidence : array, shape (steps, classes)
+        Sum of output spikes or membranes so far, as ``meaning`` says.
+    class_names : tuple of str
+    meaning : str
+        What the evidence is, in words.
+    right, tests : int
+        How many of so many test images the network classified rightly; 0 of 0 where that is not known.
+    """
+
+    name: str
+    true: str
+    label: int
+    tested: bool
+    scan: Scan | None
+    pixels: NDArray[np.uint8] | None
+    recording: Recording
+    signals: NDArray[np.float64]
+    start_s: float
+    step_s: float
+    spikes: NDArray[np.float32]
+    evidence: NDArray[np.float32]
+    class_names: tuple[str, ...]
+    meaning: str
+    right: int = 0
+    tests: int = 0
+
+    @property
+    def predicted(self) -> str:
+        """Class of the largest evidence at the end."""
+        return self.class_names[int(self.evidence[-1].argmax())]
+
+    @property
+    def ends_ms(self) -> NDArray[np.floating[Any]]:
+        """End of every time step in milliseconds."""
+        return 1e3 * (self.start_s + self.step_s * np.arange(1, len(self.spikes) + 1))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what the network says, for a file: hidden spikes as pairs (step, neuron)."""
+        return {
+            "image": self.name,
+            "of_the_test_fold": self.tested,
+            "preset": None if self.scan is None else self.scan.name,
+            "readout": self.recording.config.to_dict(),
+            "events": len(self.recording.events),
+            "start_s": self.start_s,
+            "step_s": self.step_s,
+            "class_names": list(self.class_names),
+            "true": self.true,
+            "predicted": self.predicted,
+            "test_images_right": [self.right, self.tests],
+            "evidence": self.evidence.tolist(),
+            "hidden_spikes": np.argwhere(self.spikes).tolist(),
+        }
 
 
-def draw_fig8(played: Played) -> Figure:
+def plot_scan(played: Played, path: Path) -> None:
+    """Draw a scan on its way through the network; see :func:`draw_scan`."""
+    save_figure(draw_scan(played), path)
+
+
+def draw_scan(played: Played) -> Figure:
     """Return texture, taxel signals with their events, events of all taxels, hidden spikes and evidence."""
     true, predicted = played.true, played.predicted
     verdict = "right" if true == predicted else "wrong"

@@ -1,0 +1,225 @@
+"""What comes out of a chip in the harness, and the two models that it is held to, with the events between them."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cocotb_tests.bench.readout import Bench, Mismatch
+from model.classifier.chip_config import ChipConfig
+from model.classifier.config import ClassifierConfig
+from model.classifier.file import neuron_image, weight_image
+from model.classifier.network import IntegerNetwork
+from model.classifier.run import ClassifierRun, work_clocks
+from model.classifier.run import simulate as simulate_classifier
+from model.events.address import EVENT_DTYPE, Events, taxel_of
+
+if TYPE_CHECKING:  # importing it would compile the model in every simulator
+    from model.readout import Stimulus
+
+FACTOR, ADDED, MASK = 6364136223846793005, 1442695040888963407, 2**64 - 1
+"""Of the sums of the harness (``mixed`` there)."""
+
+OF_A_BIN = "clock, class, overrun, stalls, sum of hidden potentials and spikes, sum of outputs, evidence"
+
+
+@dataclass(frozen=True)
+class ChipRun:
+    """What came out of a chip during a scan.
+
+    Attributes
+    ----------
+    offered, taken, channel : int64 arrays, shape (events,)
+        Clocks from which an event waited, and in which the classifier took it; its channel.
+    left : int or None
+        Clock from which an event waits at the end of the run.
+    classes : list of list
+        ``OF_A_BIN`` at every ``class_valid``; evidence is a list.
+    spikes : int64 array, shape (spikes, 2)
+        Bin and neuron of every hidden spike.
+    """
+
+    offered: NDArray[np.int64]
+    taken: NDArray[np.int64]
+    channel: NDArray[np.int64]
+    left: int | None
+    classes: list[list[Any]]
+    spikes: NDArray[np.int64]
+
+    @classmethod
+    def read(cls, config: ClassifierConfig, folder: Path, left: int) -> ChipRun:
+        """Return what the harness recorded in a folder; ``left`` is its signal."""
+        events = np.fromfile(folder / "events.txt", np.int64, sep=" ").reshape(-1, 3)
+        spikes = np.fromfile(folder / "spikes.txt", np.int64, sep=" ").reshape(-1, 2)
+        classes = []
+        for line in (folder / "classes.txt").read_text().splitlines():
+            *numbers, word = line.split()
+            classes.append([*map(int, numbers), _signed(int(word, 16), config.classes, config.evidence_bits)])
+        return cls(*events.T, left - 1 if left else None, classes, spikes)
+
+    def ready(self, clocks: int) -> NDArray[np.uint8]:
+        """Return 0 for every clock in which an event waited, else 1."""
+        change = np.zeros(clocks + 1, np.int64)
+        np.add.at(change, self.offered, 1)
+        np.add.at(change, self.taken, -1)
+        if self.left is not None:
+            change[self.left] += 1
+        return (change.cumsum()[:clocks] == 0).astype(np.uint8)
+
+    def events(self, config: ChipConfig) -> Events:
+        """Return the events with the addresses that their channels stand for."""
+        readout = config.readout
+        found = np.empty(len(self.taken), EVENT_DTYPE)
+        taxel = self.channel % readout.taxels
+        found["t"], found["y"], found["x"] = self.taken, taxel // readout.columns, taxel % readout.columns
+        found["p"] = self.channel < readout.taxels
+        return found
+
+
+class ChipBench:
+    """A chip in its harness, one scan after the other, held to the models of readout and classifier."""
+
+    def __init__(self, dut: Any, config: ChipConfig, network: IntegerNetwork, folder: Path) -> None:
+        self.dut, self.config, self.folder = dut, config, folder
+        self.network = dataclasses.replace(network, config=config.classifier)
+        self.bench = Bench(dut, config.readout, folder)
+        write_weights(self.network, folder)
+
+    async def check(self, samples: NDArray[Any], again: str) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        """Play samples, shape (ticks, taxels), and hold all that comes out to the models.
+
+        Returns
+        -------
+        found : dict
+            The class after the last whole bin, ``ideal``, which the network gives where no event waits and
+            a bin's events are exactly those of its time, and what was counted on the way.
+        recorded : dict of arrays
+            Events (``taken``, ``channel``), hidden ``spikes`` (bin, neuron), clocks of the classes (``valid``) and
+            their ``evidence``.
+
+        Raises
+        ------
+        Mismatch
+            If RTL and models differ.
+        """
+        from model.readout import Stimulus, simulate
+
+        whole, clocks = clocks_of(self.config, len(samples))
+        stimulus = Stimulus.from_samples(self.config.readout, samples, clocks=clocks)
+        errors = await self.bench.play_chip(stimulus)
+        run = ChipRun.read(self.config.classifier, self.folder, int(self.dut.left.value))
+        if errors:
+            raise Mismatch(f"{errors} breaches of the protocol between readout and classifier; reproduce: {again}")
+        if not len(run.taken):
+            raise Mismatch(f"no event at all, so nothing was compared; reproduce: {again}")
+        model = hold(self.config, self.network, stimulus, run, again)
+        if len(run.classes) != whole:
+            raise Mismatch(f"{len(run.classes)} classes came of {whole} bins; reproduce: {again}")
+        evidence, _ = self.network.run_counts(
+            counts_of(self.config, simulate(self.config.readout, stimulus), whole)[None]
+        )
+        last = run.classes[-1]
+        found = {
+            "class": last[1],
+            "ideal": int(evidence[0].argmax()),
+            "bins": whole,
+            "clocks": clocks,
+            "events": len(run.taken),
+            "hidden_spikes": len(run.spikes),
+            "stalls": last[3],
+            "overruns": last[2],
+            "latency_clocks": max(model.latencies),
+        }
+        recorded = {"taken": run.taken, "channel": run.channel, "spikes": run.spikes}
+        recorded["valid"] = np.array([line[0] for line in run.classes])
+        recorded["evidence"] = np.array([line[-1] for line in run.classes])
+        return found, recorded
+
+
+def clocks_of(config: ChipConfig, ticks: int) -> tuple[int, int]:
+    """Return the whole bins of a scan of so many sample ticks, and the clocks until the class of the last is there.
+
+    These end before the next bin does, so that the class is that of the scan.
+    """
+    classifier = config.classifier
+    bins = ticks * config.readout.clocks_per_sample // classifier.clocks_per_bin
+    work = work_clocks(classifier, classifier.hidden, classifier.hidden) + classifier.groups + 8
+    return bins, bins * classifier.clocks_per_bin + min(work, classifier.clocks_per_bin - 1)
+
+
+def channels_of(config: ChipConfig, events: Events) -> NDArray[np.int64]:
+    """Return the channel of every event: row * columns + column, behind all taxels for OFF events kept apart."""
+    off = config.readout.taxels if config.polarity else 0
+    return taxel_of(events, config.readout) + np.where(events["p"], 0, off)
+
+
+def counts_of(config: ChipConfig, events: Events, whole: int) -> NDArray[np.int64]:
+    """Return the events of every whole bin, shape (bins, channels), each in the bin of its clock."""
+    counts = np.zeros((whole, config.classifier.inputs), np.int64)
+    step = events["t"] // config.classifier.clocks_per_bin
+    inside = step < whole
+    np.add.at(counts, (step[inside], channels_of(config, events)[inside]), 1)
+    return counts
+
+
+def write_weights(network: IntegerNetwork, folder: Path) -> None:
+    """Write both memory images as the harness loads them."""
+    for name, image in (("weights", weight_image(network)), ("neurons", neuron_image(network))):
+        (folder / f"{name}.hex").write_text("".join(f"{word:x}\n" for word in image))
+
+
+def hold(config: ChipConfig, network: IntegerNetwork, stimulus: Stimulus, run: ChipRun, again: str) -> ClassifierRun:
+    """Hold a run to both models and return the classifier's; raise Mismatch at the first difference.
+
+    The readout's model is given the clocks in which the classifier was not ready; these in turn are held to the
+    classifier's model, which is given the clocks in which the readout offered its events.
+    """
+    from model.events.compare import first_difference
+    from model.readout import simulate
+
+    expected = simulate(config.readout, dataclasses.replace(stimulus, ready=run.ready(stimulus.clocks)))
+    if not config.polarity:
+        expected["p"] = 1
+    if (difference := first_difference(expected, run.events(config))) is not None:
+        raise Mismatch(f"events differ\n{difference.describe(('model', 'RTL'))}\nreproduce: {again}")
+    offered = list(zip(run.offered.tolist(), run.channel.tolist(), strict=True))
+    width = config.classifier.clocks_per_bin
+    model = simulate_classifier(network, offered, range(width - 1, stimulus.clocks, width), stimulus.clocks)
+    _same("clock in which the classifier takes an event", model.accepted, run.taken.tolist(), again)
+    waits = np.concatenate([[0], (run.ready(stimulus.clocks) == 0).cumsum()])
+    late = min(model.overruns, default=stimulus.clocks)
+    lines = []
+    for clock, found in zip(model.valid, model.bins, strict=True):
+        if clock < stimulus.clocks:
+            sums = [mixed(found.potential, found.spikes), mixed(found.output, found.output_spikes)]
+            lines.append([clock, found.winner, int(clock > late), int(waits[clock]), *sums, found.evidence.tolist()])
+    _same(f"bin ({OF_A_BIN})", lines, run.classes, again)
+    return model
+
+
+def mixed(potentials: NDArray[np.int64], spikes: NDArray[np.int64]) -> int:
+    """Return the sum over neurons in which the place of each counts, as the harness makes it."""
+    total = 0
+    for value in (2 * potentials + spikes).tolist():
+        total = (total * FACTOR + value + ADDED) & MASK
+    return total
+
+
+def _same(what: str, expected: list[Any], got: list[Any], again: str) -> None:
+    """Raise Mismatch where two lists first differ."""
+    if expected == got:
+        return
+    at = next((n for n, (a, b) in enumerate(zip(expected, got, strict=False)) if a != b), min(len(expected), len(got)))
+    wanted, found = ([*some, "nothing"][min(at, len(some))] for some in (expected, got))
+    raise Mismatch(f"{what}, number {at}: model {json.dumps(wanted)}, RTL {json.dumps(found)}\nreproduce: {again}")
+
+
+def _signed(word: int, count: int, bits: int) -> list[int]:
+    parts = [word >> number * bits & (1 << bits) - 1 for number in range(count)]
+    return [part - (part >> bits - 1 << bits) for part in parts]

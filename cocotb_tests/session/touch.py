@@ -1,0 +1,378 @@
+"""What the command touch does: scans through a chip, each with the network that has not learned it."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import hashlib
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cocotb_tests.bench.chip import ChipRun
+from cocotb_tests.bench.textures import large_enough
+from cocotb_tests.session.material import Material, Own, Textures
+from cocotb_tests.session.session import follow
+from cocotb_tests.session.simulator import Build, SimulationDied, build, require_programs
+from cocotb_tests.session.store import BUILD, scratch_folder
+from cocotb_tests.session.touch_player import JOB, Job
+from model.classifier.chip_config import ChipConfig
+from model.classifier.file import IntegerWeights
+from model.config import ReadoutConfig
+from model.crew.crew import MOST_DEATHS, Crew, each
+from model.errors import InputError
+from model.files import atomic_write, make_folder, read_arrays
+from model.recordings.folder import read_set
+from model.recordings.options import Preparation
+from model.textures.dataset import EMBEDDED, open_dataset
+from model.textures.presets import preset
+
+SHIPPED = Path(__file__).parents[2] / "model" / "classifier" / "networks"
+"""Networks that come with the project: a folder for each dataset, a file for each fold."""
+
+MOST_IN_A_PART = 8
+EVERY_FIELD = frozenset(field.name for field in dataclasses.fields(ReadoutConfig))
+"""Of the readout of own recordings: none follows the recordings."""
+
+
+@dataclass(frozen=True)
+class Network:
+    """An integer network, with what its file says of its training.
+
+    Attributes
+    ----------
+    path : Path
+    weights : IntegerWeights
+    chip : ChipConfig
+        With the readout that it was trained for.
+    """
+
+    path: Path
+    weights: IntegerWeights
+    chip: ChipConfig
+
+    @classmethod
+    def load(cls, path: Path) -> Network:
+        """Return the network of a file; refuse one that does not say what it was trained for."""
+        weights = IntegerWeights.load(path)
+        training = weights.notes.get("training")
+        if not training:
+            raise InputError(
+                f"{path} does not say which readout it was trained for; quantise again, with result.json of the "
+                f"training beside its weights"
+            )
+        readout = ReadoutConfig.from_dict(training["readout"])
+        return cls(path, weights, ChipConfig(readout=readout, classifier=weights.network.config))
+
+    @property
+    def training(self) -> dict[str, Any]:
+        """What the file says: see ``snn.experiments.trained.said_of_training``."""
+        found: dict[str, Any] = self.weights.notes["training"]
+        return found
+
+    @property
+    def tested(self) -> dict[str, int]:
+        """What the float network said of each image that it has not learned."""
+        return dict(self.training["tested"])
+
+
+@dataclass(frozen=True)
+class Asked:
+    """Which of the things there are a user wants: ``limit`` of them, evenly spread, or ``only`` one; else all."""
+
+    limit: int | None = None
+    only: str | None = None
+
+    def of(self, material: Material) -> list[str]:
+        """Return their names."""
+        names = material.names
+        if self.only is not None:
+            if self.only not in names:
+                raise InputError(f"{material.name} has no {self.only!r}; one of them is {names[0]}")
+            return [self.only]
+        if self.limit is None or self.limit >= len(names):
+            return names
+        return [names[k * len(names) // self.limit] for k in range(self.limit)]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is to be played through which network.
+
+    Attributes
+    ----------
+    material : Material
+    networks : dict of str to Network
+        By the name of what is played.
+    again : str
+        The command that plays it again.
+    out : Path
+    """
+
+    material: Material
+    networks: dict[str, Network]
+    again: str
+    out: Path
+
+    @property
+    def names(self) -> list[str]:
+        """Of all that is played."""
+        return list(self.networks)
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the results."""
+        return self.out / self.material.name
+
+    @functools.cached_property
+    def programs(self) -> dict[Path, Build]:
+        """The simulation programs, built if need be, by the file of their network; most networks share one."""
+        return {one.path: build(one.chip, "verilator") for one in {n.path: n for n in self.networks.values()}.values()}
+
+    def proof(self, name: str) -> str:
+        """Return what a result carries: RTL and harness, models, network, and what was played."""
+        network = self.networks[name]
+        found = hashlib.sha256(self.material.proof(name, self.programs[network.path]).encode())
+        found.update(network.path.read_bytes())
+        return found.hexdigest()
+
+    def finished(self, name: str) -> dict[str, Any] | None:
+        """Return what a result says, if this very RTL and network made it of this very image or these samples."""
+        try:
+            said = result_of(self.folder / f"{name}.npz")
+        except InputError:
+            return None
+        return said if said.get("proof") == self.proof(name) else None
+
+    def parts(self, workers: int) -> Iterator[tuple[Job, dict[str, NDArray[Any]]]]:
+        """Give jobs of at most some names each, with one network each, for what is missing."""
+        missing: dict[Path, list[str]] = {}
+        for name, network in self.networks.items():
+            if self.finished(name) is None:
+                missing.setdefault(network.path, []).append(name)
+        total = sum(map(len, missing.values()))
+        size = max(1, min(MOST_IN_A_PART, -(-total // workers)))
+        for names in missing.values():
+            for at in range(0, len(names), size):
+                yield self._job(names[at : at + size]), self._samples(names[at : at + size])
+
+    def _job(self, names: list[str]) -> Job:
+        network, said = self.networks[names[0]], self.material.said(names)
+        classes = list(network.weights.class_names)
+        played = {
+            name: {
+                "name": name,
+                "true": classes.index(said[name]["class"]) if said[name].get("class") in classes else None,
+                "float": network.tested.get(name),
+                "classes": classes,
+                "network": network.path.name,
+                "proof": self.proof(name),
+            }
+            for name in names
+        }
+        return Job(str(network.path.resolve()), network.chip.to_dict(), played, reproduce=self.again)
+
+    def _samples(self, names: Sequence[str]) -> dict[str, NDArray[Any]]:
+        arrays = self.material.arrays(names)
+        return {name: self.samples(name, arrays[name]) for name in names}
+
+    def samples(self, name: str, array: NDArray[Any]) -> NDArray[Any]:
+        """Return the codes that are played of an image, or of a recording as it is."""
+        if not self.material.preset:
+            return array
+        readout = self.networks[name].chip.readout
+        return preset(self.material.preset).samples(readout, self.image(name, array), self.material.start_row)[0]
+
+    def image(self, name: str, array: NDArray[Any]) -> NDArray[Any]:
+        """Return the image that is scanned: the embedded ones are repeated where the array is larger."""
+        return large_enough(array, self.networks[name].chip.readout) if self.material.name == EMBEDDED else array
+
+
+def plan(weights: Path | None, data: Path | None, dataset: str, asked: Asked, out: Path) -> Plan:
+    """Return the plan that a user asked for: all of the textures or of the recordings in a folder, or some."""
+    require_programs("verilator")
+    if data is None:
+        textures = open_dataset(dataset)
+        networks = _load(weights or SHIPPED / textures.name)
+        if (kind := networks[0].training["preset"]) is None:
+            raise InputError(f"{networks[0].path} was trained on recordings; play some with --data")
+        material: Material = Textures(textures, dataset, kind)
+    else:
+        if weights is None:
+            raise InputError("--data needs --weights, from python -m snn quantise")
+        networks = _load(weights)
+        material = _own(networks[0], data)
+    names = asked.of(material)
+    again = [
+        "make touch",
+        f"DATA={data}" if data else f"DATASET={dataset}",
+        *([f"WEIGHTS={weights}"] if weights else []),
+    ]
+    return Plan(material, choose(material, names, networks), " ".join(again), out)
+
+
+def _load(place: Path) -> list[Network]:
+    """Return the integer network of a file, or those of a folder."""
+    paths = sorted(place.glob("*.npz")) if place.is_dir() else [place]
+    if place.parent == SHIPPED and not place.exists():
+        raise InputError(
+            f"no networks for {place.name} come with the project; give --weights, from python -m snn quantise"
+        )
+    if not paths:
+        raise InputError(f"{place} has no integer networks; make some with python -m snn quantise")
+    return [Network.load(path) for path in paths]
+
+
+def _own(network: Network, place: Path) -> Own:
+    """Return a user's recordings, taken as those of the training were."""
+    said = network.training["recordings"]
+    if said is None:
+        raise InputError(f"{network.path} was trained on textures; leave --data out, or train on recordings")
+    options = Preparation(**said["prepared"], scale=repr(said["scale"]))
+    return Own(read_set(place, options, network.chip.readout, EVERY_FIELD), place)
+
+
+def choose(material: Material, names: Sequence[str], networks: Sequence[Network]) -> dict[str, Network]:
+    """Return for each name the network that has not learned it.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it was trained for other scans.
+    """
+    for network in networks:
+        if network.training["preset"] != (material.preset or None):
+            raise InputError(
+                f"{network.path} was trained on {network.training['preset'] or 'recordings'}, what is played is "
+                f"{material.preset or 'recordings'}; give weights of the same"
+            )
+    chosen = {}
+    for name in names:
+        fit = [n for n in networks if n.training["dataset"] == material.name and name in n.tested]
+        foreign = [n for n in networks if n.training["dataset"] != material.name]
+        if not (fit or foreign):
+            raise InputError(f"every network here has learned {name}; give the weights of the fold that left it out")
+        chosen[name] = (fit or foreign)[0]
+    return chosen
+
+
+def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> dict[str, bytes]:
+    """Play a job on this machine and return its result files; a simulation that dies begins again.
+
+    Raises
+    ------
+    MismatchFound
+        If RTL and models differ.
+    """
+    program = build(ChipConfig.from_dict(job.config), "verilator")
+    for deaths in range(MOST_DEATHS + 1):
+        with scratch_folder(BUILD / "run", "touch") as running:
+            keep = make_folder(running, "results")
+            with atomic_write(running / "arrays.npz") as file:
+                np.savez(file, **{f"array/{name}": array for name, array in arrays.items()})  # type: ignore[arg-type]
+            for name in job.played:
+                make_folder(keep, Path(name).parent)
+            full = dataclasses.replace(job, arrays=str(running / "arrays.npz"), keep=str(keep))
+            full.write(running / "job.json")
+            try:
+                follow(program, "cocotb_tests.session.touch_player", {JOB: str(running / "job.json")}, running)
+            except SimulationDied:
+                if deaths == MOST_DEATHS:
+                    raise InputError(f"the simulation died {deaths + 1} times; take fewer --workers") from None
+                continue
+            return {name: (keep / f"{name}.npz").read_bytes() for name in job.played}
+    raise AssertionError("unreachable")
+
+
+def play(plan: Plan, crew: Crew, on_run: Callable[[], object]) -> None:
+    """Play what is missing in several simulations side by side, and keep the results.
+
+    Raises
+    ------
+    MismatchFound
+        If RTL and models differ.
+    """
+    require_programs("verilator")
+    for files in each(crew, play_part, plan.parts(crew.workers)):
+        for name, content in files.items():
+            make_folder(plan.folder, Path(name).parent)
+            with atomic_write(plan.folder / f"{name}.npz") as file:
+                file.write(content)
+            on_run()
+
+
+def result_of(path: Path) -> dict[str, Any]:
+    """Return what a result says in words; ``read_arrays`` has the rest."""
+    try:
+        said: dict[str, Any] = json.loads(str(read_arrays(path, "a result of touch", "play it again")["metadata"]))
+    except (KeyError, ValueError):
+        raise InputError(f"{path} is no result of touch; play it again") from None
+    return said
+
+
+def summarise(plan: Plan) -> dict[str, Any]:
+    """Return what all results say together, with the answer to every single image."""
+    found = {name: plan.finished(name) for name in plan.names}
+    there = [said for said in found.values() if said]
+    known = [said for said in there if said["true"] is not None]
+    sums = {key: sum(said[key] for said in there) for key in ("clocks", "events", "bins", "hidden_spikes", "stalls")}
+    return {
+        "dataset": plan.material.name,
+        "preset": plan.material.preset or None,
+        "images": len(there),
+        "missing": len(found) - len(there),
+        **sums,
+        "overruns": sum(said["overruns"] for said in there),
+        "mismatches": 0,
+        "labelled": len(known),
+        "right": sum(said["class"] == said["true"] for said in known),
+        "right_float": sum(said["float"] == said["true"] for said in known if said["float"] is not None),
+        "float_known": sum(said["float"] is not None for said in known),
+        "as_ideal_bins": sum(said["class"] == said["ideal"] for said in there),
+        "latency_clocks": max((said["latency_clocks"] for said in there), default=0),
+        "answers": {name: [said["true"], said["class"], said["float"]] for name, said in found.items() if said},
+    }
+
+
+def draw(plan: Plan, path: Path) -> Path | None:
+    """Draw the first scan with a known class, from texture to class; all below its signals came out of the RTL."""
+    from model.events.recording import Recording
+    from model.figures.scan_to_class import Played, plot_scan
+
+    for name in plan.names:
+        arrays = read_arrays(plan.folder / f"{name}.npz", "a result of touch", "play it again")
+        said = json.loads(str(arrays["metadata"]))
+        if said["true"] is not None:
+            break
+    else:
+        return None
+    network, array = plan.networks[name], plan.material.arrays([name])[name]
+    chip, bins, samples = network.chip, said["bins"], plan.samples(name, array)
+    run = ChipRun(arrays["taken"], arrays["taken"], arrays["channel"], None, [], arrays["spikes"])
+    spikes = np.zeros((bins, chip.classifier.hidden), np.float32)
+    spikes[tuple(run.spikes[run.spikes[:, 0] < bins].T)] = 1
+    unit = network.weights.notes["output_unit"] / bins if chip.classifier.readout == "membrane" else 1.0
+    scanned = bool(plan.material.preset)
+    played = Played(
+        name=name,
+        true=said["classes"][said["true"]],
+        label=said["true"],
+        tested=name in network.tested,
+        scan=preset(plan.material.preset) if scanned else None,
+        pixels=plan.image(name, array) if scanned else None,
+        recording=Recording(run.events(chip), chip.readout, len(samples) * chip.readout.clocks_per_sample),
+        signals=samples / chip.readout.full_scale,
+        start_s=0.0,
+        step_s=chip.classifier.bin_s,
+        spikes=spikes,
+        evidence=(arrays["evidence"] * unit).astype(np.float32),
+        class_names=tuple(said["classes"]),
+        meaning="events, spikes and evidence as the RTL gave them",
+    )
+    plot_scan(played, path)
+    return path

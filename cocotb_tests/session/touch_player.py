@@ -1,0 +1,73 @@
+"""The cocotb test that plays scans through a chip, from samples to classes, and holds it to both models."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import cocotb
+
+from cocotb_tests.session.player import told_to_the_caller
+
+JOB = "ESKIN_TOUCH_JOB"
+"""Environment variable that names the file with the job."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a simulation shall play.
+
+    Attributes
+    ----------
+    network : str
+        File of the integer network.
+    config : dict
+        Fields of the ChipConfig.
+    played : dict of str to dict
+        The names of what is played, each with what its result shall say of it.
+    arrays : str
+        An .npz with the samples of each, under ``array/NAME``.
+    keep : str
+        Folder for the results, a file for each.
+    reproduce : str
+        The command that shows a mismatch again, without the name.
+    """
+
+    network: str
+    config: dict[str, Any]
+    played: dict[str, dict[str, Any]] = field(default_factory=dict)
+    arrays: str = ""
+    keep: str = ""
+    reproduce: str = ""
+
+    def write(self, path: Path) -> None:
+        """Write the job as JSON."""
+        path.write_text(json.dumps(asdict(self)))
+
+
+@cocotb.test()
+async def play(dut: Any) -> None:
+    """Play all scans of a job against the models, a line of progress.jsonl for each."""
+    import numpy as np
+
+    from cocotb_tests.bench.chip import ChipBench
+    from model.classifier.chip_config import ChipConfig
+    from model.classifier.file import IntegerWeights
+    from model.files import write_arrays
+
+    job = Job(**json.loads(Path(os.environ[JOB]).read_text()))
+    parent = os.getppid()
+    with Path("progress.jsonl").open("w", buffering=1) as progress, told_to_the_caller():
+        weights = IntegerWeights.load(Path(job.network))
+        bench = ChipBench(dut, ChipConfig.from_dict(job.config), weights.network, Path.cwd())
+        with np.load(job.arrays) as arrays:
+            for name, said in job.played.items():
+                found, recorded = await bench.check(arrays[f"array/{name}"], f"{job.reproduce} ONLY={name}")
+                recorded["metadata"] = np.array(json.dumps(said | found))
+                write_arrays(Path(job.keep) / f"{name}.npz", recorded, compressed=True)
+                progress.write(json.dumps({"name": name} | found) + "\n")
+                if os.getppid() != parent:  # who asked for this was killed
+                    raise SystemExit(1)

@@ -1,0 +1,141 @@
+"""The whole chain, samples to class: the chip in its harness against the models, and the command touch."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cocotb_tests.bench.textures import random_scan
+from cocotb_tests.session import simulator
+from cocotb_tests.session.session import MismatchFound, follow
+from cocotb_tests.session.simulator import Simulator, build
+from cocotb_tests.session.touch import SHIPPED, Network
+from cocotb_tests.session.touch_player import JOB, Job
+from cocotb_tests.test_chip import CHIPS
+from cocotb_tests.test_commands import call
+from model.classifier.chip_config import ChipConfig
+from model.classifier.config import highest, lowest
+from model.classifier.file import IntegerWeights
+from model.classifier.network import IntegerNetwork
+
+LAST = re.compile(r"touch to class: (\d+) images, (\d+) events, 0 mismatches, (\d+) right")
+
+
+def network_of(chip: ChipConfig) -> IntegerWeights:
+    """Return a network of weights at random."""
+    config, rng = chip.classifier, np.random.default_rng(5)
+    shapes = {
+        "w_in": (config.in_bits, config.inputs, config.hidden),
+        "w_rec": (config.rec_bits, config.hidden, config.hidden),
+        "w_out": (config.out_bits, config.hidden, config.classes),
+        "b_hidden": (config.bias_bits, config.hidden),
+        "b_out": (config.bias_bits, config.classes),
+    }
+    drawn = {name: rng.integers(lowest(bits), highest(bits) + 1, shape) for name, (bits, *shape) in shapes.items()}
+    return IntegerWeights(IntegerNetwork(config, **drawn), tuple(f"class {n}" for n in range(config.classes)))
+
+
+def play(chip: ChipConfig, program: Simulator, folder: Path, network: IntegerWeights | None = None) -> dict[str, Any]:
+    """Play a moving texture through a chip in its harness and return its result."""
+    (network or network_of(chip)).save(folder / "network.npz")
+    np.savez(folder / "arrays.npz", **{"array/noise": random_scan(chip.readout, 60, np.random.default_rng(2))})
+    job = Job(
+        str(folder / "network.npz"), chip.to_dict(), {"noise": {}}, str(folder / "arrays.npz"), str(folder), "again"
+    )
+    job.write(folder / "job.json")
+    follow(build(chip, program), "cocotb_tests.session.touch_player", {JOB: str(folder / "job.json")}, folder)
+    with np.load(folder / "noise.npz") as found:
+        assert len(found["taken"]) == json.loads(str(found["metadata"]))["events"]
+        return dict(json.loads(str(found["metadata"])))
+
+
+@pytest.mark.parametrize("program", ["icarus", "verilator"])
+@pytest.mark.parametrize("chip", CHIPS, ids=["lcs", "nlcs"])
+def test_every_event_potential_and_class_of_a_scan_is_that_of_the_models(
+    chip: ChipConfig, program: Simulator, tmp_path: Path
+) -> None:
+    found = play(chip, program, tmp_path)
+    assert found["events"] > 100
+    assert found["stalls"] > 100
+    assert found["bins"] >= 5
+    assert found["hidden_spikes"] > 5
+    assert found["latency_clocks"] > chip.classifier.hidden
+
+
+FAULTS = {
+    "a bit of a weight in the memory": ("weights[loaded]", "weights[loaded] ^ 1", r"bin \(clock, class"),
+    "a class that is lost": (
+        "if (class_valid) begin",
+        "if (class_valid && bin_count != 2) begin",
+        r"bin \(clock, class",
+    ),
+    "samples twice as large": (".sample(sample)", ".sample(sample << 1)", "events differ"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_between_sample_and_class_is_found(fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before, after, words = FAULTS[fault]
+    text = simulator.HARNESS.read_text()
+    assert before in text
+    (tmp_path / "harness.v").write_text(text.replace(before, after))
+    monkeypatch.setattr(simulator, "HARNESS", tmp_path / "harness.v")
+    monkeypatch.setattr(simulator, "BUILD", tmp_path)
+    with pytest.raises(MismatchFound, match=rf"{words}[\s\S]*reproduce: again ONLY=noise"):
+        play(CHIPS[0], "icarus", tmp_path)
+
+
+def test_touch_plays_an_image_once_and_draws_it_from_texture_to_class(tmp_path: Path) -> None:
+    command = ("touch", "--only", "brick/brick-00", "-o", tmp_path)
+    done = call(*command)
+    assert done.returncode == 0, done.stderr
+    line = LAST.fullmatch(done.stdout.splitlines()[-1])
+    assert line is not None
+    assert (line[1], line[3]) == ("1", "1")
+    assert int(line[2]) > 1000
+    summary = json.loads((tmp_path / "embedded" / "summary.json").read_text())
+    assert summary["answers"] == {"brick/brick-00": [0, 0, 0]}
+    assert (tmp_path / "embedded" / "touch.png").stat().st_size > 50_000
+    again = call(*command)
+    assert again.stdout.splitlines()[-1] == line[0]
+    assert json.loads((tmp_path / "embedded" / "summary.json").read_text())["played_now"]["images"] == 0
+
+
+def test_every_image_has_a_network_that_has_not_learned_it() -> None:
+    for dataset, images in (("embedded", 48), ("kylberg", 240)):
+        networks = [Network.load(path) for path in sorted((SHIPPED / dataset).glob("*.npz"))]
+        tested = [name for network in networks for name in network.tested]
+        assert len(tested) == len(set(tested)) == images
+
+
+def test_mistakes_are_one_sentence(tmp_path: Path) -> None:
+    first = next((SHIPPED / "embedded").glob("*.npz"))
+    loaded = IntegerWeights.load(first)
+    dataclasses.replace(loaded, notes={}).save(tmp_path / "silent.npz")
+    shutil.copy(first, tmp_path / "one.npz")
+    other = loaded.notes["training"]["readout"] | {"rows": 4}
+    training = loaded.notes["training"] | {"readout": other}
+    dataclasses.replace(loaded, notes=loaded.notes | {"training": training}).save(tmp_path / "other.npz")
+    names = (f"brick/brick-{number:02}" for number in range(16))
+    foreign = next(name for name in names if name not in loaded.notes["training"]["tested"])
+    for arguments, sentence in (
+        (["--weights", tmp_path / "none.npz"], "none.npz does not exist; make one with python -m snn quantise"),
+        (["--weights", tmp_path / "silent.npz"], "silent.npz does not say which readout it was trained for; quantise "),
+        (["--weights", tmp_path / "other.npz"], "takes 128 channels, 4 x 8 taxels of lcs have 32 or 64; give the "),
+        (["--weights", tmp_path / "one.npz", "--only", foreign], f"every network here has learned {foreign}; give"),
+        (["--only", "sky"], "embedded has no 'sky'; one of them is brick/brick-00"),
+        (["--data", tmp_path], "--data needs --weights, from python -m snn quantise"),
+        (["--data", tmp_path, "--weights", tmp_path / "one.npz"], "was trained on textures; leave --data out"),
+    ):
+        done = call("touch", *arguments, "-o", tmp_path / "out")
+        assert done.returncode == 2, done
+        assert done.stderr.startswith("error: ")
+        assert done.stderr.count("\n") == 1
+        assert sentence in done.stderr
