@@ -16,10 +16,10 @@ from cocotb_tests.bench.textures import random_scan
 from cocotb_tests.session import simulator
 from cocotb_tests.session.session import MismatchFound, follow
 from cocotb_tests.session.simulator import Simulator, build
-from cocotb_tests.session.touch import SHIPPED, Network
-from cocotb_tests.session.touch_player import JOB, Job
 from cocotb_tests.test_chip import CHIPS
 from cocotb_tests.test_commands import call
+from cocotb_tests.touch.plan import SHIPPED, Network
+from cocotb_tests.touch.player import JOB, Job
 from model.classifier.chip_config import ChipConfig
 from model.classifier.config import highest, lowest
 from model.classifier.file import IntegerWeights
@@ -45,12 +45,12 @@ def network_of(chip: ChipConfig) -> IntegerWeights:
 def play(chip: ChipConfig, program: Simulator, folder: Path, network: IntegerWeights | None = None) -> dict[str, Any]:
     """Play a moving texture through a chip in its harness and return its result."""
     (network or network_of(chip)).save(folder / "network.npz")
-    np.savez(folder / "arrays.npz", **{"array/noise": random_scan(chip.readout, 60, np.random.default_rng(2))})
+    np.savez(folder / "arrays.npz", **{"array/noise": random_scan(chip.readout, 60, np.random.default_rng(2))})  # type: ignore[arg-type]
     job = Job(
         str(folder / "network.npz"), chip.to_dict(), {"noise": {}}, str(folder / "arrays.npz"), str(folder), "again"
     )
     job.write(folder / "job.json")
-    follow(build(chip, program), "cocotb_tests.session.touch_player", {JOB: str(folder / "job.json")}, folder)
+    follow(build(chip, program), "cocotb_tests.touch.player", {JOB: str(folder / "job.json")}, folder)
     with np.load(folder / "noise.npz") as found:
         assert len(found["taken"]) == json.loads(str(found["metadata"]))["events"]
         return dict(json.loads(str(found["metadata"])))

@@ -61,7 +61,8 @@ class ChipRun:
         for line in (folder / "classes.txt").read_text().splitlines():
             *numbers, word = line.split()
             classes.append([*map(int, numbers), _signed(int(word, 16), config.classes, config.evidence_bits)])
-        return cls(*events.T, left - 1 if left else None, classes, spikes)
+        offered, taken, channel = events.T
+        return cls(offered, taken, channel, left - 1 if left else None, classes, spikes)
 
     def ready(self, clocks: int) -> NDArray[np.uint8]:
         """Return 0 for every clock in which an event waited, else 1."""

@@ -18,7 +18,7 @@ from model.files import atomic_write
 from model.textures.dataset import EMBEDDED
 
 if TYPE_CHECKING:
-    from cocotb_tests.session.touch import Plan
+    from cocotb_tests.touch.plan import Plan
 
 
 def touch(
@@ -39,8 +39,8 @@ def touch(
     Every image goes through the network that has not learned it. Can be stopped and started again.
     """
     from cocotb_tests.session import replay
-    from cocotb_tests.session import touch as session
     from cocotb_tests.session.session import MismatchFound
+    from cocotb_tests.touch import plan as session
 
     check_alone(data, {}, {"--dataset": dataset})
     plan = session.plan(weights, data, dataset or EMBEDDED, session.Asked(limit, only), out)
@@ -60,7 +60,8 @@ def touch(
 
 def _conclude(plan: Plan, now: dict[str, Any]) -> None:
     """Write and print what all results say together; fail where some are missing or none has an event."""
-    from cocotb_tests.session.touch import draw, summarise
+    from cocotb_tests.touch.picture import draw
+    from cocotb_tests.touch.plan import summarise
 
     summary = summarise(plan)
     if summary["missing"] or not summary["events"]:

@@ -246,8 +246,8 @@ def require_programs(simulator: Simulator) -> None:
 def shape(config: Config) -> tuple[dict[str, str], dict[str, int]]:
     """Return the macros and parameters that fit the harness to a configuration."""
     if isinstance(config, ChipConfig):
-        macros, parameters = shape(config.readout)
-        return macros | _chip_macros(config.classifier), parameters | _chip_parameters(config.classifier)
+        defines, widths = shape(config.readout)
+        return defines | _chip_macros(config.classifier), widths | _chip_parameters(config.classifier)
     assert isinstance(config, ReadoutConfig)
     macros = {
         "ANALOG": config.frontend == "analog",

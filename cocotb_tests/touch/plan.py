@@ -14,13 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cocotb_tests.bench.chip import ChipRun
 from cocotb_tests.bench.textures import large_enough
 from cocotb_tests.session.material import Material, Own, Textures
 from cocotb_tests.session.session import follow
 from cocotb_tests.session.simulator import Build, SimulationDied, build, require_programs
 from cocotb_tests.session.store import BUILD, scratch_folder
-from cocotb_tests.session.touch_player import JOB, Job
+from cocotb_tests.touch.player import JOB, Job
 from model.classifier.chip_config import ChipConfig
 from model.classifier.file import IntegerWeights
 from model.config import ReadoutConfig
@@ -280,7 +279,7 @@ def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> dict[str, bytes]:
             full = dataclasses.replace(job, arrays=str(running / "arrays.npz"), keep=str(keep))
             full.write(running / "job.json")
             try:
-                follow(program, "cocotb_tests.session.touch_player", {JOB: str(running / "job.json")}, running)
+                follow(program, "cocotb_tests.touch.player", {JOB: str(running / "job.json")}, running)
             except SimulationDied:
                 if deaths == MOST_DEATHS:
                     raise InputError(f"the simulation died {deaths + 1} times; take fewer --workers") from None
@@ -337,42 +336,3 @@ def summarise(plan: Plan) -> dict[str, Any]:
         "latency_clocks": max((said["latency_clocks"] for said in there), default=0),
         "answers": {name: [said["true"], said["class"], said["float"]] for name, said in found.items() if said},
     }
-
-
-def draw(plan: Plan, path: Path) -> Path | None:
-    """Draw the first scan with a known class, from texture to class; all below its signals came out of the RTL."""
-    from model.events.recording import Recording
-    from model.figures.scan_to_class import Played, plot_scan
-
-    for name in plan.names:
-        arrays = read_arrays(plan.folder / f"{name}.npz", "a result of touch", "play it again")
-        said = json.loads(str(arrays["metadata"]))
-        if said["true"] is not None:
-            break
-    else:
-        return None
-    network, array = plan.networks[name], plan.material.arrays([name])[name]
-    chip, bins, samples = network.chip, said["bins"], plan.samples(name, array)
-    run = ChipRun(arrays["taken"], arrays["taken"], arrays["channel"], None, [], arrays["spikes"])
-    spikes = np.zeros((bins, chip.classifier.hidden), np.float32)
-    spikes[tuple(run.spikes[run.spikes[:, 0] < bins].T)] = 1
-    unit = network.weights.notes["output_unit"] / bins if chip.classifier.readout == "membrane" else 1.0
-    scanned = bool(plan.material.preset)
-    played = Played(
-        name=name,
-        true=said["classes"][said["true"]],
-        label=said["true"],
-        tested=name in network.tested,
-        scan=preset(plan.material.preset) if scanned else None,
-        pixels=plan.image(name, array) if scanned else None,
-        recording=Recording(run.events(chip), chip.readout, len(samples) * chip.readout.clocks_per_sample),
-        signals=samples / chip.readout.full_scale,
-        start_s=0.0,
-        step_s=chip.classifier.bin_s,
-        spikes=spikes,
-        evidence=(arrays["evidence"] * unit).astype(np.float32),
-        class_names=tuple(said["classes"]),
-        meaning="events, spikes and evidence as the RTL gave them",
-    )
-    plot_scan(played, path)
-    return path
