@@ -17,6 +17,7 @@ from torch import nn
 from torch.nn import functional
 
 from model.errors import InputError
+from snn.adam import Adam
 from snn.calibration import calibrate
 from snn.checkpoint import Checkpoint, fingerprint, load_checkpoint, save_checkpoint
 from snn.data.augment import augment
@@ -70,9 +71,7 @@ def train(
     network = build(network_config, seed)
     calibrate(network, data.batch(scans[:: -(-len(scans) // CALIBRATION_SCANS)]))
     network.to(device)
-    optimizer = torch.optim.AdamW(
-        network.parameters(), lr=train_config.learning_rate, weight_decay=train_config.weight_decay
-    )
+    optimizer = Adam(network.parameters(), train_config.learning_rate, train_config.weight_decay)
     training = Training(network, optimizer)
     key = ""
     if checkpoint is not None:
@@ -116,8 +115,7 @@ def _epoch(
     generator = np.random.default_rng([seed, number])
     torch.manual_seed(int(generator.integers(2**62)))  # dropout
     network = training.network.train()
-    for group in training.optimizer.param_groups:
-        group["lr"] = config.rate_at(number)
+    training.optimizer.learning_rate = config.rate_at(number)
     order = generator.permutation(scans)
     loss_sum = correct = largest = rate = 0.0
     seen = torch.zeros(len(data.class_names), device=device)

@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-import torch
 from torch import nn
 
 from model.errors import InputError
+from snn.adam import Adam
 from snn.data.augment import AugmentConfig
 from snn.flat import flatten, hints_of, refuse_unknown, unflatten
 
@@ -131,14 +131,14 @@ class Training:
     Attributes
     ----------
     network : nn.Module
-    optimizer : torch.optim.Optimizer
+    optimizer : Adam
     history : list of Epoch
     best : dict
         Epoch and predictions of the epoch with the highest held-out accuracy, the latest among equals.
     """
 
     network: nn.Module
-    optimizer: torch.optim.Optimizer
+    optimizer: Adam
     history: list[Epoch] = field(default_factory=list)
     best: dict[str, Any] = field(default_factory=dict)
 

@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[1]
 
 LAYERS = {
     "model": (
-        "errors",
+        "errors garbage",
         "files",
         "crew",
         "config",
@@ -51,7 +51,7 @@ LAYERS = {
         "__main__",
     ),
     "snn": (
-        "flat cache rounding",
+        "flat cache rounding adam",
         "kernels",
         "network_config",
         "network calibration",

