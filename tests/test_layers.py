@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[1]
 
 LAYERS = {
     "model": (
-        "errors garbage",
+        "errors",
         "files",
         "crew",
         "config",

