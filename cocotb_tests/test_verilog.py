@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -15,7 +16,8 @@ from cocotb_tests.session.runners import build_environment
 from cocotb_tests.session.simulator import require_programs
 from cocotb_tests.session.store import verilog_text
 from model.config import ReadoutConfig
-from rtl.delivery import constraints, core, description, ports
+from model.tiles.config import MergeConfig, TilesConfig
+from rtl.delivery import constraints, core, description, ports, write
 from rtl.verilog import verilog
 
 ARRAYS = [(1, 1), (1, 4), (3, 5), (8, 8), (12, 16)]
@@ -90,6 +92,34 @@ def test_lint_is_clean_at_the_ends_of_the_ranges(fields: dict[str, object], tmp_
     path = tmp_path / "eskin_readout.v"
     path.write_text(verilog_text(ReadoutConfig.from_dict(fields)))
     assert lint(path) == ""
+
+
+SKINS = [(1, 2, "lcs"), (2, 2, "cw-lcs"), (5, 1, "nlcs")]
+
+
+@pytest.mark.parametrize(("down", "across", "encoding"), SKINS)
+@pytest.mark.parametrize("alone", [False, True], ids=["tiles", "merge"])
+def test_a_skin_and_its_merge_are_delivered_as_the_readout_is(
+    down: int, across: int, encoding: Any, alone: bool, tmp_path: Path
+) -> None:
+    skin = TilesConfig.of(ReadoutConfig(rows=2, columns=1, encoding=encoding), down, across)
+    config = MergeConfig(skin) if alone else skin
+    top = "eskin_merge" if alone else "eskin_tiles"
+    written = write(config, tmp_path)
+    assert [path.name for path in written] == [f"{top}.{suffix}" for suffix in ("v", "sdc", "json", "core")]
+    assert lint(written[0]) == ""
+    text = written[0].read_text()
+    listed = {p["name"]: (p["direction"], p["width"]) for p in json.loads(written[2].read_text())["ports"]}
+    head = text[text.index(f"module {top}(") :]
+    found = re.findall(
+        r"^  (input|output) (?:wire|reg) (?:\[(\d+):0\] )?(\w+);", head[: head.index("endmodule")], re.MULTILINE
+    )
+    assert {n: (way, int(high or 0) + 1) for way, high, n in found} == listed
+    assert listed["event_tile"] == ("output", skin.tile_bits)
+    assert not alone or listed["tile_ready"] == ("output", skin.tiles)
+    assert text.count("module eskin_taxel(") == (0 if alone else 1)
+    timed = re.findall(r"^set_\w+_delay .*\{(.*)\}\]$", written[1].read_text(), re.MULTILINE)
+    assert {pin.removesuffix("[*]") for pins in timed for pin in pins.split()} == {*listed} - {"clk"}
 
 
 def test_lint_would_find_a_width_that_does_not_fit(tmp_path: Path) -> None:
@@ -193,6 +223,19 @@ def test_ports_are_those_of_the_contract() -> None:
     [
         (["--rows", "65"], "error: rows must be in 1..64, not 65"),
         (["--resolution", "11"], "error: resolution must be in 1..sample_bits - 2 = 10, not 11"),
+        (["--merge"], "error: --merge needs to know how many tiles there are; add --tiles RxC"),
+        (["--tiles", "4"], "error: tiles must be rows and columns, as 4x4, not '4'"),
+        (["--tiles", "9x9"], "error: a merge takes at most 64 tiles, not 9 x 9"),
+        (["--tiles", "0x2"], "error: tile_rows must be in 1..64, not 0"),
+        (
+            ["--tiles", "1x2", "--link", "four_phase"],
+            "error: tiles talk to their merge by the link stream, not four_phase; leave --link out",
+        ),
+        (
+            ["--tiles", "2x1", "--rows", "64", "--columns", "64"],
+            "error: 2 tiles of 64 x 64 taxels have 106497 input bits, a module has 65000 at most; add --merge "
+            "and write a tile without --tiles, a chip each",
+        ),
         (["--link", "spi"], "error: link must be one of stream, four_phase, not 'spi'"),
     ],
 )

@@ -135,8 +135,7 @@ class ReadoutConfig:
     def __post_init__(self) -> None:
         for name, hint in get_type_hints(type(self)).items():
             self._check_type(name, hint)
-        self._check_range("rows", 1, MAX_SIDE)
-        self._check_range("columns", 1, MAX_SIDE)
+        self._check_array()
         self._check_range("sample_bits", 3, 24)
         self._check_range("resolution", 1, self.sample_bits - 2, "sample_bits - 2")
         self._check_range("closing_shift", 0, 16)
@@ -166,6 +165,10 @@ class ReadoutConfig:
                 f"reference_reset must be a multiple of {self.grid} codes (a level of the encoder), "
                 f"not {self.reference_reset}"
             )
+
+    def _check_array(self) -> None:
+        self._check_range("rows", 1, MAX_SIDE)
+        self._check_range("columns", 1, MAX_SIDE)
 
     def _check_type(self, name: str, hint: Any) -> None:
         value = getattr(self, name)

@@ -352,7 +352,7 @@ def _loop(p: Parameters, s: Inputs, r: Registers) -> NDArray[np.int64]:
         # A disabled taxel is reset; all decide once more, which changes nothing for the others.
         masked = changes < len(enable_clock) and enable_clock[changes] == t
         if masked:
-            _mask(p, enable[changes], taxels, rows, latch)
+            mask_rows(p, enable[changes], taxels, rows, latch)
             changes += 1
 
         # Transfer, and the grant of the next row.
@@ -360,7 +360,7 @@ def _loop(p: Parameters, s: Inputs, r: Registers) -> NDArray[np.int64]:
         if take:
             on_link = arbiter.take(latch, p.columns)
             if not p.four_phase:
-                log = _with_room(log, events)
+                log = with_room(log, events)
                 log[events, 0], log[events, 1] = t, on_link
                 events += 1
         row = arbiter.grant(latch, rows)
@@ -376,15 +376,15 @@ def _loop(p: Parameters, s: Inputs, r: Registers) -> NDArray[np.int64]:
             for y in range(first, last):
                 leaks = tick and p.leaky and decay.is_due(p, phases[y], ticks - 1)
                 todo = rows[y].again | (latch[arbiter.TAKEN] if y == row else ZERO)
-                again |= _decide(p, y, ~ZERO if everyone else todo, tick, leaks, taxels, rows, latch)
+                again |= decide(p, y, ~ZERO if everyone else todo, tick, leaks, taxels, rows, latch)
 
         # The samples, compared from the next clock on.
         tick = ticks < len(sample_clock) and sample_clock[ticks] == t
         if tick:
-            _take_samples(p, samples[ticks], taxels, rows)
+            take_samples(p, samples[ticks], taxels, rows)
             ticks += 1
         if p.four_phase and link.advance(aer, t, take, ack_delay) and t + 1 < clocks:
-            log = _with_room(log, events)
+            log = with_room(log, events)
             log[events, 0], log[events, 1] = t, on_link
             events += 1
 
@@ -398,7 +398,7 @@ def _loop(p: Parameters, s: Inputs, r: Registers) -> NDArray[np.int64]:
 
 
 @njit(inline="always")
-def _decide(p: Any, y: int, todo: Any, tick: bool, leaks: bool, taxels: Any, rows: Any, latch: Any) -> bool:
+def decide(p: Any, y: int, todo: Any, tick: bool, leaks: bool, taxels: Any, rows: Any, latch: Any) -> bool:
     """Let taxels of a row decide; return whether one must do so once more, since its threshold moved.
 
     Parameters
@@ -431,7 +431,7 @@ def _decide(p: Any, y: int, todo: Any, tick: bool, leaks: bool, taxels: Any, row
 
 
 @njit(cache=True, nogil=True)
-def _mask(p: Any, enable: Any, taxels: Any, rows: Any, latch: Any) -> None:
+def mask_rows(p: Any, enable: Any, taxels: Any, rows: Any, latch: Any) -> None:
     """Take a new mask: what it disables is in its reset state."""
     for y in range(len(rows)):
         active = ZERO
@@ -448,7 +448,7 @@ def _mask(p: Any, enable: Any, taxels: Any, rows: Any, latch: Any) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _take_samples(p: Any, samples: Any, taxels: Any, rows: Any) -> None:
+def take_samples(p: Any, samples: Any, taxels: Any, rows: Any) -> None:
     """Take new samples; a disabled taxel with a digital front end holds its register for them in reset."""
     for y in range(len(rows)):
         for column in range(p.columns):
@@ -457,7 +457,7 @@ def _take_samples(p: Any, samples: Any, taxels: Any, rows: Any) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _with_room(log: NDArray[Any], events: int) -> NDArray[Any]:
+def with_room(log: NDArray[Any], events: int) -> NDArray[Any]:
     """Return a log with room for one event more."""
     if events < len(log):
         return log

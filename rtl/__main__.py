@@ -14,6 +14,7 @@ from model.cli.tables import new_table, show
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.frame_config import OWN_FIELDS, FrameConfig
+from model.tiles.config import MergeConfig, skin_of
 
 app = make_app("RTL of the spiking e-skin readout, and of the frame-based one.")
 
@@ -36,6 +37,12 @@ def verilog(
     chip: Annotated[
         bool, typer.Option("--chip", help="the readout with that classifier behind it, eskin_chip")
     ] = False,
+    tiles: Annotated[
+        str | None, typer.Option(metavar="RxC", help="a skin of such tiles and their merge instead, eskin_tiles")
+    ] = None,
+    merge: Annotated[
+        bool, typer.Option("--merge", help="the merge of those tiles alone, eskin_merge, each a chip of its own")
+    ] = False,
 ) -> None:
     """Write eskin_readout.v or eskin_frame_readout.v, .sdc, .json (configuration and ports) and .core (FuseSoC).
 
@@ -44,6 +51,15 @@ def verilog(
     from rtl.delivery import write
     from rtl.verilog import Config
 
+    if merge and tiles is None:
+        raise InputError("--merge needs to know how many tiles there are; add --tiles RxC")
+    if tiles is not None:
+        if classifier is not None or readout != "spiking" or own:
+            raise InputError("--tiles makes a skin of spiking readouts; leave --classifier, --readout and theirs out")
+        skin = skin_of(config, tiles)
+        for path in write(MergeConfig(skin) if merge else skin, out):
+            print(path)
+        return
     if chip and classifier is None:
         raise InputError("--chip needs the classifier's weights; add --classifier INTEGER.npz")
     if classifier is not None:

@@ -18,6 +18,7 @@ from model.files import atomic_write
 from model.frame_config import FrameConfig
 from model.registers.description import NAME
 from model.registers.export import c_header, page
+from model.tiles.config import MergeConfig, TilesConfig
 from rtl.classifier.ports import CLASSIFIER_PORTS, WATCHED_PORTS
 from rtl.verilog import Config, header, top_block, verilog, what_is
 
@@ -49,6 +50,24 @@ PORTS = PORTS_OF_ALL | {
 
 ASYNCHRONOUS = ("aer_ack", "spi_sck", "spi_cs_n", "spi_mosi")
 """Ports that know nothing of the clock."""
+
+
+OF_TILES = "; those of a tile together, tile 0 in the least significant bits"
+
+MERGE_PORTS = PORTS_OF_ALL | {
+    "tile_valid": "tile i offers an address event, bit i",
+    "tile_ready": "the event of tile i is taken at this edge, bit i; looks at no event_ready",
+    "tile_row": "row of each tile's event, tile 0 in the least significant bits",
+    "tile_col": "column of each tile's event, tile 0 in the least significant bits",
+    "tile_polarity": "polarity of each tile's event, 1 is ON, bit i",
+    "event_valid": "an address event is offered",
+    "event_ready": "the sink takes the event at this edge",
+    "event_tile": "tile of the event, r * {tile_columns} + c for tile (r, c) of the skin",
+    "event_row": "row of the event within its tile",
+    "event_col": "column of the event within its tile",
+    "event_polarity": "1 is ON, 0 is OFF",
+}
+"""What every port of the merge means."""
 
 FRAME_PORTS = PORTS_OF_ALL | {
     "frame_start": "scan the array once; not heard during a scan",
@@ -87,6 +106,12 @@ def ports(config: Config) -> Iterator[dict[str, Any]]:
     elif isinstance(config, ChipConfig):
         fields = _fields(config.readout) | config.classifier.to_dict()
         meanings = PORTS | CLASSIFIER_PORTS | WATCHED_PORTS
+    elif isinstance(config, MergeConfig):
+        meanings = MERGE_PORTS
+    if isinstance(config, TilesConfig):
+        own = {name: f"{meaning}{OF_TILES}" for name, meaning in PORTS.items() if name not in MERGE_PORTS}
+        own["sample_valid"] = f"{PORTS['sample_valid']}, of all tiles"
+        meanings = PORTS | own | {name: text for name, text in MERGE_PORTS.items() if name.startswith("event_")}
     for name, meaning in meanings.items():
         if name in ("clk", "rst"):
             direction, width = "input", 1
@@ -192,6 +217,10 @@ def _summary(config: Config) -> str:
     what = what[0].upper() + what[1:]
     if isinstance(config, ClassifierConfig):
         return f"{what}, {config.inputs} inputs, {config.hidden} neurons, {config.classes} classes"
+    if isinstance(config, MergeConfig):
+        return f"{what}, {_tiles(config.skin)}"
+    if isinstance(config, TilesConfig):
+        return f"{what}, {_tiles(config)}, {config.encoding}, {config.resolution} b"
     encoding = "" if isinstance(config, FrameConfig) else f"{config.encoding}, "
     return f"{what}, {config.rows} x {config.columns} taxels, {encoding}{config.resolution} b"
 
@@ -202,6 +231,11 @@ def _of_registers(config: Config) -> dict[str, str]:
     if not isinstance(readout, ReadoutConfig) or readout.registers == "none":
         return {}
     return {f"{NAME}.h": header(config, "//") + c_header(readout), f"{NAME}.md": page(readout)}
+
+
+def _tiles(skin: TilesConfig) -> str:
+    tile = skin.tile
+    return f"{skin.tile_rows} x {skin.tile_columns} tiles of {tile.rows} x {tile.columns} taxels"
 
 
 def write(config: Config, folder: Path) -> list[Path]:

@@ -9,15 +9,21 @@ from model.classifier.chip_config import ChipConfig
 from model.classifier.config import ClassifierConfig
 from model.config import ReadoutConfig
 from model.frame_config import FrameConfig
+from model.tiles.config import MergeConfig, TilesConfig
 from rtl import yosys
 from rtl.block import Block, Netlist
 from rtl.classifier.chip import Chip
 from rtl.classifier.core import Classifier
 from rtl.frame import FrameReadout
 from rtl.readout import Readout
+from rtl.tiles.merge import Merge
+from rtl.tiles.skin import Skin
 
-Config = ReadoutConfig | FrameConfig | ClassifierConfig | ChipConfig
-"""What is meant: ``eskin_readout``, ``eskin_frame_readout``, ``eskin_classifier`` or ``eskin_chip``."""
+Config = ReadoutConfig | FrameConfig | ClassifierConfig | ChipConfig | MergeConfig
+"""What is meant: ``eskin_readout``, ``eskin_frame_readout``, ``eskin_classifier``, ``eskin_chip`` or ``eskin_merge``.
+
+A ``TilesConfig``, which is a ``ReadoutConfig`` too, means ``eskin_tiles``.
+"""
 
 # Amaranth's RTLIL to readable Verilog: one always block per register with its reset and enable, no initial values.
 # The order matters: Amaranth's own wires must be gone before opt_dff looks for the reset and enable of a register.
@@ -55,6 +61,10 @@ def top_block(config: Config) -> Block[Any]:
         return Classifier(config)
     if isinstance(config, ChipConfig):
         return Chip(config)
+    if isinstance(config, MergeConfig):
+        return Merge(config.skin)
+    if isinstance(config, TilesConfig):
+        return Skin(config)
     return FrameReadout(config) if isinstance(config, FrameConfig) else Readout(config)
 
 
@@ -81,6 +91,10 @@ def what_is(config: Config) -> str:
         return "classifier of a spiking e-skin readout"
     if isinstance(config, ChipConfig):
         return "spiking e-skin readout with its classifier"
+    if isinstance(config, MergeConfig):
+        return "merge of the events of spiking e-skin readouts"
+    if isinstance(config, TilesConfig):
+        return "spiking e-skin of tiles with the merge of their events"
     return f"{'frame-based' if isinstance(config, FrameConfig) else 'spiking'} e-skin readout"
 
 

@@ -13,6 +13,7 @@ from typing import Any
 from cocotb.triggers import Timer
 
 from model.config import ReadoutConfig
+from model.tiles.config import config_of
 
 JOB = "ESKIN_BLOCK_JOB"
 """Environment variable with the job of a block-level test, as JSON."""
@@ -149,7 +150,7 @@ def payload(config: ReadoutConfig, row: int, column: int, polarity: bool) -> dic
 def job() -> tuple[ReadoutConfig, random.Random]:
     """Return, within the simulator, the configuration of the test and its source of randomness."""
     fields = json.loads(os.environ[JOB])
-    return ReadoutConfig.from_dict(fields["config"]), random.Random(fields["seed"])
+    return config_of(fields["config"]), random.Random(fields["seed"])
 
 
 def report(counts: Counter[str]) -> None:

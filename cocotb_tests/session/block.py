@@ -9,9 +9,12 @@ from typing import TYPE_CHECKING
 
 from cocotb_tests.bench.block import JOB
 from model.config import ReadoutConfig
+from model.tiles.config import MergeConfig, TilesConfig
 
 if TYPE_CHECKING:
     from cocotb_tests.session.runners import Simulator
+
+MERGE = "eskin_merge"
 
 
 def cosimulate(
@@ -24,7 +27,7 @@ def cosimulate(
     config : ReadoutConfig
     simulator : "icarus" or "verilator"
     top : str
-        The block: ``eskin_taxel``, ``eskin_arbiter`` or ``eskin_link``; its test file has the name of the block.
+        The block: ``eskin_taxel``, ``eskin_arbiter``, ``eskin_merge``, ...; its test file has the name of the block.
     test : str
         Name of the cocotb test.
     folder : Path
@@ -36,5 +39,6 @@ def cosimulate(
 
     job = {"config": config.to_dict(), "seed": seed}
     module = top.replace("eskin_", "cocotb_tests.test_")
-    build(config, simulator, top=top).test(module, folder, test, {JOB: json.dumps(job)})
+    source = MergeConfig(config) if isinstance(config, TilesConfig) and top == MERGE else config
+    build(source, simulator, top=top).test(module, folder, test, {JOB: json.dumps(job)})
     return Counter(json.loads((folder / "counts.json").read_text()))

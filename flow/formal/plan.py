@@ -8,6 +8,7 @@ from typing import Any
 from flow.formal.blocks.arbiter import ArbiterChecker
 from flow.formal.blocks.frame import FrameChecker
 from flow.formal.blocks.link import LinkChecker
+from flow.formal.blocks.merge import MergeChecker
 from flow.formal.blocks.pattern import PatternChecker
 from flow.formal.blocks.readout import ReadoutChecker
 from flow.formal.blocks.registers import RegistersChecker
@@ -17,6 +18,7 @@ from flow.formal.blocks.window import WindowChecker
 from flow.formal.checker import Checker
 from model.config import ReadoutConfig
 from model.frame_config import FrameConfig
+from model.tiles.config import TilesConfig
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,8 @@ class Proof:
         config = self.config
         if self.block in ("arbiter", "link"):
             return f"{config.rows} x {config.columns}{'' if config.has_polarity else ' unipolar'}"
+        if self.block == "merge":
+            return f"{config.tiles} tiles, {config.tile.event_bits} bits"
         if self.block == "frame_readout":
             return f"{config.rows} x {config.columns}, {config.resolution} in {config.word_bits} bits"
         if self.block == "spi":
@@ -151,6 +155,15 @@ def hosts() -> list[Proof]:
     ]
 
 
+def merges() -> list[Proof]:
+    """Return the proofs of the merge: one tile, two, one with no address of its own, and counts of no power of two."""
+    few = ReadoutConfig(rows=2, columns=2)
+    bare = ReadoutConfig(rows=1, columns=1, encoding="nlcs")
+    sizes = [(few, 1, 1), (few, 1, 2), (bare, 1, 2), (few, 3, 1), (bare, 1, 5), (few, 2, 2)]
+    configs = [TilesConfig.of(tile, rows, columns) for tile, rows, columns in sizes]
+    return [Proof(MergeChecker, c, c.tiles + 8, c == configs[1], c == configs[3]) for c in configs]
+
+
 def proofs() -> list[Proof]:
     """Return all proofs, in the order in which they run."""
-    return [*arbiters(), *links(), *taxels(), *readouts(), *hosts()]
+    return [*arbiters(), *links(), *merges(), *taxels(), *readouts(), *hosts()]

@@ -17,6 +17,7 @@ from model.config import ReadoutConfig
 from model.errors import InputError
 from model.events.address import Events, check_events
 from model.files import check_unpacked, write_arrays
+from model.tiles.config import config_of
 
 FORMAT_NAME = "spiking-eskin-readout events"
 FORMAT_VERSION = 1
@@ -41,7 +42,7 @@ class Recording:
     events : ndarray of EVENT_DTYPE, shape (events,)
         In the order of the transfers; the array is kept as a read-only copy.
     config : ReadoutConfig
-        The readout that sent them.
+        The readout that sent them, or the skin of tiles (``TilesConfig``).
     duration_clocks : int
         Clocks that were observed; all events lie in ``0 <= t < duration_clocks``. Rates divide by it.
     version : str
@@ -158,7 +159,7 @@ class Recording:
         for name, kind in _HEADER_TYPES.items():
             if type(header.get(name)) is not kind:
                 raise InputError(f"its metadata have no usable {name}")
-        config = ReadoutConfig.from_dict(header["config"])
+        config = config_of(header["config"])
         if header["clock_hz"] != config.clock_hz:
             raise InputError(f"its clock_hz {header['clock_hz']:g} is not that of its configuration")
         return cls(events, config, header["duration_clocks"], header["version"], header["metadata"])

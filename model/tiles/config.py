@@ -1,0 +1,172 @@
+"""The parameter object of a skin made of tiles, each a readout of its own (docs/reference/tiles.md)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.config import ReadoutConfig, parameter
+from model.errors import InputError
+from model.events.address import Events
+
+MAX_TILES = 64
+"""Most tiles of a skin: their requests fit one 64-bit word of the model."""
+
+TILES = "docs/reference/tiles.md"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TilesConfig(ReadoutConfig):
+    """A skin: tiles in rows and columns, all alike, whose events one merge brings onto one stream.
+
+    ``rows`` and ``columns`` are those of the whole skin, so its event files are read as any other's; ``tile`` is the
+    readout of one tile. Tile (r, c) of the skin has index ``r * tile_columns + c``.
+
+    Parameters
+    ----------
+    tile_rows, tile_columns : int
+        Rows and columns of tiles, 64 tiles at most.
+
+    Raises
+    ------
+    InputError
+        If the array does not divide into tiles of at most 64 x 64, or they have no stream link.
+
+    Examples
+    --------
+    >>> skin = TilesConfig.of(ReadoutConfig(rows=64, columns=64), 4, 4)
+    >>> skin.rows, skin.columns, skin.tiles, skin.taxels, skin.event_bits
+    (256, 256, 16, 65536, 17)
+    >>> skin.tile == ReadoutConfig(rows=64, columns=64)
+    True
+    """
+
+    tile_rows: int = parameter(1, "", TILES, "rows of tiles")
+    tile_columns: int = parameter(1, "", TILES, "columns of tiles, 64 tiles at most")
+
+    @classmethod
+    def of(cls, tile: ReadoutConfig, tile_rows: int, tile_columns: int) -> TilesConfig:
+        """Return the skin of some rows and columns of a tile."""
+        own = {"tile_rows": tile_rows, "tile_columns": tile_columns}
+        for name, value in own.items():
+            if not 1 <= value <= MAX_TILES:
+                raise InputError(f"{name} must be in 1..{MAX_TILES}, not {value}")
+        sides = {"rows": tile.rows * tile_rows, "columns": tile.columns * tile_columns}
+        return cls(**tile.to_dict() | sides | own)
+
+    def _check_array(self) -> None:
+        for name in ("tile_rows", "tile_columns"):
+            self._check_range(name, 1, MAX_TILES)
+        if self.tiles > MAX_TILES:
+            raise InputError(f"a merge takes at most {MAX_TILES} tiles, not {self.tile_rows} x {self.tile_columns}")
+        for name, parts in (("rows", self.tile_rows), ("columns", self.tile_columns)):
+            if getattr(self, name) % parts:
+                raise InputError(
+                    f"{name} must be a multiple of the {parts} tiles along them, not {getattr(self, name)}"
+                )
+        if self.link != "stream":
+            raise InputError(f"tiles talk to their merge by the link stream, not {self.link}; leave --link out")
+        if self.registers != "none":
+            raise InputError(f"tiles of a skin have no registers, not {self.registers}; leave --registers out")
+        _ = self.tile  # its sides are checked
+
+    @property
+    def tile(self) -> ReadoutConfig:
+        """The readout of one tile."""
+        fields = {name: value for name, value in self.to_dict().items() if name not in ("tile_rows", "tile_columns")}
+        sides = {"rows": self.rows // self.tile_rows, "columns": self.columns // self.tile_columns}
+        return ReadoutConfig(**fields | sides)
+
+    @property
+    def tiles(self) -> int:
+        """Number of tiles."""
+        return self.tile_rows * self.tile_columns
+
+    @property
+    def tile_bits(self) -> int:
+        """Bits of a tile's address; 0 for one tile."""
+        return (self.tiles - 1).bit_length()
+
+    @property
+    def event_bits(self) -> int:
+        """Bits of one address event {polarity, tile, row, column}."""
+        return self.tile_bits + self.tile.event_bits
+
+    def on_skin(self, tile: Any, events: Events) -> Events:
+        """Return events of tiles with the addresses of the skin.
+
+        Parameters
+        ----------
+        tile : int or ndarray of int, shape (events,)
+            Index of the tile that sent each.
+        events : ndarray of EVENT_DTYPE, shape (events,)
+            x and y within the tile.
+        """
+        moved = events.copy()
+        moved["y"] += (np.asarray(tile) // self.tile_columns * (self.rows // self.tile_rows)).astype(np.int16)
+        moved["x"] += (np.asarray(tile) % self.tile_columns * (self.columns // self.tile_columns)).astype(np.int16)
+        return moved
+
+    def in_tiles(self, events: Events) -> tuple[NDArray[np.int64], Events]:
+        """Return the tile of every event of the skin, shape (events,), and the events with addresses within it."""
+        tile_row, y = np.divmod(events["y"], self.rows // self.tile_rows)
+        tile_column, x = np.divmod(events["x"], self.columns // self.tile_columns)
+        moved = events.copy()
+        moved["y"], moved["x"] = y, x
+        return tile_row.astype(np.int64) * self.tile_columns + tile_column, moved
+
+    def taxels_of(self, tile: int) -> NDArray[np.int64]:
+        """Return the taxels of a tile by their index on the skin, in the tile's order, shape (taxels of a tile,)."""
+        rows, columns = self.rows // self.tile_rows, self.columns // self.tile_columns
+        tile_row, tile_column = divmod(tile, self.tile_columns)
+        row, column = np.arange(rows) + tile_row * rows, np.arange(columns) + tile_column * columns
+        return (row[:, None] * self.columns + column).ravel()
+
+
+@dataclass(frozen=True)
+class MergeConfig:
+    """The merge of a skin alone, for tiles that are chips of their own.
+
+    Attributes
+    ----------
+    skin : TilesConfig
+    """
+
+    skin: TilesConfig
+
+    @property
+    def reset(self) -> str:
+        """Style of the flops' reset."""
+        return self.skin.reset
+
+    @property
+    def clock_hz(self) -> float:
+        """Clock frequency in hertz."""
+        return self.skin.clock_hz
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as a plain dictionary."""
+        return self.skin.to_dict()
+
+
+def skin_of(tile: ReadoutConfig, tiles: str) -> TilesConfig:
+    """Return the skin of a tile and a text as ``4x4``, rows and columns of tiles.
+
+    Raises
+    ------
+    InputError
+        If the text is none of that kind, or there are too many.
+    """
+    rows, _, columns = tiles.partition("x")
+    if not (rows.isdecimal() and columns.isdecimal()):
+        raise InputError(f"tiles must be rows and columns, as 4x4, not {tiles!r}")
+    return TilesConfig.of(tile, int(rows), int(columns))
+
+
+def config_of(fields: Any) -> ReadoutConfig:
+    """Return the configuration of a dictionary: a skin's where it has tiles, else that of one readout."""
+    has_tiles = isinstance(fields, dict) and "tile_rows" in fields
+    return TilesConfig.from_dict(fields) if has_tiles else ReadoutConfig.from_dict(fields)

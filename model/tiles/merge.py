@@ -1,0 +1,133 @@
+"""The merge of several event streams: round robin over the tiles, two events deep, clock by clock.
+
+What a tile offers is taken while fewer than two events are held, so whether a tile's event is taken depends on flops
+alone, never on the sink in the same clock.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numba.typed import List
+from numpy.typing import NDArray
+
+from model import arbiter
+from model.arbiter import next_row, rows_behind
+from model.files import forget_stale_kernels
+
+forget_stale_kernels(Path(__file__), [Path(str(arbiter.__file__))])
+
+ONE = np.uint64(1)
+
+# Words of the merge's state: how many events are held, the one that is offered, the one behind it, and the tiles that
+# come before all others in the next round.
+HELD, OFFERED, SPARE, BEHIND = range(4)
+
+
+def new_state() -> NDArray[np.uint64]:
+    """Return the state of the merge after reset, shape (4,)."""
+    return np.zeros(4, np.uint64)
+
+
+@njit(cache=True)
+def chosen(state: NDArray[np.uint64], asking: np.uint64) -> int:
+    """Return the tile whose event is taken in this clock, or -1; ``asking`` has a bit for each that offers one."""
+    if state[HELD] > ONE or asking == np.uint64(0):
+        return -1
+    return next_row(asking, state[BEHIND])
+
+
+@njit(cache=True)
+def advance(state: NDArray[np.uint64], tile: int, event: Any, ready: bool) -> None:
+    """Advance the merge by the rising edge of a clock.
+
+    Parameters
+    ----------
+    state : ndarray of uint64, shape (4,)
+        Changed in place.
+    tile : int
+        The tile whose event is taken, or -1.
+    event : int
+        That event, any number from 0 on.
+    ready : bool
+        The sink takes what is offered.
+    """
+    if ready and state[HELD] > np.uint64(0):
+        state[OFFERED] = state[SPARE]
+        state[HELD] -= ONE
+    if tile >= 0:
+        state[SPARE] = np.uint64(event)
+        if state[HELD] == np.uint64(0):
+            state[OFFERED] = np.uint64(event)
+        state[HELD] += ONE
+        state[BEHIND] = rows_behind(tile)
+
+
+class Merged(NamedTuple):
+    """What left a merge.
+
+    Attributes
+    ----------
+    clock, tile, number : ndarray of int64, shape (events,)
+        Clock of the transfer, tile that sent it, and the number of the event among those of its tile.
+    """
+
+    clock: NDArray[np.int64]
+    tile: NDArray[np.int64]
+    number: NDArray[np.int64]
+
+
+def merge(offered: list[NDArray[np.int64]], ready: NDArray[np.uint8], clocks: int) -> Merged:
+    """Return the events of a merge whose tiles hold every event until it is taken.
+
+    Parameters
+    ----------
+    offered : list of ndarray of int64, shape (events,)
+        For each tile the first clock in which each of its events may be offered, rising; an event is offered behind
+        those before it.
+    ready : ndarray of uint8, shape (pattern,)
+        The sink's ready per clock, repeated.
+    clocks : int
+        Length of the run.
+
+    Examples
+    --------
+    Three tiles at once, then the first again: one event per clock, each tile in its turn.
+
+    >>> tiles = [np.array([0, 1]), np.array([0]), np.array([0])]
+    >>> [column.tolist() for column in merge(tiles, np.ones(1, np.uint8), 10)]
+    [[1, 2, 3, 4], [0, 1, 2, 0], [0, 0, 0, 1]]
+    """
+    found = _merge(List([np.ascontiguousarray(tile, np.int64) for tile in offered]), ready, clocks)
+    return Merged(*np.ascontiguousarray(found.T))
+
+
+@njit(cache=True, nogil=True)
+def _merge(offered: List, ready: NDArray[np.uint8], clocks: int) -> NDArray[np.int64]:
+    """Return clock, tile and number of all events, shape (events, 3)."""
+    tiles = len(offered)
+    total = 0
+    for tile in range(tiles):
+        total += len(offered[tile])
+    log = np.empty((total, 3), np.int64)
+    taken = np.zeros(tiles, np.int64)
+    state = np.zeros(4, np.uint64)
+    events = 0
+    for t in range(clocks):
+        asking = np.uint64(0)
+        for tile in range(tiles):
+            if taken[tile] < len(offered[tile]) and offered[tile][taken[tile]] <= t:
+                asking |= ONE << np.uint64(tile)
+        takes = ready[t % len(ready)] != 0
+        if takes and state[HELD] > np.uint64(0):
+            word = np.int64(state[OFFERED])
+            log[events, 0], log[events, 1], log[events, 2] = t, word % tiles, word // tiles
+            events += 1
+        tile = chosen(state, asking)
+        advance(state, tile, taken[tile] * tiles + tile, takes)
+        if tile >= 0:
+            taken[tile] += 1
+    return log[:events]

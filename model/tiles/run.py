@@ -1,0 +1,157 @@
+"""A whole skin, clock by clock: all tiles in step, and the merge that takes their events.
+
+A tile's clock is that of ``model.readout``, whose loop for a single readout is kept apart for its speed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from model import arbiter, decay, readout
+from model import taxel_kernels as taxel
+from model.arbiter import ONE, ZERO
+from model.errors import InputError
+from model.events.address import EVENT_DTYPE, Events
+from model.files import forget_stale_kernels
+from model.readout import Inputs, Parameters, Registers, Stimulus, decide, mask_rows, take_samples, with_room
+from model.tiles import merge
+from model.tiles.config import TilesConfig
+
+forget_stale_kernels(Path(__file__), (Path(str(m.__file__)) for m in (arbiter, decay, taxel, readout, merge)))
+
+# Words of a tile's place in its inputs: sample ticks and masks so far, whether the clock before was a sample tick, and
+# whether a threshold moved in it.
+TICKS, CHANGES, TICK, AGAIN = range(4)
+
+
+def simulate_skin(config: TilesConfig, stimuli: Sequence[Stimulus]) -> Events:
+    """Return the address events of a skin, exactly those of the RTL.
+
+    Parameters
+    ----------
+    config : TilesConfig
+    stimuli : sequence of Stimulus
+        One for each tile; clocks of samples, masks and end are common, and the sink's ready is that of the first.
+
+    Returns
+    -------
+    ndarray of EVENT_DTYPE, shape (events,)
+        t is the clock of the transfer out of the merge; x and y are those of the skin.
+
+    Raises
+    ------
+    InputError
+        If a stimulus does not fit its tile or the others.
+    """
+    tile, first = config.tile, stimuli[0]
+    if len(stimuli) != config.tiles:
+        raise InputError(f"{config.tiles} tiles need a stimulus each, not {len(stimuli)}")
+    for stimulus in stimuli:
+        stimulus.check(tile)
+        same = (
+            np.array_equal(getattr(stimulus, name), getattr(first, name)) for name in ("sample_clock", "enable_clock")
+        )
+        if not all(same) or stimulus.clocks != first.clocks or stimulus.decisions is not None:
+            raise InputError("the tiles' stimuli must have the same clocks of samples, masks and end, and no decisions")
+    registers = [Registers.after_reset(tile) for _ in stimuli]
+    inputs = Inputs(
+        np.stack([np.ascontiguousarray(stimulus.samples, np.int32) for stimulus in stimuli]),
+        first.sample_clock,
+        first.clocks,
+        first.enable_clock,
+        np.stack([stimulus.enable for stimulus in stimuli]),
+        first.ready,
+        first.ack_delay,
+        decay.decay_phases(tile),
+        np.zeros((0, 0), np.uint8),
+    )
+    all_of = Registers(*(np.stack(column) for column in zip(*registers, strict=True)))
+    time, event = _loop(Parameters.of(tile), inputs, all_of, tile.taxels).T
+    events = np.empty(len(time), EVENT_DTYPE)
+    number, address = np.divmod(event >> 1, tile.taxels)
+    events["t"], events["p"] = time, event & 1
+    events["y"], events["x"] = np.divmod(address, tile.columns)
+    return config.on_skin(number, events)
+
+
+def scan_skin(config: TilesConfig, scan: Any, image: ArrayLike, ticks: int | None = None) -> list[Stimulus]:
+    """Return the stimulus of every tile while a skin slides over an image.
+
+    Parameters
+    ----------
+    config : TilesConfig
+    scan : PhysicalScan
+    image : array, shape (height, width)
+    ticks : int, optional
+        Sample ticks at most.
+    """
+    samples, _ = scan.samples(config, image)
+    return [Stimulus.from_samples(config.tile, samples[:ticks, config.taxels_of(i)]) for i in range(config.tiles)]
+
+
+@njit(cache=True, nogil=True)
+def _loop(p: Parameters, s: Inputs, r: Registers, taxels: int) -> NDArray[np.int64]:
+    """Return the events, shape (events, 2): their clocks, and 2 * (tile * taxels + taxel) + polarity."""
+    tiles = len(s.samples)
+    at = np.zeros((tiles, 4), np.int64)
+    state = np.zeros(4, np.uint64)
+    log = np.empty((1024, 2), np.int64)
+    events = 0
+    t = 0
+    while t < s.clocks:
+        ready = s.ready[t % len(s.ready)] != 0
+        if ready and state[merge.HELD] != ZERO:
+            log = with_room(log, events)
+            log[events, 0], log[events, 1] = t, np.int64(state[merge.OFFERED])
+            events += 1
+        asking = ZERO
+        for i in range(tiles):
+            if arbiter.offers(r.latch[i]):
+                asking |= ONE << np.uint64(i)
+        chosen = merge.chosen(state, asking)
+        event = np.int64(0)
+        if chosen >= 0:
+            event = 2 * chosen * taxels + arbiter.take(r.latch[chosen], p.columns)
+        merge.advance(state, chosen, event, ready)
+
+        rests = state[merge.HELD] == ZERO
+        for i in range(tiles):
+            _clock(p, s, t, i, r.taxels[i], r.rows[i], r.latch[i], at[i])
+            rests &= arbiter.idle(r.latch[i]) and at[i, TICK] == 0 and at[i, AGAIN] == 0
+        t += 1
+        if rests:
+            until = s.sample_clock[at[0, TICKS]] if at[0, TICKS] < len(s.sample_clock) else s.clocks
+            if at[0, CHANGES] < len(s.enable_clock):
+                until = min(until, s.enable_clock[at[0, CHANGES]])
+            t = max(t, min(until, s.clocks))
+    return log[:events]
+
+
+@njit(cache=True, nogil=True)
+def _clock(p: Any, s: Any, t: int, tile: int, taxels: Any, rows: Any, latch: Any, at: NDArray[np.int64]) -> None:
+    """Advance a tile by clock ``t``, in which its event has been taken or not; see ``model.readout._loop``."""
+    masked = at[CHANGES] < len(s.enable_clock) and s.enable_clock[at[CHANGES]] == t
+    if masked:
+        mask_rows(p, s.enable[tile, at[CHANGES]], taxels, rows, latch)
+        at[CHANGES] += 1
+    row = arbiter.grant(latch, rows)
+    tick = at[TICK] != 0
+    everyone = tick or masked or t == 0
+    if everyone or at[AGAIN] != 0 or row >= 0:
+        first, last = (0, len(rows)) if everyone or at[AGAIN] != 0 else (row, row + 1)
+        again = False
+        for y in range(first, last):
+            leaks = tick and p.leaky and decay.is_due(p, s.phases[y], at[TICKS] - 1)
+            todo = rows[y].again | (latch[arbiter.TAKEN] if y == row else ZERO)
+            again |= decide(p, y, ~ZERO if everyone else todo, tick, leaks, taxels, rows, latch)
+        at[AGAIN] = again
+    at[TICK] = at[TICKS] < len(s.sample_clock) and s.sample_clock[at[TICKS]] == t
+    if at[TICK]:
+        take_samples(p, s.samples[tile, at[TICKS]], taxels, rows)
+        at[TICKS] += 1

@@ -1,0 +1,1 @@
+"""The merge of several readouts, and the skin of them."""

@@ -1,0 +1,64 @@
+"""A whole skin: tiles of readouts and their merge."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from amaranth.hdl import Module, Shape, unsigned
+from amaranth.lib.wiring import In
+
+from model.errors import InputError
+from model.tiles.config import TilesConfig
+from rtl.arbiter import event_ports
+from rtl.block import Block
+from rtl.readout import Readout
+from rtl.tiles.merge import Merge, merged_ports
+
+MOST_INPUT_BITS = 65_000
+"""Of a module; Amaranth numbers the bits of all its inputs with 16 bits."""
+
+
+class Skin(Block[TilesConfig]):
+    """All tiles with one sample tick; tile i has the i-th part of every other port, tile 0 the lowest.
+
+    Attributes
+    ----------
+    event_valid, event_ready, event_tile, event_row, event_col, event_polarity
+        The stream of all events, see ``Merge``.
+    others
+        Those of ``Readout``, one after the other for each tile, but for ``sample_valid``, which is common.
+    """
+
+    module_name = "eskin_tiles"
+    COMMON = ("sample_valid",)
+
+    def __init__(self, config: TilesConfig) -> None:
+        members = Readout(config.tile).signature.members
+        self.stream = event_ports(config.tile, In)
+        self.outer = [name for name in members if name not in self.stream]
+        ports = {}
+        for name in self.outer:
+            width = Shape.cast(members[name].shape).width * (1 if name in self.COMMON else config.tiles)
+            ports[name] = members[name].flow(unsigned(width))
+        inputs = sum(Shape.cast(port.shape).width for port in ports.values() if port.flow is In)
+        if inputs > MOST_INPUT_BITS:
+            raise InputError(
+                f"{config.tiles} tiles of {config.tile.rows} x {config.tile.columns} taxels have {inputs} input bits, "
+                f"a module has {MOST_INPUT_BITS} at most; add --merge and write a tile without --tiles, a chip each"
+            )
+        super().__init__(config, ports | merged_ports(config))
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        merge = Merge(self.config)
+        merge.place(m, "merge", platform)
+        for name in merged_ports(self.config):
+            merge.connect(m, name, getattr(self, name))
+        for index in range(self.config.tiles):
+            tile = Readout(self.config.tile)
+            tile.place(m, f"tile_{index}", platform)
+            for name in (*self.outer, *self.stream):
+                outside = getattr(merge if name in self.stream else self, name.replace("event_", "tile_"))
+                width = len(getattr(tile, name))
+                tile.connect(m, name, outside if name in self.COMMON else outside[index * width : (index + 1) * width])
+        return m

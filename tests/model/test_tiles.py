@@ -1,0 +1,101 @@
+"""The merge and the skin of the golden model: order, fairness, addresses, files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cocotb_tests.bench.textures import scan
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.events.address import make_events
+from model.events.recording import Recording
+from model.readout import Stimulus, simulate
+from model.tiles.config import TilesConfig
+from model.tiles.merge import merge
+from model.tiles.run import simulate_skin
+
+TILE = ReadoutConfig(rows=2, columns=3)
+SKIN = TilesConfig.of(TILE, 2, 2)
+
+
+def test_n_busy_tiles_get_one_place_in_n_and_every_clock_has_an_event() -> None:
+    busy = np.zeros(50, np.int64)
+    clock, tile, number = merge([busy, np.zeros(0, np.int64), busy, busy], np.ones(1, np.uint8), 400)
+    assert clock.tolist() == list(range(1, 151))
+    assert tile.tolist() == [0, 2, 3] * 50
+    assert number.tolist() == [n for n in range(50) for _ in range(3)]
+
+
+def test_nothing_is_lost_and_each_tile_keeps_its_order_whatever_the_sink() -> None:
+    rng = np.random.default_rng(1)
+    offered = [np.sort(rng.integers(0, 300, count)) for count in (40, 0, 90, 7, 120)]
+    ready = (rng.random(64) < 0.6).astype(np.uint8)
+    clock, tile, number = merge(offered, ready, 2000)
+    assert (np.diff(clock) > 0).all()
+    assert ready[clock % 64].all()
+    for index, clocks in enumerate(offered):
+        assert number[tile == index].tolist() == list(range(len(clocks)))
+        assert (clock[tile == index] > clocks).all()
+
+
+def test_a_tile_alone_sends_what_its_readout_does_one_clock_later() -> None:
+    config = ReadoutConfig(rows=3, columns=5, encoding="nlcs", leak_period=9)
+    stimulus = Stimulus.from_samples(config, scan(3, 5, 12, 1)[:200])
+    alone = simulate(config, stimulus)
+    merged = simulate_skin(TilesConfig.of(config, 1, 1), [stimulus])
+    alone["t"] += 1
+    alone = alone[alone["t"] < stimulus.clocks]
+    assert np.array_equal(alone, merged)
+    assert len(merged) > 100
+
+
+def test_addresses_of_the_skin_and_of_its_tiles_belong_together() -> None:
+    tile, row, column = (grid.ravel() for grid in np.mgrid[:4, :2, :3])
+    events = make_events(0, row, column)
+    on_skin = SKIN.on_skin(tile, events)
+    assert {(x, y) for x, y in zip(on_skin["x"].tolist(), on_skin["y"].tolist(), strict=True)} == {
+        (x, y) for x in range(6) for y in range(4)
+    }
+    index = on_skin["y"].astype(int) * SKIN.columns + on_skin["x"]
+    assert index.tolist() == [taxel for i in range(4) for taxel in SKIN.taxels_of(i).tolist()]
+    back, within = SKIN.in_tiles(on_skin)
+    assert np.array_equal(back, tile)
+    assert np.array_equal(within, events)
+
+
+def test_a_recording_of_a_skin_is_read_as_any_other(tmp_path: Path) -> None:
+    whole = Recording(make_events([4, 9], [3, 0], [5, 1], [True, False]), SKIN, 20)
+    whole.save(tmp_path / "skin.npz")
+    read = Recording.load(tmp_path / "skin.npz")
+    assert read == whole
+    assert read.config == SKIN
+    with pytest.raises(InputError, match=r"x = 6, outside 0\.\.5 \(columns\)"):
+        Recording(make_events([4], [0], [6]), SKIN, 20)
+
+
+@pytest.mark.parametrize(
+    ("fields", "sentence"),
+    [
+        ({"rows": 5}, "rows must be a multiple of the 2 tiles along them, not 5"),
+        ({"rows": 256}, "rows must be in 1..64, not 128"),
+        ({"link": "four_phase"}, "tiles talk to their merge by the link stream, not four_phase"),
+        ({"tile_rows": 65}, "tile_rows must be in 1..64, not 65"),
+        ({"tile_rows": 16, "tile_columns": 8}, "a merge takes at most 64 tiles, not 16 x 8"),
+        ({"registers": "spi"}, "tiles of a skin have no registers, not spi"),
+    ],
+)
+def test_a_skin_that_cannot_be_is_one_sentence(fields: dict[str, object], sentence: str) -> None:
+    with pytest.raises(InputError, match=sentence):
+        TilesConfig.from_dict(SKIN.to_dict() | fields)
+
+
+def test_stimuli_that_do_not_belong_together_are_one_sentence() -> None:
+    one = Stimulus.from_samples(TILE, np.zeros((4, 6), np.int32))
+    other = Stimulus.from_samples(TILE, np.zeros((5, 6), np.int32))
+    with pytest.raises(InputError, match="4 tiles need a stimulus each, not 1"):
+        simulate_skin(SKIN, [one])
+    with pytest.raises(InputError, match="the tiles' stimuli must have the same clocks"):
+        simulate_skin(SKIN, [one, one, one, other])
