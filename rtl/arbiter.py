@@ -64,9 +64,11 @@ class Arbiter(Block[ReadoutConfig]):
         candidates = Signal(rows)
         load = Signal()
         takes = Signal()
-        later = self.row_request[1:] & behind
-        thermometer = Cat(exclusive_prefix_or(candidates))
+        later = Signal(rows - 1)
+        thermometer = Signal(rows)
         m.d.comb += [
+            later.eq(self.row_request[1:] & behind),
+            thermometer.eq(Cat(exclusive_prefix_or(candidates, m, "candidates"))),
             candidates.eq(Mux(later.any(), Cat(Const(0, 1), later), self.row_request)),
             self.select.eq(candidates & ~thermometer),
             self.granted.eq(self.select & load.replicate(rows)),
@@ -78,10 +80,12 @@ class Arbiter(Block[ReadoutConfig]):
 
         # The burst latch, drained in rising column order.
         waiting = Signal(columns)
+        waiting_below = Signal(columns)
         first = Signal(columns)
         rest = Signal(columns)
         m.d.comb += [
-            first.eq(waiting & ~Cat(exclusive_prefix_or(waiting))),
+            waiting_below.eq(Cat(exclusive_prefix_or(waiting, m, "waiting"))),
+            first.eq(waiting & ~waiting_below),
             rest.eq(waiting & ~first),
             self.event_valid.eq(waiting.any()),
             load.eq(~waiting.any() | (self.event_ready & ~rest.any())),

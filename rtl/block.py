@@ -42,8 +42,16 @@ class Block(wiring.Component, Generic[Config]):
         m.d.comb += port.eq(outside) if inward else outside.eq(port)
 
     def place(self, m: Module, name: str, platform: Any) -> None:
-        """Add this block to a parent as its submodule ``name``; its ports are this component's signals."""
-        m.submodules[name] = platform.instance(self) if isinstance(platform, Netlist) else self
+        """Add this block to a parent as its submodule ``name``; its ports are this component's signals.
+
+        In the Verilog the parent's wire to a port is named after both: ``row_0_request``.
+        """
+        if not isinstance(platform, Netlist):
+            m.submodules[name] = self
+            return
+        m.submodules[name] = platform.instance(self)
+        for port in self.signature.members:
+            Value.cast(getattr(self, port)).name = f"{name}_{port}"
 
 
 class Netlist:

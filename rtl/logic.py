@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from amaranth.hdl import Cat, Const, Value, ValueLike
+from amaranth.hdl import Cat, Const, Module, Signal, Value, ValueLike
 
 
 def or_tree(values: Sequence[ValueLike]) -> Value:
@@ -15,17 +15,34 @@ def or_tree(values: Sequence[ValueLike]) -> Value:
     return level[0] if level else Const(0)
 
 
-def exclusive_prefix_or(bits: Sequence[ValueLike]) -> list[Value]:
+def exclusive_prefix_or(bits: Sequence[ValueLike], m: Module | None = None, name: str = "") -> list[Value]:
     """Return, for every bit, the OR of all bits below it: a Brent-Kung network.
 
     Depth 2 log2(len), 2 len gates. The single bits that are set where the result is not are the first set ones;
     behind the first set bit the result is a thermometer code.
+
+    Parameters
+    ----------
+    bits : sequence of ValueLike
+    m : Module, optional
+        Where the ORs of pairs, fours, eights ... of bits become signals, for the reader of the Verilog.
+    name : str
+        Of the bits: those signals are ``<name>_4_to_7`` and the like.
     """
     values = [Value.cast(bit) for bit in bits]
+    return _prefix_or(values, m, name, 2)
+
+
+def _prefix_or(values: list[Value], m: Module | None, name: str, size: int) -> list[Value]:
     if len(values) <= 1:
         return [Const(0, 1)] * len(values)
     pairs = [values[i] | values[i + 1] if i + 1 < len(values) else values[i] for i in range(0, len(values), 2)]
-    below = exclusive_prefix_or(pairs)
+    if m is not None and len(pairs) > 4:  # of fewer pairs each is used once, or is a bit of the result
+        for i in range(1, len(values) // 2):
+            group = Signal(name=f"{name}_{i * size}_to_{(i + 1) * size - 1}")
+            m.d.comb += group.eq(pairs[i])
+            pairs[i] = group
+    below = _prefix_or(pairs, m, name, 2 * size)
     return [below[i // 2] | values[i - 1] if i % 2 else below[i // 2] for i in range(len(values))]
 
 

@@ -126,7 +126,7 @@ class Readout(Block[ReadoutConfig]):
         if config.leak_period == 1:
             return [tick] * config.rows
         decay = DecayTicks(config)
-        decay.place(m, "decay", platform)
+        decay.place(m, "decay_ticks", platform)
         m.d.comb += decay.tick.eq(tick)
         return [decay.decay[decay.phases.index(phase)] for phase in decay_phases(config)]
 

@@ -30,8 +30,8 @@ A ``TilesConfig``, which is a ``ReadoutConfig`` too, means ``eskin_tiles``.
 YOSYS_SCRIPT = (
     "read_rtlil readout.il; delete t:$meminit_v2; hierarchy -check -top {top}; "
     "proc -norom; opt_expr; opt_merge; opt_clean; opt_dff; "
-    "opt_expr -mux_undef; wreduce; splitnets -driver; opt_clean -purge; setattr -unset init w:*; check -assert; "
-    "autoname; write_verilog -noattr readout.v"
+    "opt_expr -mux_undef; wreduce; opt_clean -purge; setattr -unset init w:*; check -assert; "
+    "write_verilog -noattr readout.v"
 )
 
 WAIVERS = {

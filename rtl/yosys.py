@@ -9,6 +9,8 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from rtl.text.fold import fold
+
 
 class YosysError(RuntimeError):
     """Yosys gave up.
@@ -89,13 +91,13 @@ def modules(rtlil: str) -> dict[str, str]:
 
 
 def tidy(verilog: str) -> str:
-    """Return Yosys' text without its stamp, with plain identifiers, each port declared once."""
+    """Return Yosys' text without its stamp, with plain identifiers, each port declared once, expressions whole."""
     verilog = verilog[verilog.index("module ") :]
     verilog = "".join(plain_names(module) + "endmodule\n" for module in verilog.split("endmodule\n")[:-1])
     # "output x; reg x;" and "input x; wire x;" become one declaration.
     port = re.compile(r"^  (input|output) ([^;]*);\n  (wire|reg) \2;$", re.MULTILINE)
     verilog = port.sub(lambda m: f"  {m[1]} {m[3]} {m[2]};", verilog)
-    return verilog.replace(" = ! ", " = ~| ")  # the same for a word, and lint asks for one bit behind "!"
+    return "".join(fold(module) + "endmodule\n" for module in verilog.split("endmodule\n")[:-1])
 
 
 def plain_names(module: str) -> str:

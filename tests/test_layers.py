@@ -30,6 +30,8 @@ LAYERS = {
         "__main__",
     ),
     "rtl": (
+        "text.expression",
+        "text.fold",
         "block logic yosys",
         "window decay taxel arbiter link frame classifier registers",
         "readout classifier.chip tiles",

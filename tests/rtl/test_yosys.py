@@ -43,7 +43,7 @@ def test_the_stamp_goes_and_a_port_is_declared_once() -> None:
     )
     assert yosys.tidy(before) == (
         "module a(clk, x_y, z);\n  input wire clk;\n  output reg [3:0] x_y;\n"
-        "  output wire z;\n  wire q;\n  assign z = ~| q;\nendmodule\n"
+        "  output wire z;\n  wire q;\n  assign z = ~q;\nendmodule\n"
     )
 
 

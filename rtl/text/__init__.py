@@ -1,0 +1,1 @@
+"""Verilog as a person writes it."""

@@ -1,0 +1,349 @@
+"""Expressions of Verilog as Yosys writes them: read into a tree, measured by the language's rules, written again."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+Operators = tuple[str, ...]
+
+BINARY: tuple[Operators, ...] = (
+    ("||",),
+    ("&&",),
+    ("|", "~|"),
+    ("^", "~^"),
+    ("&",),
+    ("==", "!=", "===", "!=="),
+    ("<", "<=", ">", ">="),
+)
+BINARY += (("<<", ">>", "<<<", ">>>"), ("+", "-"), ("*", "/", "%"))
+"""Operators of two operands, those that bind least first."""
+
+LEVEL = {operator: level for level, operators in enumerate(BINARY) for operator in operators}
+COMPARISONS = {"==", "!=", "===", "!==", "<", "<=", ">", ">="}
+LOGICAL = {"||", "&&"}
+SHIFTS = {"<<", ">>", "<<<", ">>>"}
+BITWISE = {"&", "|", "^", "~^"}
+REDUCTIONS = {"&", "|", "^", "~&", "~|", "~^", "!"}
+
+MOST_IN_A_ROW = 4
+"""Operands of one operator that are written without parentheses."""
+
+TOKEN = re.compile(
+    r"\s*(\d+'s?[bhd][0-9a-fxz]+|\$?[A-Za-z_]\w*|\d+|<<<|>>>|===|!==|<<|>>|<=|>=|==|!=|&&|\|\||~[&|^]|\S)"
+)
+
+
+class UnknownTextError(ValueError):
+    """A text is none of the expressions that are understood."""
+
+
+@dataclass(frozen=True)
+class Wire:
+    """What a declaration says: bits, and whether they are a signed number."""
+
+    width: int
+    signed: bool = False
+
+
+@dataclass(frozen=True)
+class Node:
+    """An expression.
+
+    Attributes
+    ----------
+    kind : str
+        "name", "number", "slice" (a name, its range in ``text`` behind it), "signed", "join" (concatenation),
+        "unary", "binary" or "choice".
+    text : str
+        The name, number or operator.
+    parts : tuple of Node
+        What it is made of.
+    high, low : int
+        Range of a slice.
+    """
+
+    kind: str
+    text: str = ""
+    parts: tuple[Node, ...] = ()
+    high: int = 0
+    low: int = 0
+
+
+def read(text: str) -> Node:
+    """Return the tree of an expression.
+
+    Raises
+    ------
+    UnknownTextError
+        If there is something in it that Yosys does not write for plain logic.
+    """
+    reader = _Reader(TOKEN.findall(text))
+    tree = reader.choice()
+    if reader.tokens:
+        raise UnknownTextError(text)
+    return tree
+
+
+class _Reader:
+    def __init__(self, tokens: list[str]) -> None:
+        self.tokens = tokens[::-1]
+
+    def next(self) -> str:
+        if not self.tokens:
+            raise UnknownTextError("it ends too early")
+        return self.tokens.pop()
+
+    def peek(self) -> str:
+        return self.tokens[-1] if self.tokens else ""
+
+    def expect(self, token: str) -> None:
+        if self.next() != token:
+            raise UnknownTextError(token)
+
+    def choice(self) -> Node:
+        condition = self.binary(0)
+        if self.peek() != "?":
+            return condition
+        self.next()
+        yes = self.choice()
+        self.expect(":")
+        return Node("choice", "?", (condition, yes, self.choice()))
+
+    def binary(self, level: int) -> Node:
+        if level == len(BINARY):
+            return self.unary()
+        left = self.binary(level + 1)
+        while self.peek() in BINARY[level]:
+            operator = self.next()
+            left = Node("binary", operator, (left, self.binary(level + 1)))
+        return left
+
+    def unary(self) -> Node:
+        if self.peek() in REDUCTIONS | {"~", "-", "+"}:
+            return Node("unary", self.next(), (self.unary(),))
+        return self.operand()
+
+    def operand(self) -> Node:
+        token = self.next()
+        if token == "(":
+            inner = self.choice()
+            self.expect(")")
+            return inner
+        if token == "{":
+            parts = [self.choice()]
+            while self.peek() == ",":
+                self.next()
+                parts.append(self.choice())
+            self.expect("}")
+            return Node("join", "", tuple(parts))
+        if token == "$signed":
+            self.expect("(")
+            inner = self.choice()
+            self.expect(")")
+            return Node("signed", "", (inner,))
+        if "'" in token:
+            return Node("number", token)
+        if not re.fullmatch(r"[A-Za-z_]\w*", token):
+            raise UnknownTextError(token)
+        return self.slice(token) if self.peek() == "[" else Node("name", token)
+
+    def slice(self, name: str) -> Node:
+        self.next()
+        high = self.next()
+        low = high
+        if self.peek() == ":":
+            self.next()
+            low = self.next()
+        self.expect("]")
+        if not (high.isdigit() and low.isdigit()):
+            raise UnknownTextError(name)
+        return Node("slice", name, (), int(high), int(low))
+
+
+def names(node: Node) -> list[str]:
+    """Return the names in an expression, each as often as it stands there."""
+    own = [node.text] if node.kind in ("name", "slice") else []
+    return own + [name for part in node.parts for name in names(part)]
+
+
+def width(node: Node, wires: Mapping[str, Wire]) -> int:
+    """Return the bits that an expression has by itself (IEEE 1364-2005, table 5-22)."""
+    if node.kind == "name":
+        return wires[node.text].width
+    if node.kind == "slice":
+        return node.high - node.low + 1
+    if node.kind == "number":
+        return int(node.text.partition("'")[0].lstrip("-"))
+    if node.kind == "join":
+        return sum(width(part, wires) for part in node.parts)
+    if node.kind == "binary" and node.text in COMPARISONS | LOGICAL:
+        return 1
+    if node.kind == "unary" and node.text in REDUCTIONS:
+        return 1
+    if node.kind == "binary" and node.text in SHIFTS:
+        return width(node.parts[0], wires)
+    parts = node.parts[1:] if node.kind == "choice" else node.parts
+    return max(width(part, wires) for part in parts)
+
+
+def signed(node: Node, wires: Mapping[str, Wire]) -> bool:
+    """Return whether an expression is a signed number (section 5.5.1)."""
+    if node.kind == "name":
+        return wires[node.text].signed
+    if node.kind == "number":
+        return "'s" in node.text
+    if node.kind == "signed":
+        return True
+    if node.kind in ("slice", "join"):
+        return False
+    if node.kind == "binary" and node.text in COMPARISONS | LOGICAL:
+        return False
+    if node.kind == "unary" and node.text in REDUCTIONS:
+        return False
+    if node.kind == "binary" and node.text in SHIFTS:
+        return signed(node.parts[0], wires)
+    parts = node.parts[1:] if node.kind == "choice" else node.parts
+    return all(signed(part, wires) for part in parts)
+
+
+def contexts(node: Node, outer: int, wires: Mapping[str, Wire]) -> list[int]:
+    """Return, for each part of an expression, the bits to which its surroundings extend it; 0 for none.
+
+    Parameters
+    ----------
+    node : Node
+    outer : int
+        Bits to which ``node`` itself is extended; 0 for its own.
+    wires : mapping of str to Wire
+    """
+    own = max(outer, width(node, wires))
+    if node.kind == "choice":
+        return [0, own, own]
+    if node.kind == "binary":
+        if node.text in LOGICAL:
+            return [0, 0]
+        if node.text in SHIFTS:
+            return [own, 0]
+        if node.text in COMPARISONS:
+            common = max(width(part, wires) for part in node.parts)
+            return [common, common]
+        return [own, own]
+    if node.kind == "unary" and node.text not in REDUCTIONS:
+        return [own]
+    return [0] * len(node.parts)
+
+
+def extends_by_zeros(node: Node) -> bool:
+    """Return whether an unsigned expression in wider surroundings is itself with zeros in front of it."""
+    if node.kind == "choice" or (node.kind == "binary" and node.text in ("&", "|", "^")):
+        return all(map(extends_by_zeros, node.parts[-2:]))
+    if node.kind == "binary":
+        return node.text in COMPARISONS | LOGICAL
+    return node.kind != "unary" or node.text in REDUCTIONS
+
+
+# -- plainer words for the same ----------------------------------------------------------------------
+
+
+def plain(node: Node, wires: Mapping[str, Wire]) -> Node:
+    """Return an expression in the words of a person: no joined single bits, no sign that is there already."""
+    node = replace(node, parts=tuple(plain(part, wires) for part in node.parts))
+    if node.kind == "signed":
+        (inner,) = node.parts
+        if signed(inner, wires):
+            return inner
+        if inner.kind == "number":
+            return _decimal(inner, 0)
+        if inner.kind == "choice" and all(part.kind == "number" for part in inner.parts[1:]):
+            return replace(inner, parts=(inner.parts[0], *(_decimal(part, 0) for part in inner.parts[1:])))
+    if node.kind == "choice" and [part.text for part in node.parts[1:]] == ["1'h1", "1'h0"]:
+        return node.parts[0]
+    if node.kind == "unary" and node.text in ("|", "&", "~|", "!"):
+        return _plain_reduction(node, wires)
+    if node.kind == "binary" and node.text in COMPARISONS:
+        left, right = node.parts
+        if right.kind == "number" and signed(right, wires):
+            return replace(node, parts=(left, _decimal(right, max(width(part, wires) for part in node.parts))))
+    return node
+
+
+def _plain_reduction(node: Node, wires: Mapping[str, Wire]) -> Node:
+    (inner,) = node.parts
+    if node.text == "!":  # the same for a word, and lint asks for one bit behind "!"
+        return Node("unary", "~" if width(inner, wires) == 1 else "~|", (inner,))
+    bits = inner.parts if inner.kind == "join" else (inner,)
+    if node.text == "~|" or any(width(bit, wires) > 1 for bit in bits):
+        return node
+    tree = bits[-1]
+    for bit in bits[-2::-1]:
+        tree = Node("binary", node.text, (tree, bit))
+    return tree
+
+
+def _decimal(number: Node, bits: int) -> Node:
+    """Return a number as a signed one in decimal, with at least some bits: those of what it is compared with.
+
+    The least number of its width stays as it is: its sign, put before it, would be taken of the number extended.
+    """
+    found = re.fullmatch(r"(\d+)'s?h([0-9a-f]+)", number.text)
+    if found is None:
+        return number
+    own, value = int(found[1]), int(found[2], 16)
+    size = max(bits, own)
+    if value >> (own - 1):
+        value -= 1 << own
+    if value == -1 << (size - 1):
+        return replace(number, text=f"{size}'sh{-value:x}")
+    return replace(number, text=f"{'-' if value < 0 else ''}{size}'sd{abs(value)}")
+
+
+# -- writing -----------------------------------------------------------------------------------------
+
+
+def write(node: Node) -> str:
+    """Return the text of an expression; operators within operators stand in parentheses."""
+    if node.kind in ("name", "number"):
+        return node.text
+    if node.kind == "slice":
+        at = f"{node.high}" if node.high == node.low else f"{node.high}:{node.low}"
+        return f"{node.text}[{at}]"
+    if node.kind == "signed":
+        return f"$signed({write(node.parts[0])})"
+    if node.kind == "join":
+        return _write_join(node)
+    if node.kind == "unary":
+        inner = write(node.parts[0])
+        bare = node.parts[0].kind not in ("unary", "binary", "choice")
+        return f"{node.text}{inner if bare else f'({inner})'}"
+    if node.kind == "binary" and node.text in BITWISE and len(chain := _chain(node, node.text)) <= MOST_IN_A_ROW:
+        return f" {node.text} ".join(_operand(part) for part in chain)
+    words = [_operand(part) for part in node.parts]
+    if node.kind == "binary":
+        return f"{words[0]} {node.text} {words[1]}"
+    last = write(node.parts[2]) if node.parts[2].kind == "choice" else words[2]
+    return f"{words[0]} ? {words[1]} : {last}"
+
+
+def _chain(node: Node, operator: str) -> list[Node]:
+    """Return what one operator joins; the parentheses of a longer chain stay, since they are a tree of low depth."""
+    if node.kind != "binary" or node.text != operator:
+        return [node]
+    return [end for part in node.parts for end in _chain(part, operator)]
+
+
+def _operand(node: Node) -> str:
+    bare = node.kind not in ("binary", "choice") and not (node.kind == "unary" and node.text in REDUCTIONS)
+    return write(node) if bare else f"({write(node)})"
+
+
+def _write_join(node: Node) -> str:
+    words: list[tuple[str, int]] = []
+    for word in map(write, node.parts):
+        if words and words[-1][0] == word:
+            words[-1] = (word, words[-1][1] + 1)
+        else:
+            words.append((word, 1))
+    parts = [f"{{{count}{{{word}}}}}" if count > 2 else ", ".join([word] * count) for word, count in words]
+    return parts[0] if len(parts) == 1 and words[0][1] > 2 else f"{{{', '.join(parts)}}}"

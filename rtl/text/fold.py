@@ -1,0 +1,339 @@
+"""Verilog as a person writes it: wires that Yosys made up are folded into the expressions that use them."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+from rtl.text import expression
+from rtl.text.expression import Node, UnknownTextError, Wire
+
+MADE_UP = re.compile(r"\b_\d+_\b")
+"""Names that Yosys made up: those of no signal in the source."""
+
+PART = "part"
+"""What is left of them is named ``<what it is part of>_part``, with a number from the second one on."""
+
+DECLARATION = re.compile(r"^  (?:(?:input|output) )?(?:wire|reg) (signed )?(?:\[(\d+):0\] )?(\w+);$")
+ASSIGNMENT = re.compile(r"^(  assign )(\w+)((?:\[[\d:]+\])?)( = )(.*)(;)$")
+REGISTER = re.compile(r"^(    (?:else )?(?:if \((.*)\) )?)(\w+)((?:\[[\d:]+\])?)( <= )(.*)(;)$")
+PORT = re.compile(r"^(    \.\w+\()(.*)(\),?)$")
+WORD = re.compile(r"(?<![\w$'.])[A-Za-z_]\w*")
+
+LONGEST = 110
+"""Characters of a line, above which it is broken behind an operator."""
+
+BREAKS = tuple(f"{operator} " for operator in ("|", "&", "^", "?", ":", "+", "-", "<=", ","))
+
+MOST_NAMES = 4
+"""Names in an expression that is written again wherever its wire is used, and not kept as a wire."""
+
+
+@dataclass
+class Line:
+    """A line of a module and the expressions in it.
+
+    Attributes
+    ----------
+    text : str
+        As it was, with a zero character in the place of every expression.
+    trees : list of (Node, int)
+        The expressions, each with the width of what takes it; 0 where it keeps its own.
+    target : str
+        The wire that the line assigns, else empty.
+    bits : str
+        The range of it, if it is not the whole.
+    """
+
+    text: str
+    trees: list[tuple[Node, int]] = field(default_factory=list)
+    target: str = ""
+    bits: str = ""
+
+    @property
+    def whole_target(self) -> str:
+        """The wire that the line assigns as a whole, else empty."""
+        return "" if self.bits else self.target
+
+    @property
+    def words(self) -> list[str]:
+        """The names that the line uses, each as often as it does."""
+        if self.trees:
+            return [name for tree, _ in self.trees for name in expression.names(tree)]
+        return [] if DECLARATION.match(self.text) else WORD.findall(self.text)
+
+
+def fold(module: str) -> str:
+    """Return the text of a module without the wires that only name a step of an expression.
+
+    A wire that Yosys made up is replaced by its expression where the rules of Verilog on widths and signs give the
+    same value there, and where it is used once, or is one operator on names.
+    """
+    module = _narrowed(module)
+    wires = {
+        found[3]: Wire(int(found[2] or 0) + 1, bool(found[1]))
+        for found in map(DECLARATION.match, module.splitlines())
+        if found
+    }
+    lines = _in_order([_parse(text, wires) for text in module.splitlines()])
+    text = _renamed("\n".join(_Folder(lines, wires).lines()))
+    return "".join(broken(line) + "\n" for line in text.splitlines())
+
+
+def broken(line: str) -> str:
+    """Return a line, broken behind operators and commas where it is too long."""
+    indent = " " * (len(line) - len(line.lstrip()))
+    rows = [indent]
+    for word in line.split():
+        if len(rows[-1]) + len(word) > LONGEST and rows[-1].endswith(BREAKS):
+            rows[-1] = rows[-1].rstrip()
+            rows.append(indent + "    ")
+        rows[-1] += word + " "
+    return "\n".join(row.rstrip() for row in rows)
+
+
+def _narrowed(module: str) -> str:
+    """Return a module in which wires that Yosys made up have no more bits than are used."""
+    for name in dict.fromkeys(MADE_UP.findall(module)):
+        driven = re.compile(rf"^  assign {name}\[(?:\d+:)?(\d+)\] = .*;\n", re.MULTILINE)
+        used = driven.sub("", re.sub(rf"^  assign {name}\b", "  assign", module, flags=re.MULTILINE))
+        _, *parts = re.findall(rf"\b{name}\b((?:\[[\d:]+\])?)", used)
+        if not parts or "" in parts:
+            continue
+        high = max(int(re.findall(r"\d+", part)[0]) for part in parts)
+        bits = f"[{high}:0] " if high else ""
+        module = driven.sub(lambda found, high=high: "" if int(found[1]) > high else found[0], module)  # type: ignore[misc]
+        module = re.sub(rf"^  wire \[\d+:0\] {name};", f"  wire {bits}{name};", module, flags=re.MULTILINE)
+        module = module.replace(f"{name}[{high}:0]" if high else f"{name}[0]", name)
+    return module
+
+
+def _parse(text: str, wires: dict[str, Wire]) -> Line:
+    """Return a line with its expressions; one that is not understood has none."""
+    try:
+        if found := ASSIGNMENT.match(text):
+            tree = _read(found[5], wires)
+            head = "".join(found[i] for i in (1, 2, 3, 4))
+            return Line(f"{head}\0{found[6]}", [(tree, _size(found[2], found[3], wires))], found[2], found[3])
+        if found := REGISTER.match(text):
+            trees = [(_read(found[6], wires), _size(found[3], found[4], wires))]
+            head = found[1]
+            if found[2]:
+                trees.insert(0, (_read(found[2], wires), 0))
+                head = head.replace(f"({found[2]})", "(\0)", 1)
+            return Line(f"{head}{found[3]}{found[4]}{found[5]}\0{found[7]}", trees, found[3], found[4])
+        if found := PORT.match(text):
+            return Line(f"{found[1]}\0{found[3]}", [(_read(found[2], wires), 0)])
+    except (UnknownTextError, KeyError):
+        pass
+    return Line(text)
+
+
+def _read(text: str, wires: dict[str, Wire]) -> Node:
+    tree = expression.read(text)
+    expression.width(tree, wires)  # every name is known
+    return tree
+
+
+def _size(name: str, bits: str, wires: dict[str, Wire]) -> int:
+    return expression.width(expression.read(name + bits), wires)
+
+
+def _in_order(lines: list[Line]) -> list[Line]:
+    """Return the lines with the assignments to parts of a wire together, lowest bits first."""
+    parts: dict[str, list[Line]] = defaultdict(list)
+    for line in lines:
+        if line.bits and line.text.startswith("  assign"):
+            parts[line.target].append(line)
+    for some in parts.values():
+        some.sort(key=lambda line: int(re.findall(r"\d+", line.bits)[-1]))
+    ordered = []
+    for line in lines:
+        if line.bits and line.target in parts:
+            ordered += parts.pop(line.target)
+        elif not (line.bits and line.text.startswith("  assign")):
+            ordered.append(line)
+    return ordered
+
+
+def _compares_with_number(tree: Node) -> bool:
+    return tree.text in expression.COMPARISONS and tree.parts[1].kind == "number"
+
+
+class _Folder:
+    """The lines of a module, and the steps of it that can be folded.
+
+    Parameters
+    ----------
+    lines : list of Line
+    wires : dict of str to Wire
+        What is declared.
+    """
+
+    def __init__(self, lines: list[Line], wires: dict[str, Wire]) -> None:
+        self.given = lines
+        self.wires = wires
+        uses = Counter(word for line in lines for word in line.words)
+        self.steps: dict[str, Node] = {}
+        for line in lines:
+            name = line.whole_target
+            if MADE_UP.fullmatch(name) and line.trees and line.text.startswith("  assign") and not wires[name].signed:
+                self.steps[name] = line.trees[0][0]
+        for name in list(self.steps):
+            if uses[name] > 1 and self._names(self.steps[name]) > MOST_NAMES:
+                del self.steps[name]
+        self.joined = _Joined([line for line in lines if line.bits and line.trees], wires)
+
+    def lines(self) -> Iterator[str]:
+        """Yield the lines that are left, in the plainest words."""
+        made = {id(line): self._folded_line(line) for line in self.given}
+        needed = {name for line in self.given if line.whole_target not in self.steps for name in made[id(line)].words}
+        definitions = {line.target: made[id(line)] for line in self.given if line.whole_target in self.steps}
+        kept: set[str] = set()
+        while found := (needed & definitions.keys()) - kept:
+            kept |= found
+            needed |= {name for step in found for name in definitions[step].words}
+        gone = self.steps.keys() - kept
+        for line in self.given:
+            declared = DECLARATION.match(line.text)
+            if line.whole_target in gone or (declared and declared[3] in gone):
+                continue
+            head, *tails = made[id(line)].text.split("\0")
+            words = (
+                expression.write(self.joined.named(expression.plain(tree, self.wires), line.target))
+                for tree, _ in made[id(line)].trees
+            )
+            yield head + "".join(word + tail for word, tail in zip(words, tails, strict=True))
+
+    def _names(self, tree: Node) -> float:
+        """Return the names in a logic expression with all steps in it; endless for arithmetic, which is kept."""
+        if tree.kind == "name" and tree.text in self.steps:
+            return self._names(self.steps[tree.text])
+        if tree.kind in ("name", "slice"):
+            return math.inf if MADE_UP.fullmatch(tree.text) else 1
+        logic = tree.kind in ("unary", "join") or tree.text in expression.BITWISE or _compares_with_number(tree)
+        if tree.kind != "number" and (not logic or tree.text in ("-", "+")):
+            return math.inf
+        return sum(map(self._names, tree.parts))
+
+    def _folded_line(self, line: Line) -> Line:
+        return replace(line, trees=[(self._folded(tree, size, whole=size > 0), size) for tree, size in line.trees])
+
+    def _folded(self, node: Node, size: int, *, whole: bool) -> Node:
+        """Return an expression with steps in place of their names.
+
+        Parameters
+        ----------
+        node : Node
+        size : int
+            Bits to which its surroundings extend it; 0 for its own.
+        whole : bool
+            It is all that is assigned.
+        """
+        if node.kind == "name" and node.text in self.steps and self._fits(node.text, size, whole=whole):
+            return self._folded(self.steps[node.text], size, whole=whole)
+        around = expression.contexts(node, size, self.wires)
+        parts = (self._folded(part, bits, whole=False) for part, bits in zip(node.parts, around, strict=True))
+        return replace(node, parts=tuple(parts))
+
+    def _fits(self, name: str, size: int, *, whole: bool) -> bool:
+        """Return whether a step has the same value in the place of its name."""
+        tree, bits = self.steps[name], self.wires[name].width
+        if whole:
+            return size == bits
+        if expression.width(tree, self.wires) != bits:
+            return False
+        if size == 0:
+            return True
+        return not expression.signed(tree, self.wires) and (size == bits or expression.extends_by_zeros(tree))
+
+
+class _Joined:
+    """Wires of which some bits are other wires by another name: a row of bits is called by the wire they make up.
+
+    Parameters
+    ----------
+    parts : list of Line
+        Assignments to parts of wires.
+    wires : dict of str to Wire
+    """
+
+    def __init__(self, parts: list[Line], wires: dict[str, Wire]) -> None:
+        self.wires = wires
+        self.bits: dict[str, list[Bit]] = {}
+        for line in parts:
+            tree = line.trees[0][0]
+            bits = _bits_of(tree, wires)
+            if bits is None:
+                continue
+            low = int(re.findall(r"\d+", line.bits)[-1])
+            own = self.bits.setdefault(line.target, [(line.target, i) for i in range(wires[line.target].width)])
+            own[low : low + len(bits)] = bits
+
+    def named(self, node: Node, target: str) -> Node:
+        """Return an expression with rows of bits called by their wire, but for that wire's own assignment."""
+        node = replace(node, parts=tuple(self.named(part, target) for part in node.parts))
+        bits = _bits_of(node, self.wires) if node.kind == "join" else None
+        if bits is None:
+            return node
+        for name, own in self.bits.items():
+            if name == target or not any(part.text == name for part in node.parts):
+                continue
+            for low in range(len(own) - len(bits) + 1):
+                if own[low : low + len(bits)] == bits:
+                    whole = len(bits) == self.wires[name].width
+                    return Node("name", name) if whole else Node("slice", name, (), low + len(bits) - 1, low)
+        return node
+
+
+Bit = tuple[str, int]
+"""A wire and the number of a bit in it; a constant bit has no name."""
+
+
+def _bits_of(node: Node, wires: dict[str, Wire]) -> list[Bit] | None:
+    """Return the bits of an expression, lowest first, if it is nothing but bits of wires and constants."""
+    if node.kind == "name":
+        return [(node.text, i) for i in range(wires[node.text].width)]
+    if node.kind == "slice":
+        return [(node.text, i) for i in range(node.low, node.high + 1)]
+    if node.kind == "number" and (found := re.fullmatch(r"(\d+)'h([0-9a-f]+)", node.text)):
+        return [("", int(found[2], 16) >> i & 1) for i in range(int(found[1]))]
+    if node.kind != "join":
+        return None
+    bits: list[Bit] = []
+    for part in reversed(node.parts):
+        some = _bits_of(part, wires)
+        if some is None:
+            return None
+        bits += some
+    return bits
+
+
+def _renamed(module: str) -> str:
+    """Return a module in which what Yosys made up and is left is named after what it is part of."""
+    user: dict[str, str] = {}
+    for line in module.splitlines():
+        target = re.match(r"\s+(?:assign |(?:else )?(?:if \(.*\) )?)(\w+)(?:\[[\d:]+\])? <?= ", line)
+        for name in MADE_UP.findall(line.partition("= ")[2] if target else line):
+            if target and name != target[1]:
+                user.setdefault(name, target[1])
+            if target and "(" in line.partition(" <= ")[0]:
+                user.setdefault(name, target[1])
+    taken = set(WORD.findall(module))
+    plain: dict[str, str] = {}
+    for name in dict.fromkeys(MADE_UP.findall(module)):
+        base, seen = name, {name}
+        while MADE_UP.fullmatch(base) and user.get(base) not in (None, *seen):
+            base = user[base]
+            seen.add(base)
+        base = "logic" if MADE_UP.fullmatch(base) else base
+        candidate, number = f"{base}_{PART}", 1
+        while candidate in taken:
+            number += 1
+            candidate = f"{base}_{PART}_{number}"
+        taken.add(candidate)
+        plain[name] = candidate
+    return MADE_UP.sub(lambda found: plain[found[0]], module)

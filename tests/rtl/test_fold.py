@@ -1,0 +1,126 @@
+"""The delivered Verilog reads as a person writes it, and says what the RTL says."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from model.config import ReadoutConfig
+from model.frame_config import FrameConfig
+from rtl import yosys
+from rtl.text.fold import LONGEST, fold
+from rtl.verilog import Config, rtlil, top_block, verilog
+
+READOUTS = [
+    {"encoding": encoding, "frontend": frontend, "link": link, "rows": 2, "columns": 3}
+    for encoding in ("lcs", "cw-lcs", "nlcs")
+    for frontend, link in (("digital", "stream"), ("analog", "four_phase"))
+]
+
+STEPS = """\
+module steps(clk, a, b, c, s, t, sum, wide, low, least, all_of, chosen, kept);
+  input wire clk;
+  input wire [3:0] a;
+  input wire [3:0] b;
+  input wire [7:0] c;
+  input wire signed [3:0] s;
+  input wire signed [7:0] t;
+  output wire [7:0] sum;
+  output wire [7:0] wide;
+  output wire [7:0] low;
+  output wire least;
+  output wire all_of;
+  output wire [7:0] chosen;
+  output reg kept;
+  wire [3:0] _0_;
+  wire [3:0] _1_;
+  wire [3:0] _2_;
+  wire [1:0] _3_;
+  wire _4_;
+  wire [4:0] _5_;
+  wire [3:0] _6_;
+  wire [7:0] _7_;
+  assign _0_ = a + b;
+  assign sum = _0_ + c;
+  assign _1_ = ~ a;
+  assign wide = _1_ | c;
+  assign _2_ = $signed(s) + $signed(t);
+  assign low = c & { 4'h0, _2_ };
+  assign _3_ = a[0] ? 2'h1 : 2'h2;
+  assign least = $signed(t) < $signed(_3_);
+  assign _4_ = | { a[0], b[1], c[7] };
+  assign all_of = & { _4_, clk };
+  assign _5_ = a & b;
+  assign _6_ = $signed(s) >>> 1'h1;
+  assign _7_ = clk ? _5_ : _6_;
+  assign chosen = _7_;
+  always @(posedge clk)
+    if (_4_) kept <= ! c;
+endmodule
+"""
+
+
+def differences(gold: str, gate: str, top: str, read: str = "read_verilog") -> str:
+    """Return what Yosys says of the points in which two descriptions differ; it is an error if there is one."""
+    side = "hierarchy -check -top {top}; proc; flatten; opt_clean; rename {top} {side}; design -stash {side}; "
+    script = (
+        f"{read} gold.txt; delete t:$meminit_v2; {side.format(top=top, side='gold')}"
+        f"read_verilog gate.v; {side.format(top=top, side='gate')}"
+        "design -copy-from gold -as gold gold; design -copy-from gate -as gate gate; "
+        "setattr -unset init w:*; equiv_make gold gate equiv; hierarchy -top equiv; opt_clean; "
+        "equiv_simple; equiv_induct; tee -o said equiv_status -assert"
+    )
+    return yosys.run(script, "", "said", {"gold.txt": gold.encode(), "gate.v": gate.encode()})
+
+
+def proved(said: str) -> int:
+    found = re.search(r"Of those cells (\d+) are proven and 0 are unproven", said)
+    assert found, said
+    return int(found[1])
+
+
+@pytest.mark.parametrize("fields", READOUTS, ids=lambda fields: f"{fields['encoding']}-{fields['frontend']}")
+def test_the_text_says_what_the_rtl_says(fields: dict[str, object]) -> None:
+    config = ReadoutConfig.from_dict(fields)
+    assert proved(differences(rtlil(config), verilog(config), "eskin_readout", "read_rtlil")) > 50
+
+
+def test_the_text_of_the_frame_readout_says_what_its_rtl_says() -> None:
+    config = FrameConfig(readout=ReadoutConfig(rows=2, columns=3))
+    assert proved(differences(rtlil(config), verilog(config), "eskin_frame_readout", "read_rtlil")) > 50
+
+
+def test_no_step_changes_its_value_where_it_is_folded() -> None:
+    folded = fold(STEPS)
+    assert proved(differences(STEPS, folded, "steps")) >= 30
+    assert "assign all_of = clk & (c[7] | b[1] | a[0]);" in folded
+    assert "if (c[7] | b[1] | a[0]) kept <= ~|c;" in folded
+    # Not where its width or sign would change: a sum of four bits, an inverted word, a signed sum that is cut.
+    parts = re.findall(r"^  wire .*?(\w+_part(?:_2)?);", folded, re.MULTILINE)
+    assert sorted(parts) == ["chosen_part", "chosen_part_2", "low_part", "sum_part", "wide_part"]
+
+
+def test_a_wrong_text_is_noticed() -> None:
+    config = ReadoutConfig(rows=2, columns=2)
+    text = verilog(config)
+    wrong = text.replace("request = pending & enable", "request = pending | enable")
+    assert wrong != text
+    with pytest.raises(yosys.YosysError, match="unproven"):
+        differences(rtlil(config), wrong, "eskin_readout", "read_rtlil")
+
+
+def made_up(config: Config) -> list[str]:
+    """Return the wires whose name stands nowhere in the source: parts of an expression, and repeated names."""
+    return re.findall(r"^  (?:wire|reg) (?:signed )?(?:\[\d+:0\] )?(\w+_part(?:_\d+)?);", verilog(config), re.MULTILINE)
+
+
+@pytest.mark.parametrize("fields", [{"rows": 8, "columns": 8}, {"rows": 12, "columns": 16}])
+def test_names_are_those_of_the_source(fields: dict[str, object]) -> None:
+    assert made_up(ReadoutConfig.from_dict(fields)) == []
+
+
+def test_lines_are_no_longer_than_a_page() -> None:
+    text = verilog(ReadoutConfig(rows=12, columns=16))
+    assert max(len(line) for line in text.splitlines() if not line.startswith("//")) < LONGEST + 30
+    assert top_block(ReadoutConfig()).module_name in text
