@@ -152,7 +152,10 @@ class Taxel(Block[ReadoutConfig]):
         m.d.comb += reference.eq(charge[fraction:])
         rise = Mux(own.on, config.step << fraction, 0)
         # (u + 2**(k-1)) >> k without the adder: rounding up adds the highest bit that is shifted out.
-        leak = Mux(self.decay, charge[shift:] + charge[shift - 1 : shift], 0)
+        rounded = charge[shift:] + charge[shift - 1 : shift]
+        share = Signal(len(rounded))
+        m.d.comb += share.eq(rounded)
+        leak = Mux(self.decay, share, 0)
         with m.If(own.moves):
             m.d.sync += charge.eq(Mux(self.enable, (charge + rise - leak)[: len(charge)], charge.init))
         above, below = self._compare(m, own, reference, config.step)
@@ -177,17 +180,22 @@ class Taxel(Block[ReadoutConfig]):
                 own.closing.eq(self.tick & ~window.closed),
             ]
             half_width = window.half_width
+        fall = Signal(signed(half_width.bit_length() + 1 if isinstance(half_width, int) else len(half_width) + 1))
+        m.d.comb += fall.eq(-half_width)
         above, below = self._compare(m, own, reference, half_width)
 
+        moved = Signal(signed(len(reference) + (config.frontend == "analog")))
         if config.frontend == "digital":
             turns: Any = own.moves
-            moved = reference + Mux(own.on, half_width, Mux(own.off, -half_width, 0))
+            step = Mux(own.on, half_width, Mux(own.off, fall, 0))
         else:
             # A step off the scale is not made. Where both fire, reference and polarity follow above.
             turns = own.moves & (own.asks | ~self.enable)
-            moved = reference + Mux(self.above, half_width, -half_width)
-            fits = moved[len(reference)] == moved[len(reference) - 1]
+            step = Mux(self.above, half_width, fall)
+            fits = Signal()
+            m.d.comb += fits.eq(moved[-1] == moved[-2])
             above, below = above & fits, below & fits
+        m.d.comb += moved.eq((reference + step)[: len(moved)])
         with m.If(turns):
             m.d.sync += reference.eq(Mux(self.enable, moved[: len(reference)], reference.init))
         return above, below
@@ -202,10 +210,10 @@ class Taxel(Block[ReadoutConfig]):
                 m.d.comb += self.half_width.eq(half_width << low_bits)
             return self.above, self.below if config.has_polarity else Const(0)
 
-        sample = Signal(signed(config.sample_bits - low_bits))
+        sample = Signal(signed(config.sample_bits - low_bits), name="newest")
         newest: Any = self.sample[low_bits:].as_signed()
         if not config.has_polarity:  # a sample below zero never asks: it counts as zero
-            sample = Signal(config.sample_bits - 1)
+            sample = Signal(config.sample_bits - 1, name="newest")
             newest = Mux(self.sample[-1], 0, self.sample[:-1])
         takes = self.enable & self.sample_valid
         if not self.sleeps:
@@ -213,7 +221,7 @@ class Taxel(Block[ReadoutConfig]):
             newest = Mux(self.enable, newest, 0)
         with m.If(takes):
             m.d.sync += sample.eq(newest)
-        difference = Signal(signed(config.sample_bits - low_bits + 1))
+        difference = Signal(signed(len(sample) + 1))
         m.d.comb += difference.eq(sample - reference)
         above = Signal()
         if not config.has_polarity:

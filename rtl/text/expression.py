@@ -249,24 +249,31 @@ def extends_by_zeros(node: Node) -> bool:
 
 def plain(node: Node, wires: Mapping[str, Wire]) -> Node:
     """Return an expression in the words of a person: no joined single bits, no sign that is there already."""
+    if node.kind == "binary" and node.text in COMPARISONS and node.parts[1].kind == "signed":
+        (number,) = node.parts[1].parts
+        if number.kind == "number":
+            bits = max(width(part, wires) for part in node.parts)
+            return replace(node, parts=(plain(node.parts[0], wires), _decimal(number, bits)))
     node = replace(node, parts=tuple(plain(part, wires) for part in node.parts))
     if node.kind == "signed":
         (inner,) = node.parts
-        if signed(inner, wires):
-            return inner
-        if inner.kind == "number":
-            return _decimal(inner, 0)
-        if inner.kind == "choice" and all(part.kind == "number" for part in inner.parts[1:]):
-            return replace(inner, parts=(inner.parts[0], *(_decimal(part, 0) for part in inner.parts[1:])))
+        return inner if signed(inner, wires) else _signed_numbers(inner) or node
     if node.kind == "choice" and [part.text for part in node.parts[1:]] == ["1'h1", "1'h0"]:
         return node.parts[0]
     if node.kind == "unary" and node.text in ("|", "&", "~|", "!"):
         return _plain_reduction(node, wires)
-    if node.kind == "binary" and node.text in COMPARISONS:
-        left, right = node.parts
-        if right.kind == "number" and signed(right, wires):
-            return replace(node, parts=(left, _decimal(right, max(width(part, wires) for part in node.parts))))
     return node
+
+
+def _signed_numbers(node: Node) -> Node | None:
+    """Return a number, or a choice between numbers, with signs; None for anything else."""
+    if node.kind == "number":
+        return _decimal(node, 0)
+    if node.kind != "choice":
+        return None
+    parts = [_signed_numbers(part) for part in node.parts[1:]]
+    chosen = tuple(part for part in parts if part is not None)
+    return replace(node, parts=(node.parts[0], *chosen)) if len(chosen) == len(parts) else None
 
 
 def _plain_reduction(node: Node, wires: Mapping[str, Wire]) -> Node:

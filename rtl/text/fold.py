@@ -101,6 +101,13 @@ def _narrowed(module: str) -> str:
         driven = re.compile(rf"^  assign {name}\[(?:\d+:)?(\d+)\] = .*;\n", re.MULTILINE)
         used = driven.sub("", re.sub(rf"^  assign {name}\b", "  assign", module, flags=re.MULTILINE))
         _, *parts = re.findall(rf"\b{name}\b((?:\[[\d:]+\])?)", used)
+        if not parts:  # a constant that nothing takes
+            module = re.sub(rf"^  wire .*\b{name};\n", "", driven.sub("", module), flags=re.MULTILINE)
+        if parts == [""]:  # an output of an instance that nothing takes
+            unused = rf"^    (\.\w+)\({name}\)"
+            if re.search(unused, module, re.MULTILINE):
+                module = re.sub(rf"^  wire .*\b{name};\n", "", module, flags=re.MULTILINE)
+                module = re.sub(unused, r"    \1()", module, flags=re.MULTILINE)
         if not parts or "" in parts:
             continue
         high = max(int(re.findall(r"\d+", part)[0]) for part in parts)
