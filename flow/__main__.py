@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from model.cli.app import make_app, run
 from model.cli.config_options import with_config
+from model.cli.field_options import with_fields
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.files import atomic_write
+from model.frame_config import OWN_FIELDS, FrameConfig
 
 if TYPE_CHECKING:
     from flow.formal.mutants import Mutant
@@ -117,6 +119,46 @@ def gatesim(
         print(f"FAILED: {tally.events} events were compared, {tally.drained} runs left nothing outstanding")
         raise typer.Exit(1)
     print(f"bit-exact: {tally.runs} runs, {tally.clocks} clocks, {tally.events} events, 0 mismatches")
+
+
+@app.command()
+@with_config
+@with_fields(FrameConfig, OWN_FIELDS, "own")
+def asic(
+    config: ReadoutConfig,
+    own: dict[str, Any],
+    stored: dict[str, Any],
+    lib: Annotated[Path, typer.Option(help="cell library (.lib) at the typical corner")],
+    slow: Annotated[Path | None, typer.Option(help="the same cells at the slow corner")] = None,
+    fast: Annotated[Path | None, typer.Option(help="the same cells at the fast corner")] = None,
+    readout: Annotated[str, typer.Option(metavar="spiking|frame", help="which readout")] = "spiking",
+    name: Annotated[str, typer.Option(help="of the run and its folder [made of the configuration]")] = "",
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder of the run's folder")] = Path("out/asic"),
+) -> None:
+    """Make a gated netlist of a cell library, prove and check it, and say what it costs; exit code 1 if a check fails.
+
+    OUT/NAME gets the netlist, its constraints (.sdc) and report.json.
+    """
+    from flow.asic import report
+
+    if readout not in ("spiking", "frame"):
+        raise InputError(f"--readout must be one of spiking, frame, not {readout!r}")
+    own = stored | own
+    if own and readout != "frame":
+        raise InputError(f"--{next(iter(own)).replace('_', '-')} belongs to the frame readout; add --readout frame")
+    if name != Path(name).name or name.startswith("."):
+        raise InputError(f"--name must be the plain name of a folder, not {name!r}")
+    chosen = FrameConfig(readout=config, **own) if readout == "frame" else config
+    corners = {"typical": lib} | {corner: at for corner, at in (("slow", slow), ("fast", fast)) if at}
+    found = report.run(chosen, corners, name, lambda stage: print(stage, flush=True))
+    print(found.write(out, report.command_of(chosen, corners)))
+    proof = found.equivalence
+    print(f"equivalent to the RTL: {proof.proved} of {proof.of} points proved")
+    for problem in found.problems:
+        print(f"PROBLEM: {problem}")
+    print(found.closing_line())
+    if found.problems:
+        raise typer.Exit(1)
 
 
 def _hunt(block: str) -> Iterator[tuple[Mutant, set[str]]]:

@@ -44,6 +44,13 @@ def run(script: str, rtlil: str, result: str, files: Mapping[str, bytes] | None 
     YosysError
         If the script fails.
     """
+    return run_for(script, rtlil, (result,), files)[result]
+
+
+def run_for(
+    script: str, rtlil: str, results: Sequence[str], files: Mapping[str, bytes] | None = None
+) -> dict[str, str]:
+    """Return the texts of several files that a Yosys script makes, by their names; see ``run``."""
     with tempfile.TemporaryDirectory() as name:
         # Yosys sees no absolute path here: it runs in a sandbox with a /tmp of its own, and prints no path.
         folder = Path(name)
@@ -57,7 +64,7 @@ def run(script: str, rtlil: str, result: str, files: Mapping[str, bytes] | None 
             log = folder / "yosys.log"
             said = log.read_text(errors="replace") if log.exists() else done.stderr
             raise YosysError(reason_of(said) or f"exit code {done.returncode}, {done.stderr.strip() or 'no word'}")
-        return (folder / result).read_text()
+        return {result: (folder / result).read_text(errors="replace") for result in results}
 
 
 def reason_of(log: str) -> str:

@@ -5,17 +5,24 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from flow.asic import gating
 from flow.asic.library import Library
+from model.config import ReadoutConfig
 from model.errors import InputError
 from model.files import atomic_write
+from model.frame_config import FrameConfig
 from rtl import yosys
-from rtl.verilog import Config, header, rtlil, top_block
+from rtl.verilog import header, rtlil, top_block
+
+Config = ReadoutConfig | FrameConfig
+"""What becomes a netlist: the spiking readout or that of frames."""
 
 FEWEST_FLOPS = 3
 """Flops with one enable that are worth a clock gate."""
+
+FLOP_NAME = "_reg"
+"""A flop is named for the signal that it holds, with this behind it."""
 
 PERIOD_NS = 20.0
 """Clock period that the mapping aims at: far below that of the readout, so that timing costs no area."""
@@ -33,8 +40,10 @@ INSERT = "clockgate -pos {gate} enable:clk:gated -min_net_size {fewest}; "
 TO_CELLS = (
     "read_liberty -lib -ignore_miss_func cells.lib; read_json enables.json; read_verilog -icells gate.v; "
     "hierarchy -top {top}; add -global_input {test} 1; proc; opt_clean; techmap; "
-    "dfflibmap -liberty cells.lib; abc -liberty cells.lib -D {period_ps:.0f}; opt_clean -purge; {ties}"
-    "setattr -mod -unset keep_hierarchy *; flatten; delete t:$scopeinfo; opt_clean -purge; splitnets; "
+    "rename -wire -suffix {flop} t:$_DFF*; dfflibmap -liberty cells.lib; "
+    "abc -liberty cells.lib -D {period_ps:.0f}; opt_clean -purge; {ties}"
+    "rename -enumerate -pattern g% c:*; setattr -mod -unset keep_hierarchy *; flatten; delete t:$scopeinfo; "
+    "opt_clean -purge; splitnets; "
     "setattr -unset init w:*; check -assert -mapped; write_verilog -noattr -noexpr netlist.v"
 )
 
@@ -95,7 +104,7 @@ def netlist(config: Config, library: Library, period_ns: float = PERIOD_NS, fewe
     if gate:
         gating.stop_blocks(design, top, config.reset == "sync")
     files = {"cells.lib": content, "enables.json": json.dumps(design).encode(), "gate.v": gate.encode()}
-    script = TO_CELLS.format(top=top, test=gating.TEST, period_ps=1000 * period_ns, ties=_ties(library))
+    script = TO_CELLS.format(top=top, test=gating.TEST, flop=FLOP_NAME, period_ps=1000 * period_ns, ties=_ties(library))
     try:
         text = yosys.run(script, "", "netlist.v", files)
     except yosys.YosysError as error:

@@ -89,6 +89,11 @@ TARGETS = {
         defaults={"OUT": "out/verilog"},
     ),
     "gates": Target("gates and flops of both readouts after synthesis [LIBERTY=cells.lib]", "rtl gates"),
+    "asic": Target(
+        "gated netlist, proved and timed [LIB=typ.lib SLOW= FAST= READOUT=spiking|frame NAME= OUT=]",
+        "flow asic",
+        ("asic",),
+    ),
     "formal": Target(
         "prove what the RTL promises, block by block [BLOCK= SMALL=1 MUTANTS=1 OUT=]",
         "flow formal",

@@ -1,0 +1,193 @@
+"""The clock network of a gated netlist: which clock every flop is on, and what stops it."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from flow.asic.library import Cell, Library
+
+Bit = int | str
+"""A net of a design of Yosys, or a constant "0", "1", "x"."""
+
+
+class ClockError(ValueError):
+    """A clock network that stops no clock in a way that is known to be safe; its text is a sentence without a dot."""
+
+
+@dataclass
+class Clocks:
+    """The clock network of a flat netlist.
+
+    Parameters
+    ----------
+    module : dict
+        The top of a design, as ``write_json`` of Yosys gives it.
+    library : Library
+    clock : str
+        Name of the clock port.
+    """
+
+    module: dict[str, Any]
+    library: Library
+    clock: str = "clk"
+
+    def __post_init__(self) -> None:
+        self.root: Bit = self.module["ports"][self.clock]["bits"][0]
+        self.driver: dict[Bit, tuple[str, str]] = {}
+        for name, cell in self.module["cells"].items():
+            known = self.library.cells[cell["type"]]
+            for pin, bits in cell["connections"].items():
+                if pin not in known.inputs:
+                    self.driver |= dict.fromkeys(bits, (name, pin))
+        self._level: dict[tuple[Bit, bool, Bit | None], str] = {}
+        self._latches: dict[Bit, frozenset[str]] = {}
+        self._touches: dict[Bit, bool] = {self.root: True}
+
+    def flops(self) -> Iterator[tuple[str, Cell, dict[str, list[Bit]]]]:
+        """Yield name, cell and connections of every flop."""
+        yield from self._of(lambda cell: cell.flop is not None)
+
+    def latches(self) -> Iterator[tuple[str, Cell, dict[str, list[Bit]]]]:
+        """Yield name, cell and connections of every latch."""
+        yield from self._of(lambda cell: cell.latch is not None)
+
+    def gates(self) -> Iterator[tuple[str, Cell, dict[str, list[Bit]]]]:
+        """Yield name, cell and connections of every integrated clock gate."""
+        yield from self._of(lambda cell: cell.gate is not None)
+
+    def _of(self, kind: Callable[[Cell], bool]) -> Iterator[tuple[str, Cell, dict[str, list[Bit]]]]:
+        for name, instance in self.module["cells"].items():
+            if kind(cell := self.library.cells[instance["type"]]):
+                yield name, cell, instance["connections"]
+
+    def level(self, bit: Bit, clock: bool, stopped: Bit | None = None) -> str:
+        """Return what a net is while the clock is low or high: "0", "1", or "x" where it depends on more.
+
+        A net that is ``stopped`` counts as low.
+        """
+        if isinstance(bit, str):
+            return bit
+        if bit == stopped:
+            return "0"
+        if bit == self.root:
+            return "01"[clock]
+        key = (bit, clock, stopped)
+        if key not in self._level:
+            self._level[key] = "x"  # through a flop, or round a loop
+            self._level[key] = self._driven(bit, clock, stopped)
+        return self._level[key]
+
+    def _driven(self, bit: Bit, clock: bool, stopped: Bit | None) -> str:
+        if bit not in self.driver:
+            return "x"
+        name, pin = self.driver[bit]
+        instance = self.module["cells"][name]
+        cell, pins = self.library.cells[instance["type"]], instance["connections"]
+        if cell.gate:
+            return "0" if self.level(pins[cell.gate.clock][0], clock, stopped) == "0" else "x"
+        if cell.flop or cell.latch or pin not in cell.functions:
+            return "x"
+        known = {name: self.level(pins[name][0], clock, stopped) for name in cell.inputs}
+        return possible(cell.functions[pin], tuple(known.items()))
+
+    def touches(self, bit: Bit) -> bool:
+        """Return whether the clock port or a latch reaches a net through gates alone."""
+        if bit not in self._touches:
+            self._touches[bit] = False  # round a loop
+            if bit in self.driver:
+                name, _ = self.driver[bit]
+                instance = self.module["cells"][name]
+                cell = self.library.cells[instance["type"]]
+                pins = [cell.gate.clock] if cell.gate else [] if cell.flop else list(cell.inputs)
+                self._touches[bit] = cell.latch is not None or any(
+                    self.touches(b) for pin in pins for b in instance["connections"].get(pin, [])
+                )
+        return self._touches[bit]
+
+    def is_clock(self, bit: Bit) -> bool:
+        """Return whether a net is a clock: the port, or what is low while that is low and may rise with it."""
+        return bit == self.root or (self.level(bit, False) == "0" and self.level(bit, True) != "0")
+
+    def clock_of(self, cell: Cell, pins: dict[str, list[Bit]]) -> Bit | None:
+        """Return the clock while which is low a latch is open, and closed while it is high; None if there is none."""
+        assert cell.latch
+        bit, inverted = pins[cell.latch.clock][0], False
+        while not self.is_clock(bit):
+            name, pin = self.driver.get(bit, ("", ""))
+            instance = self.module["cells"].get(name)
+            if instance is None or not pin:
+                return None
+            driver = self.library.cells[instance["type"]]
+            if driver.flop or driver.latch or driver.gate or len(driver.inputs) != 1 or pin not in driver.functions:
+                return None
+            (source,) = driver.inputs
+            inverted ^= possible(driver.functions[pin], ((source, "0"),)) == "1"
+            bit = instance["connections"][source][0]
+        return bit if inverted == cell.latch.rising else None
+
+    def latches_behind(self, bit: Bit) -> frozenset[str]:
+        """Return the names of the latches that reach a net through gates alone."""
+        if bit not in self._latches:
+            self._latches[bit] = frozenset()  # round a loop
+            if bit in self.driver and self.touches(bit):
+                name, _ = self.driver[bit]
+                instance = self.module["cells"][name]
+                cell = self.library.cells[instance["type"]]
+                pins = [cell.gate.clock] if cell.gate else list(cell.inputs)
+                behind = [self.latches_behind(b) for pin in pins for b in instance["connections"].get(pin, [])]
+                self._latches[bit] = frozenset({name}) if cell.latch else frozenset().union(*behind)
+        return self._latches[bit]
+
+    def check(self, flop: str, bit: Bit) -> None:
+        """Refuse the clock of a flop that may rise while its gate is open to what comes.
+
+        Raises
+        ------
+        ClockError
+            If it is not low while the port is, or a latch in its way is not closed whenever it may be high.
+        """
+        if not self.is_clock(bit):
+            raise ClockError(f"the clock of the flop {flop} is not low while {self.clock} is low")
+        for name in self.latches_behind(bit):
+            instance = self.module["cells"][name]
+            parent = self.clock_of(self.library.cells[instance["type"]], instance["connections"])
+            if parent is None or self.level(bit, True, parent) != "0":
+                raise ClockError(f"the latch {name} may be open while the clock of the flop {flop} is high")
+
+
+@functools.lru_cache(maxsize=4096)
+def possible(function: str, inputs: tuple[tuple[str, str], ...]) -> str:
+    """Return the value of a liberty function whose inputs are "0", "1" or "x": unknown.
+
+    Examples
+    --------
+    >>> possible("!(A & B)", (("A", "0"), ("B", "x")))
+    '1'
+    >>> possible("A ^ B", (("A", "0"), ("B", "x")))
+    'x'
+    """
+    free = [name for name, value in inputs if value not in ("0", "1")]
+    fixed = {name: value == "1" for name, value in inputs if value in ("0", "1")}
+    found = {
+        evaluate(function, fixed | dict(zip(free, levels, strict=True)))
+        for levels in itertools.product((False, True), repeat=len(free))
+    }
+    return str(int(found.pop())) if len(found) == 1 else "x"
+
+
+@functools.lru_cache(maxsize=512)
+def _parsed(function: str) -> Any:
+    from liberty.boolean_functions import parse_boolean_function
+
+    return parse_boolean_function(function)
+
+
+def evaluate(function: str, values: dict[str, bool]) -> bool:
+    """Return the value of a liberty function."""
+    import sympy
+
+    return bool(_parsed(function).subs({sympy.Symbol(name): value for name, value in values.items()}))

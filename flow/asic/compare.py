@@ -1,0 +1,180 @@
+"""Two flat designs of the same registers compared, function by function, by the equivalence checker in ABC."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from typing import Any
+
+from flow.asic.synthesis import FLOP_NAME
+from rtl import yosys
+
+FLOP = re.compile(r"\$_DFF_P([PN]?)([01]?)_")
+"""Flops of a rising edge, with the level and the value of their asynchronous reset, if they have one."""
+
+# ABC runs within a pass that maps gates: it gets one to map, and its script looks at the design instead.
+MITER = (
+    "read_json both.json; read_verilog miter.v; hierarchy -top miter; flatten; opt_clean; aigmap; opt_clean; "
+    "write_aiger miter.aig; design -reset; "
+    "read_verilog one_gate.v; prep; simplemap; abc -script solve.abc"
+)
+ONE_GATE = b"module one_gate(input a, b, output y); assign y = a & b; endmodule\n"
+MAPPED_GATE = b".model netlist\n.inputs a b\n.outputs y\n.names a b y\n11 1\n.end\n"
+SOLVE = b"read_aiger miter.aig\nstrash\nifraig\nfraig -C 1000000\nwrite_aiger done.aig\nread_blif gate.blif\nstrash\n"
+
+
+@dataclass
+class Register:
+    """A flop of a design cut open: the nets of what it holds, of what it will hold, and of its asynchronous resets."""
+
+    held: int
+    next: int | str
+    clear: int | str
+    preset: int | str
+    inverted: bool = False
+
+
+def compare(gold: dict[str, Any], gate: dict[str, Any]) -> tuple[int, list[str]]:
+    """Return how many points of two designs are proved equal, and the names of all others.
+
+    A point is a flop (what it will hold and what resets it) or a bit of an output port.
+
+    Parameters
+    ----------
+    gold, gate : dict
+        Modules of the simple cells of Yosys, as ``write_json`` gives them.
+    """
+    ours, theirs = _cut(gold), _cut(gate)
+    pairs, lonely = _match(ours, gold, theirs, gate)
+    inputs = {name: len(p["bits"]) for name, p in gold["ports"].items() if p["direction"] == "input"}
+    outputs = {name: len(p["bits"]) for name, p in gold["ports"].items() if p["direction"] == "output"}
+    _open(gold, [ours[name] for name, _ in pairs])
+    _open(gate, [theirs[name] for _, name in pairs])
+    both = {"modules": {"gold": gold, "gate": gate}}
+    files = {
+        "both.json": json.dumps(both).encode(),
+        "miter.v": _miter(inputs, outputs, len(pairs)).encode(),
+        "one_gate.v": ONE_GATE,
+        "gate.blif": MAPPED_GATE,
+        "solve.abc": SOLVE,
+    }
+    equal = _constant_outputs(yosys.run_for(MITER, "", ("done.aig",), files)["done.aig"])
+    named = _names(gold)
+    names = [min(named.get(ours[flop].held, {flop})) for flop, _ in pairs]
+    for port, width in outputs.items():
+        names += [port] if width == 1 else [f"{port}[{bit}]" for bit in range(width)]
+    points = [all(equal[3 * i : 3 * i + 3]) for i in range(len(pairs))] + equal[3 * len(pairs) :]
+    differ = [name for name, same in zip(names, points, strict=True) if not same]
+    return sum(points), differ + lonely
+
+
+def _cut(module: dict[str, Any]) -> dict[str, Register]:
+    """Take the flops out of a module; return what was on their pins, by the names of the flops."""
+    cut = {}
+    for name, cell in list(module["cells"].items()):
+        if not (found := FLOP.fullmatch(cell["type"])):
+            continue
+        pins = {pin: bits[0] for pin, bits in cell["connections"].items()}
+        reset: int | str = pins.get("R", "0")
+        if found[1] == "N":
+            reset = _add(module, "$_NOT_", A=reset)
+        of = {value: reset if found[2] == value else "0" for value in "01"}
+        cut[name] = Register(pins["Q"], pins["D"], of["0"], of["1"])
+        del module["cells"][name]
+    return cut
+
+
+def _add(module: dict[str, Any], kind: str, **inputs: int | str) -> int:
+    """Add a gate to a module and return its output."""
+    module["last"] = 1 + module.get(
+        "last", max(b for n in module["netnames"].values() for b in n["bits"] if isinstance(b, int))
+    )
+    pins = {pin: [bit] for pin, bit in inputs.items()} | {"Y": [module["last"]]}
+    ways = {pin: "output" if pin == "Y" else "input" for pin in pins}
+    cell = {"hide_name": 1, "type": kind, "parameters": {}, "attributes": {}}
+    module["cells"][f"$cut{module['last']}"] = cell | {"port_directions": ways, "connections": pins}
+    return module["last"]
+
+
+def _names(module: dict[str, Any]) -> dict[int, set[str]]:
+    """Return the public names of every net, a bit of a word with its number."""
+    found: dict[int, set[str]] = {}
+    for name, net in module["netnames"].items():
+        if net["hide_name"]:
+            continue
+        first = net.get("offset", 0)
+        for place, bit in enumerate(net["bits"]):
+            known = name if len(net["bits"]) == 1 else f"{name}[{first + place}]"
+            if isinstance(bit, int):
+                found.setdefault(bit, set()).add(known)
+    return found
+
+
+def _match(
+    ours: dict[str, Register], gold: dict[str, Any], theirs: dict[str, Register], gate: dict[str, Any]
+) -> tuple[list[tuple[str, str]], list[str]]:
+    """Return the pairs of flops that have a name in common, and the names of those without a partner.
+
+    A flop of the netlist bears the name of what it holds; one that is cleared where that is set holds the inverse.
+    """
+    known, meant = _names(gold), _names(gate)
+    by_name = {name: flop for flop, register in ours.items() for name in known.get(register.held, ())}
+    pairs, taken = [], set()
+    lonely = []
+    for flop, register in theirs.items():
+        names = [flop.removeprefix("$flatten\\").partition(FLOP_NAME)[0], *sorted(meant.get(register.held, ()))]
+        partner = next((by_name[name] for name in names if name in by_name and by_name[name] not in taken), None)
+        if partner is None:
+            lonely.append(names[-1])
+            continue
+        taken.add(partner)
+        pairs.append((partner, flop))
+        register.inverted = "0" not in (ours[partner].preset, register.clear) and register.preset == "0"
+    lonely += [min(known.get(ours[flop].held, {flop})) for flop in ours if flop not in taken]
+    return pairs, lonely
+
+
+def _open(module: dict[str, Any], registers: list[Register]) -> None:
+    """Give a module ports for what its flops hold, will hold and are reset by, in the order of a list."""
+    held, following = [], []
+    for register in registers:
+        following += [register.next, register.clear, register.preset]
+        if register.inverted:
+            following[-3:] = [_add(module, "$_NOT_", A=register.next), register.preset, register.clear]
+            last = _add(module, "$_NOT_", A="0")
+            module["cells"][f"$cut{last}"]["connections"] = {"A": [last], "Y": [register.held]}
+            held.append(last)
+        else:
+            held.append(register.held)
+    module.pop("last", None)
+    if registers:
+        module["ports"]["cut_held"] = {"direction": "input", "bits": held}
+        module["ports"]["cut_next"] = {"direction": "output", "bits": following}
+        for name, bits in (("cut_held", held), ("cut_next", following)):
+            module["netnames"][name] = {"hide_name": 0, "bits": bits, "attributes": {}}
+
+
+def _miter(inputs: dict[str, int], outputs: dict[str, int], flops: int) -> str:
+    """Return the Verilog of both designs side by side: a bit of its output is 0 where they are alike."""
+    ways = {name: ("input", width) for name, width in inputs.items()}
+    ways |= {f"{name}": ("output", width) for name, width in outputs.items()}
+    if flops:
+        ways |= {"cut_held": ("input", flops), "cut_next": ("output", 3 * flops)}
+    ports = [f"input [{width - 1}:0] {name}" for name, (way, width) in ways.items() if way == "input"]
+    compared = [name for name in ("cut_next", *outputs) if name in ways]
+    total = sum(ways[name][1] for name in compared)
+    lines = [f"module miter({', '.join(ports)}, output [{total - 1}:0] differ);"]
+    for side in ("gold", "gate"):
+        lines += [f"  wire [{ways[name][1] - 1}:0] {side}_{name};" for name in compared]
+        pins = [f".{name}({name if way == 'input' else f'{side}_{name}'})" for name, (way, _) in ways.items()]
+        lines.append(f"  {side} {side}_side({', '.join(pins)});")
+    differ = ", ".join(f"gold_{name} ^ gate_{name}" for name in reversed(compared))
+    return "\n".join([*lines, f"  assign differ = {{{differ}}};", "endmodule", ""])
+
+
+def _constant_outputs(aiger: str) -> list[bool]:
+    """Return for every output of a design in AIGER format whether it is the constant 0."""
+    head, *lines = aiger.split("\n")
+    count = int(head.split()[4])
+    return [line == "0" for line in lines[:count]]

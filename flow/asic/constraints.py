@@ -1,0 +1,90 @@
+"""Timing constraints of a netlist (SDC), for synthesis and sign-off: no port and no end is left without one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from flow.asic.gating import TEST
+from flow.asic.synthesis import Netlist
+from model.config import ReadoutConfig
+from rtl.delivery import ports
+from rtl.verilog import header
+
+UNCERTAINTY = 0.05
+"""Share of the period that jitter and the skew of a clock tree, which layout makes, may take."""
+
+HOLD_NS = 0.1
+"""Skew that must not break a hold time."""
+
+OUTSIDE = 0.2
+"""Share of the period that belongs to whatever drives an input or takes an output."""
+
+DAC_OUT, DECISION_IN = 0.7, 0.7
+"""Shares of a taxel's loop through its macros: references leave within 0.3 of a period, the DAC and the comparator have
+0.4, and the decision is there 0.3 before the edge that takes it."""
+
+LOAD_PF = 0.05
+"""At every output: a wire of some 300 um, or the input of a pad."""
+
+MACRO_IN, MACRO_OUT = ("above", "below"), ("reference_code", "half_width")
+
+
+def sdc(netlist: Netlist, period: str = "") -> str:
+    """Return the constraints of a netlist.
+
+    Parameters
+    ----------
+    netlist : Netlist
+    period : str
+        Clock period in ns, or a Tcl expression; that of the configuration by default.
+    """
+    config = netlist.config
+    lines = [
+        f"set period_ns {period or f'{1e9 / config.clock_hz:.6g}'}",
+        "create_clock -name clk -period $period_ns [get_ports {clk}]",
+        f"set_clock_uncertainty -setup [expr {UNCERTAINTY} * $period_ns] [get_clocks clk]",
+        f"set_clock_uncertainty -hold {HOLD_NS} [get_clocks clk]",
+        "",
+        "# rst is released in step with the clock; its tree, as the clock's, is made by layout.",
+        *_delays(netlist),
+        "",
+        *_edges(netlist),
+        f"set_load -pin_load {LOAD_PF} [all_outputs]",
+    ]
+    if isinstance(config, ReadoutConfig) and config.link == "four_phase":
+        lines += ["", *_four_phase()]
+    return header(config, "#") + "\n" + "\n".join(lines) + "\n"
+
+
+def _delays(netlist: Netlist) -> Iterator[str]:
+    """Yield what is outside of every port, in shares of the period."""
+    shares: dict[tuple[str, float], list[str]] = {}
+    for port in ports(netlist.config):
+        name, way = port["name"], port["direction"]
+        if name != "clk":
+            share = DECISION_IN if name in MACRO_IN else DAC_OUT if name in MACRO_OUT else OUTSIDE
+            shares.setdefault((way, share), []).append(name + ("[*]" if port["width"] > 1 else ""))
+    shares["input", OUTSIDE].append(TEST)
+    for (way, share), names in shares.items():
+        yield f"set_{way}_delay [expr {share} * $period_ns] -clock clk [get_ports {{{' '.join(names)}}}]"
+
+
+def _edges(netlist: Netlist) -> Iterator[str]:
+    """Yield what drives the inputs: a buffer of the library, or an edge of its slowest kind where it has none."""
+    names = [p["name"] + ("[*]" if p["width"] > 1 else "") for p in ports(netlist.config) if p["direction"] == "input"]
+    driven = " ".join([*(name for name in names if name not in ("clk", "rst")), TEST])
+    if buffers := netlist.library.buffers:
+        cell = buffers[len(buffers) // 2]
+        pin = cell.drives(next(iter(cell.inputs)))
+        yield f"set_driving_cell -lib_cell {cell.name} -pin {pin} [get_ports {{{driven}}}]"
+    else:
+        yield f"set_input_transition 0.5 [get_ports {{{driven}}}]"
+    yield "set_input_transition 0.1 [get_ports {clk rst}]"
+
+
+def _four_phase() -> Iterator[str]:
+    """Yield the constraints of the asynchronous pins."""
+    yield "# aer_ack comes at any time; two flops take it. The way to the first is short, so that it settles."
+    yield "set_max_delay [expr 0.5 * $period_ns] -from [get_ports {aer_ack}]"
+    yield "# Bundled data: aer_addr stands a clock before aer_req rises, and less than a clock lies between their ways."
+    yield "set_max_delay $period_ns -to [get_ports {aer_req aer_addr[*]}]"

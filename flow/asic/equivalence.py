@@ -1,0 +1,194 @@
+"""Formal proof that a gated netlist does what the RTL does: every flop and every output, for every input."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+from flow.asic.clocks import Bit, ClockError, Clocks
+from flow.asic.compare import compare
+from flow.asic.gating import TEST
+from flow.asic.synthesis import Netlist
+from model.errors import InputError
+from rtl import yosys
+from rtl.verilog import rtlil
+
+READ = (
+    "read_liberty -lib -ignore_miss_func cells.lib; read_verilog netlist.v; hierarchy -check -top {top}; "
+    "opt_clean; write_json gated.json"
+)
+GOLD = (
+    "read_rtlil readout.il; hierarchy -check -top {top}; proc; flatten; setattr -unset init w:*; "
+    "delete t:$scopeinfo; techmap; dffunmap; simplemap; opt_clean; rename {top} gold; write_json gold.json; delete; "
+)
+GATE = (
+    "read_liberty -ignore_miss_func cells.lib; read_json plain.json; hierarchy -top {top}; flatten; "
+    "delete t:$scopeinfo; simplemap; opt_clean; rename {top} gate; delete gate %n; write_json gate.json; delete; "
+)
+
+
+@dataclass(frozen=True)
+class Equivalence:
+    """What the proof says.
+
+    Attributes
+    ----------
+    proved, of : int
+        Points, flops and outputs among them, that are proved equal, and all that were compared.
+    unproved : tuple of str
+        Names of the others.
+    flops, gated_flops : int
+        Flops of the netlist, and those of them whose clock a gate may stop.
+    """
+
+    proved: int
+    of: int
+    unproved: tuple[str, ...]
+    flops: int
+    gated_flops: int
+
+    @property
+    def holds(self) -> bool:
+        """Whether every point is proved, and there are more than flops."""
+        return self.proved == self.of > self.flops
+
+    def to_dict(self) -> dict[str, int]:
+        """Return what a report says of it."""
+        return {"proved": self.proved, "of": self.of}
+
+
+def design_of(netlist: Netlist) -> dict[str, Any]:
+    """Return a netlist as ``write_json`` of Yosys gives it, read from its Verilog.
+
+    Raises
+    ------
+    InputError
+        If it is not Verilog, or holds cells that the library does not have.
+    """
+    files = {"cells.lib": netlist.library.path.read_bytes(), "netlist.v": netlist.text.encode()}
+    try:
+        return json.loads(yosys.run(READ.format(top=netlist.top), "", "gated.json", files))
+    except yosys.YosysError as error:
+        raise InputError(f"the netlist does not fit the cell library: {error.reason}; give those of one run") from None
+
+
+def prove(netlist: Netlist, design: dict[str, Any] | None = None) -> Equivalence:
+    """Return whether a netlist does what its RTL does.
+
+    A clock gate lets the rising edge through where its enable was high before: a flop behind one is a flop with that
+    enable. What stops clocks is checked for being such a gate, then proved as such, test enable low. Flops of both
+    sides are matched by the name of their output; then what each will hold, what resets it, and every output must be
+    the same function of all flops and inputs. Nothing is assumed about which states can be reached.
+
+    Parameters
+    ----------
+    netlist : Netlist
+    design : dict, optional
+        From ``design_of``, if it is at hand.
+
+    Raises
+    ------
+    ClockError
+        If a clock of the netlist is stopped by what is no clock gate.
+    """
+    plain, flops, gated = with_enables(design or design_of(netlist), netlist)
+    files = {"cells.lib": netlist.library.path.read_bytes(), "plain.json": json.dumps(plain).encode()}
+    script = GOLD.format(top=netlist.top) + GATE.format(top=netlist.top)
+    made = yosys.run_for(script, rtlil(netlist.config), ("gold.json", "gate.json"), files)
+    gold, gate = (json.loads(made[f"{side}.json"])["modules"][side] for side in ("gold", "gate"))
+    proved, unproved = compare(gold, gate)
+    return Equivalence(proved, proved + len(unproved), tuple(unproved), flops, gated)
+
+
+def with_enables(design: dict[str, Any], netlist: Netlist, test: str = "0") -> tuple[dict[str, Any], int, int]:
+    """Return a netlist with all flops on one clock, with enables instead of clock gates, at a level of test enable.
+
+    Returns
+    -------
+    dict
+        A design of the top alone; the given one is left as it is.
+    int, int
+        Flops, and those behind a clock gate.
+    """
+    module = json.loads(json.dumps(design["modules"][netlist.top]))
+    tested = module["ports"].pop(TEST, {"bits": []})["bits"]
+    module["netnames"].pop(TEST, None)
+    for cell in module["cells"].values():
+        cell["connections"] = {
+            pin: [test if bit in tested else bit for bit in bits] for pin, bits in cell["connections"].items()
+        }
+    clocks = Clocks(module, netlist.library)
+    work = _Enables(module, clocks)
+    flops = gated = 0
+    stopping = [name for name, _, _ in (*clocks.gates(), *clocks.latches())]
+    for name, cell, pins in list(clocks.flops()):
+        flop = cell.flop
+        assert flop
+        clock = pins[flop.clock][0]
+        clocks.check(name, clock)
+        if not flop.rising or flop.data not in cell.inputs:
+            raise ClockError(f"{name} is a {cell.name}, which is no flop of a rising edge with one data input")
+        flops += 1
+        if clock == clocks.root:
+            continue
+        gated += 1
+        output = next(pin for pin in sorted(flop.outputs, key=lambda pin: flop.outputs[pin]) if pins.get(pin))
+        held = pins[output][0]
+        if flop.outputs[output]:
+            held = work.add("$_NOT_", A=held)
+        pins[flop.data] = [work.add("$_MUX_", A=held, B=pins[flop.data][0], S=work.high(clock))]
+        pins[flop.clock] = [clocks.root]
+    for name in stopping:
+        del module["cells"][name]
+    return {"modules": {netlist.top: module}}, flops, gated
+
+
+class _Enables:
+    """What the nets of the clock network are just before a rising edge would come, as gates added to the module."""
+
+    def __init__(self, module: dict[str, Any], clocks: Clocks) -> None:
+        self.module, self.clocks = module, clocks
+        self.highest = max(b for net in module["netnames"].values() for b in net["bits"] if isinstance(b, int))
+        self.made: dict[Bit, Bit] = {clocks.root: "1"}
+
+    def add(self, kind: str, **inputs: Bit) -> Bit:
+        """Add a gate and return its output."""
+        self.highest += 1
+        self._place(kind, {pin: [bit] for pin, bit in inputs.items()} | {"Y": [self.highest]})
+        return self.highest
+
+    def _place(self, kind: str, pins: dict[str, list[Bit]]) -> None:
+        cell = {"hide_name": 1, "type": kind, "parameters": {}, "attributes": {}, "connections": pins}
+        if kind.startswith("$_"):
+            cell["port_directions"] = {pin: "output" if pin == "Y" else "input" for pin in pins}
+        self.module["cells"][f"$enable{len(self.module['cells'])}"] = cell
+
+    def high(self, bit: Bit) -> Bit:
+        """Return what a net of the clock network will be once the clock is high, as a net of data."""
+        if isinstance(bit, str) or not self.clocks.touches(bit):
+            return bit
+        if bit not in self.made:
+            self.made[bit] = self._driven(bit)
+        return self.made[bit]
+
+    def _driven(self, bit: Bit) -> Bit:
+        name, output = self.clocks.driver[bit]
+        instance = self.module["cells"][name]
+        cell, pins = self.clocks.library.cells[instance["type"]], instance["connections"]
+        if cell.gate:
+            enable = pins[cell.gate.enable][0]
+            if cell.gate.test and pins[cell.gate.test] != ["0"]:
+                enable = self.add("$_OR_", A=enable, B=pins[cell.gate.test][0])
+            return self.add("$_AND_", A=self.high(pins[cell.gate.clock][0]), B=enable)
+        if cell.latch:
+            inverted = cell.latch.outputs[output]
+            stored = pins[cell.latch.data][0]
+            return self.add("$_NOT_", A=stored) if inverted else stored
+        self.highest += 1
+        made = self.highest
+        self._place(
+            instance["type"],
+            {pin: [made] if pin == output else [self.high(pins[pin][0])] for pin in [*cell.inputs, output]},
+        )
+        return made

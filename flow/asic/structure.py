@@ -1,0 +1,166 @@
+"""Rules that a netlist keeps whatever it computes: one clock, no latch but in clock gates, no flop without reset."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from flow.asic.clocks import Bit, Clocks, possible
+from flow.asic.equivalence import with_enables
+from flow.asic.library import Library
+from flow.asic.synthesis import Netlist
+
+SIMPLE = {"$_AND_": "A & B", "$_OR_": "A | B", "$_NOT_": "!A", "$_MUX_": "(A & !S) | (B & S)"}
+
+NO_CHAIN = (
+    "not inserted: the order of a scan chain follows from the placement, so a layout tool makes it; the netlist is "
+    "ready for it, since with test_enable high every clock runs and a reset pin is never stuck"
+)
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What the rules found.
+
+    Attributes
+    ----------
+    flops, clock_gates : int
+        Flops; clock gates, those built of a latch among them.
+    without_reset, stopped_in_test : tuple of str
+        Flops that nothing sets while ``rst`` is high, and those whose clock ``test_enable`` does not let run.
+    stray_latches : tuple of str
+        Latches that are no part of a clock gate.
+    """
+
+    flops: int
+    clock_gates: int
+    without_reset: tuple[str, ...]
+    stopped_in_test: tuple[str, ...]
+    stray_latches: tuple[str, ...]
+
+    @property
+    def problems(self) -> list[str]:
+        """A sentence for each rule that is broken."""
+        said = []
+        for names, what in (
+            (self.without_reset, "has no reset"),
+            (self.stopped_in_test, "has a clock that stands still with test_enable high"),
+            (self.stray_latches, "is a latch outside of a clock gate"),
+        ):
+            if names:
+                more = f", and {len(names) - 1} more" if len(names) > 1 else ""
+                said.append(f"{names[0]} {what}{more}")
+        return said
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what a report says of it."""
+        return {
+            "clocks": 1,
+            "clock_gates": self.clock_gates,
+            "latches_outside_gates": len(self.stray_latches),
+            "flops_without_reset": len(self.without_reset),
+            "scan": {"flops_clocked_in_test": self.flops - len(self.stopped_in_test), "chain": NO_CHAIN},
+        }
+
+
+def check(netlist: Netlist, design: dict[str, Any]) -> Structure:
+    """Return what the rules say of a netlist.
+
+    Parameters
+    ----------
+    netlist : Netlist
+    design : dict
+        From ``flow.asic.equivalence.design_of``.
+
+    Raises
+    ------
+    ClockError
+        If a flop is on another clock, or one that is stopped by what is no clock gate.
+    """
+    clocks = Clocks(design["modules"][netlist.top], netlist.library)
+    readers = _readers(clocks)
+    stray = [name for name, cell, pins in clocks.latches() if not _gates(clocks, readers, cell, pins)]
+    built = sum(1 for _ in clocks.latches()) - len(stray)
+    integrated = sum(1 for _ in clocks.gates())
+    plain, flops, _ = with_enables(design, netlist)
+    module = plain["modules"][netlist.top]
+    reset = _levels(module, netlist.library, {"rst": "1"})
+    without = [name for name, pins, cell in _flops(module, netlist.library) if not _is_set(cell, pins, reset)]
+    tested, _, _ = with_enables(design, netlist, test="1")
+    in_test = _levels(tested["modules"][netlist.top], netlist.library, {})
+    stopped = [
+        name
+        for name, cell in tested["modules"][netlist.top]["cells"].items()
+        if cell["type"] == "$_MUX_" and in_test.get(cell["connections"]["S"][0], "x") != "1"
+    ]
+    return Structure(flops, integrated + built, tuple(without), tuple(stopped), tuple(stray))
+
+
+def _readers(clocks: Clocks) -> dict[Bit, list[tuple[str, str]]]:
+    """Return cell and pin of every input that a net drives."""
+    found: dict[Bit, list[tuple[str, str]]] = {}
+    for name, instance in clocks.module["cells"].items():
+        for pin in clocks.library.cells[instance["type"]].inputs:
+            for bit in instance["connections"].get(pin, []):
+                found.setdefault(bit, []).append((name, pin))
+    return found
+
+
+def _gates(clocks: Clocks, readers: dict[Bit, list[tuple[str, str]]], cell: Any, pins: dict[str, list[Bit]]) -> bool:
+    """Return whether a latch is part of a clock gate: open while a clock is low, read by its AND alone."""
+    if clocks.clock_of(cell, pins) is None:
+        return False
+    for output in cell.latch.outputs:
+        for bit in pins.get(output, []):
+            for name, _ in readers.get(bit, []):
+                instance = clocks.module["cells"][name]
+                reader = clocks.library.cells[instance["type"]]
+                results = [b for pin in reader.functions for b in instance["connections"].get(pin, [])]
+                if reader.flop or reader.latch or any(clocks.level(b, False) == "x" for b in results):
+                    return False
+    return True
+
+
+def _flops(module: dict[str, Any], library: Library) -> list[tuple[str, dict[str, list[Bit]], Any]]:
+    return [
+        (name, instance["connections"], library.cells[instance["type"]])
+        for name, instance in module["cells"].items()
+        if instance["type"] in library.flops
+    ]
+
+
+def _is_set(cell: Any, pins: dict[str, list[Bit]], levels: dict[Bit, str]) -> bool:
+    """Return whether a flop takes a value that depends on nothing."""
+    values = tuple((pin, _level(pins[pin][0], levels)) for pin in cell.inputs if pins.get(pin))
+    if any(text and possible(text, values) == "1" for text in (cell.flop.clear, cell.flop.preset)):
+        return True
+    return _level(pins[cell.flop.data][0], levels) != "x"
+
+
+def _level(bit: Bit, levels: dict[Bit, str]) -> str:
+    return bit if isinstance(bit, str) else levels.get(bit, "x")
+
+
+def _levels(module: dict[str, Any], library: Library, ports: dict[str, str]) -> dict[Bit, str]:
+    """Return what the nets of a module are, as far as some ports and constants decide it."""
+    levels: dict[Bit, str] = {bit: value for port, value in ports.items() for bit in module["ports"][port]["bits"]}
+    waiting: dict[Bit, list[str]] = {}
+    for name, instance in module["cells"].items():
+        for bits in instance["connections"].values():
+            for bit in bits:
+                waiting.setdefault(bit, []).append(name)
+    todo = list(module["cells"])
+    while todo:
+        instance = module["cells"][todo.pop()]
+        pins = instance["connections"]
+        known = library.cells.get(instance["type"])
+        if known and (known.flop or known.latch or known.gate):
+            continue
+        functions = known.functions if known else {"Y": SIMPLE[instance["type"]]}
+        inputs = tuple((pin, _level(bits[0], levels)) for pin, bits in pins.items() if pin not in functions and bits)
+        for output, function in functions.items():
+            for bit in pins.get(output, []):
+                if bit not in levels and (value := possible(function, inputs)) != "x":
+                    levels[bit] = value
+                    todo += waiting[bit]
+    return levels

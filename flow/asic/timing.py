@@ -1,0 +1,167 @@
+"""Static timing of a netlist by OpenSTA: highest clock at a corner, critical path, ends without a constraint."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+
+from flow.asic.constraints import sdc
+from flow.asic.library import Library
+from flow.asic.synthesis import Netlist
+from model.errors import InputError
+
+PROGRAM = "sta"
+NO_PROGRAM = "OpenSTA not found; install with: apt-get install opensta"
+
+START_NS = 1000.0
+ROUNDS = 12
+"""The slack is a concave function of the period, of straight pieces: Newton's steps reach its zero from the left."""
+
+SCRIPT = """\
+read_liberty cells.lib
+read_verilog netlist.v
+link_design {top}
+set period {start}
+proc constrain {{}} {{ global period; uplevel #0 source constraints.sdc }}
+constrain
+with_output_to_variable setup {{ check_setup -verbose }}
+puts "SETUP <<$setup>>"
+for {{set i 0}} {{$i < {rounds}}} {{incr i}} {{
+  set slack [worst_slack -max]
+  if {{abs($slack) < 1e-5}} break
+  set period [expr 1.001 * $period]
+  constrain
+  set period [expr $period / 1.001 - $slack * 0.001 * $period / 1.001 / ([worst_slack -max] - $slack)]
+  constrain
+}}
+puts "PERIOD <<$period>>"
+with_output_to_variable path {{ report_checks -path_delay max -digits 4 }}
+puts "PATH <<$path>>"
+set period {own}
+constrain
+puts "OWN <<[worst_slack -max] [worst_slack -min]>>"
+"""
+PROGRESS = re.compile(r"^(\w+) <<(.*?)>>$", re.MULTILINE | re.DOTALL)
+SLACK = re.compile(r"(-?\d+\.\d+) +slack")
+STAGE = re.compile(r"^ +\S+ +(\d+\.\d+) +[v^] (\S+)/\S+ \((\w+)\)$", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Timing:
+    """What OpenSTA says of a netlist at one corner.
+
+    Attributes
+    ----------
+    library : Library
+        At the corner.
+    fmax_hz : float
+        Highest clock at which no setup time is missed.
+    setup_slack_s, hold_slack_s : float
+        Worst, at the clock of the configuration.
+    depth : int
+        Cells on the critical path, flops apart.
+    path : tuple of (str, str, float)
+        Instance, cell and arrival in s of every stage of the critical path.
+    complaints : tuple of str
+        What ``check_setup`` finds unconstrained; empty if nothing.
+    """
+
+    library: Library
+    fmax_hz: float
+    setup_slack_s: float
+    hold_slack_s: float
+    depth: int
+    path: tuple[tuple[str, str, float], ...]
+    complaints: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, object]:
+        """Return what a report says of it."""
+        return {
+            "library": self.library.path.name,
+            "voltage_v": self.library.voltage_v,
+            "temperature_c": self.library.temperature_c,
+            "fmax_hz": self.fmax_hz,
+            "setup_slack_s": self.setup_slack_s,
+            "hold_slack_s": self.hold_slack_s,
+            "logic_depth": self.depth,
+            "critical_path": [
+                {"instance": name, "cell": cell, "arrival_s": round(time, 15)} for name, cell, time in self.path
+            ],
+            "check_setup": list(self.complaints),
+        }
+
+
+def check_program() -> None:
+    """Refuse to go on without OpenSTA."""
+    if shutil.which(PROGRAM) is None:
+        raise InputError(NO_PROGRAM)
+
+
+def analyse(netlist: Netlist, library: Library, constant: Collection[str] = (), spef: str = "") -> Timing:
+    """Return the timing of a netlist with the cells of a corner.
+
+    Parameters
+    ----------
+    netlist : Netlist
+    library : Library
+        Of the same cells, at any corner.
+    constant : collection of str
+        Bits of outputs that never change, which nothing can constrain.
+    spef : str
+        Estimated wires; none by default.
+
+    Raises
+    ------
+    InputError
+        If OpenSTA is missing or the library lacks cells of the netlist.
+    """
+    check_program()
+    used = set(re.findall(r"^  (\w+) (?:\\\S+|\w+) +\(", netlist.text, re.MULTILINE))
+    if missing := sorted(used - set(library.cells)):
+        raise InputError(f"the cell library {library.path} has no cell {missing[0]}; give corners of one library")
+    script = SCRIPT.format(top=netlist.top, start=START_NS, rounds=ROUNDS, own=1e9 / netlist.config.clock_hz)
+    if spef:
+        script = script.replace("set period", "read_parasitics wires.spef\nset period", 1)
+    found = _run(script, netlist, library, spef)
+    setup, hold = map(float, found["OWN"].split())
+    worst = min(found["PATH"].split("Startpoint: ")[1:], key=lambda text: float(SLACK.findall(text)[-1]))
+    stages = tuple((name, cell, float(time) * 1e-9) for time, name, cell in STAGE.findall(worst))
+    logic = [cell for _, cell, _ in stages if not library.cells[cell].flop]
+    complaints = _complaints(found["SETUP"], constant)
+    return Timing(library, 1e9 / float(found["PERIOD"]), setup * 1e-9, hold * 1e-9, len(logic), stages, complaints)
+
+
+def _complaints(said: str, constant: Collection[str]) -> tuple[str, ...]:
+    """Return what ``check_setup`` says, headings without an item left out; bits of ports that are constant are none."""
+    kept: list[str] = []
+    for line in (line for line in said.splitlines() if line.strip()):
+        if not line.startswith(" ") and kept and not kept[-1].startswith(" "):
+            kept.pop()
+        if line.strip() not in constant:
+            kept.append(line)
+    if kept and not kept[-1].startswith(" "):
+        kept.pop()
+    return tuple(line.strip() for line in kept)
+
+
+def _run(script: str, netlist: Netlist, library: Library, spef: str) -> dict[str, str]:
+    """Return what a script of OpenSTA prints, by its headings."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "cells.lib").write_bytes(library.path.read_bytes())
+        (folder / "netlist.v").write_text(netlist.text)
+        (folder / "constraints.sdc").write_text(sdc(netlist, "$period"))
+        (folder / "wires.spef").write_text(spef)
+        (folder / "run.tcl").write_text(script)
+        command = [PROGRAM, "-no_splash", "-exit", "run.tcl"]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    found = dict(PROGRESS.findall(done.stdout))
+    if {"PERIOD", "PATH", "OWN", "SETUP"} - set(found):
+        said = [line for line in (done.stdout + done.stderr).splitlines() if "rror" in line]
+        raise RuntimeError(f"OpenSTA failed on {netlist.top}: {said[0] if said else done.stdout[-300:]}")
+    return found
