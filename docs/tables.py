@@ -394,6 +394,20 @@ def power_sensitivity() -> str:
     return markdown(["corrections", *columns[0], *columns[1]], rows)
 
 
+@table
+def low_power() -> str:
+    """What readouts cost in cells, idle and by the event, before and after they were written for clock gates."""
+    kept = read("docs/data/asic/low_power.json")
+    rows = []
+    for row in kept["readouts"]:
+        numbers = [row.get(name) for name in ("idle_nw", "leakage_nw", "saturated_pj", "lone_pj")]
+        cells = [f"{row['area_um2']:,}", f"{row['flops']} of which {row['gated']}", str(row["gates"])]
+        rows.append([row["readout"], *cells, *("-" if value is None else f"{value:.3g}" for value in numbers)])
+    head = ["readout", "um^2 a taxel", "flops, gated", "gates", "idle, nW a taxel", "leakage", "pJ an event, saturated"]
+    said = f"{kept['how']}, commit {kept['commit']}, {kept['date']}."
+    return markdown([*head, "lone"], rows) + f"\n{said}\n"
+
+
 # -- speed -----------------------------------------------------------------------------------------
 
 

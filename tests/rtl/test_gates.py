@@ -21,7 +21,7 @@ LIBRARY = ROOT.parent / "shared" / "data" / "ihp-sg13g2" / "sg13g2_stdcell_typ_1
 
 def test_flops_are_those_of_the_design() -> None:
     config = ReadoutConfig(rows=2, columns=3)
-    per_taxel = 8 + 8 + 1 + 1  # sample and reference on the grid of D, request, polarity
+    per_taxel = 8 + 8 + 1 + 1 + 1  # sample and reference on the grid of D, request, polarity, mask
     arbiter = 1 + 1 + 3 + 3  # rows behind, row, latched columns and polarities
     counted = count_gates(config, config.taxels)
     assert counted.flops == 6 * per_taxel + arbiter
