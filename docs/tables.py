@@ -402,7 +402,7 @@ def low_power() -> str:
     for row in kept["readouts"]:
         numbers = [row.get(name) for name in ("idle_nw", "leakage_nw", "saturated_pj", "lone_pj")]
         cells = [f"{row['area_um2']:,}", f"{row['flops']} of which {row['gated']}", str(row["gates"])]
-        rows.append([row["readout"], *cells, *("-" if value is None else f"{value:.3g}" for value in numbers)])
+        rows.append([row["readout"], *cells, *("-" if value is None else f"{value:,.1f}" for value in numbers)])
     head = ["readout", "um^2 a taxel", "flops, gated", "gates", "idle, nW a taxel", "leakage", "pJ an event, saturated"]
     said = f"{kept['how']}, commit {kept['commit']}, {kept['date']}."
     return markdown([*head, "lone"], rows) + f"\n{said}\n"
