@@ -173,6 +173,11 @@ def accuracy_rates() -> str:
     return markdown(["network", "readout", "normalised rate (coded)", "last epoch", "seeds x folds"], rows)
 
 
+def p_value(p: float) -> str:
+    """Return a p in two digits; one that is very small as a bound."""
+    return digits(p, 2) if p >= 1e-3 else "< 0.001"
+
+
 @table
 def rates_pairs() -> str:
     """Frames against events of about the same rate, the same network, image by image."""
@@ -182,7 +187,7 @@ def rates_pairs() -> str:
             f"`{p['second'].split(':')[1]}`",
             f"{100 * p['difference']:+.1f} ({100 * p['interval'][0]:+.1f} to {100 * p['interval'][1]:+.1f})",
             f"{sum(p['only_first'])}, {sum(p['only_second'])}",
-            ", ".join(digits(value, 2) for value in p["p"]),
+            ", ".join(map(p_value, p["p"])),
         ]
         for p in read("docs/data/fig9_rates.json")["pairs"]
     ]
@@ -281,9 +286,7 @@ def merits_latency() -> str:
         ends = [" to ".join(f"{100 * end:.0f}" for end in p["bootstrap_95"]) for p in points]
         shown = [f"{100 * p['accuracy']:.1f} % ({end})" for p, end in zip(points, ends, strict=True)]
         parted = f"{pair['only_first']}, {pair['only_second']}"
-        rows.append(
-            [f"{1e3 * pair['time_s']:.0f} ms", *shown, parted, digits(pair["p"], 2) if pair["p"] >= 1e-3 else "< 0.001"]
-        )
+        rows.append([f"{1e3 * pair['time_s']:.0f} ms", *shown, parted, p_value(pair["p"])])
     return markdown(["since the touch", *names, "only one right", "McNemar p"], rows)
 
 
