@@ -466,7 +466,7 @@ def speed_layer() -> str:
     kernel = [r["candidates"]["this project, kernel"]["cpu_s"]["median"] for r in results]
     fastest = [min(c["cpu_s"]["median"] for c in r["candidates"].values() if c["library"]) for r in results]
     rows.append(
-        ["fastest library or plain loop / kernel", *(f"{f / k:.1f}" for f, k in zip(fastest, kernel, strict=True))]
+        ["fastest library or loop / kernel", *(f"{f / k:.1f}" for f, k in zip(fastest, kernel, strict=True))]
     )
     limits = [r["limit_cpu_s"]["median"] for r in results]
     rows.append(["kernel / matrix products", *(f"{k / limit:.2f}" for k, limit in zip(kernel, limits, strict=True))])
