@@ -465,9 +465,7 @@ def speed_layer() -> str:
     rows.append(["matrix products alone (torch)", *(f"{1e3 * r['limit_cpu_s']['median']:.1f}" for r in results)])
     kernel = [r["candidates"]["this project, kernel"]["cpu_s"]["median"] for r in results]
     fastest = [min(c["cpu_s"]["median"] for c in r["candidates"].values() if c["library"]) for r in results]
-    rows.append(
-        ["fastest library or loop / kernel", *(f"{f / k:.1f}" for f, k in zip(fastest, kernel, strict=True))]
-    )
+    rows.append(["fastest library or loop / kernel", *(f"{f / k:.1f}" for f, k in zip(fastest, kernel, strict=True))])
     limits = [r["limit_cpu_s"]["median"] for r in results]
     rows.append(["kernel / matrix products", *(f"{k / limit:.2f}" for k, limit in zip(kernel, limits, strict=True))])
     head = ["", *(f"{r['steps']} steps, {100 * r['input_density']:.0f} % of the inputs" for r in results)]
