@@ -444,6 +444,59 @@ def speed_encoders() -> str:
 
 
 @table
+def scale_arrays() -> str:
+    """Generation, lint and simulation of square arrays."""
+    rows = []
+    for array in read("benchmarks/results/scale_arrays.json")["results"]:
+        taxels = array["taxels"]
+        runs = {(r["simulator"], r["row_by_row"]): r for r in array["simulations"]}
+        whole, slow = runs["verilator", True], runs.get(("icarus", False))
+        flat = runs.get(("verilator", False))
+        rows.append(
+            [
+                f"{array['side']} x {array['side']}",
+                f"{array['generate_s']:.1f} ({digits(1000 * array['generate_s'] / taxels, 2)})",
+                f"{array['verilog_bytes'] / 1000:,.0f}",
+                f"{array['lint_s']:.1f}",
+                f"{whole['build_s']:.0f}",
+                f"{whole['clocks_per_second']:,.0f} ({digits(whole['clocks_per_second'] * taxels / 1e6, 2)})",
+                f"{flat['build_s']:.0f}; {flat['clocks_per_second']:,.0f}" if flat else "",
+                f"{slow['clocks_per_second']:,.0f}" if slow else "",
+            ]
+        )
+    head = ["taxels", "generation, s (ms a taxel)", "Verilog, kB", "lint, s", "build row by row, s"]
+    head += ["clocks/s (million taxel-clocks/s)", "flat: build, s; clocks/s", "Icarus, clocks/s"]
+    return markdown(head, rows)
+
+
+@table
+def scale_skins() -> str:
+    """A skin of 65,536 taxels on one output."""
+    rows = [
+        [
+            f"{skin['resolution']} b",
+            f"{skin['clock_hz'] / 1e6:,.4g} MHz",
+            f"{skin['clocks']:,}",
+            f"{skin['events_of_tiles_alone']:,} ({skin['offered_per_clock']:.2f})",
+            f"{skin['events']:,} ({skin['events_per_clock']:.2f})",
+            f"{skin['fewest_of_a_tile']:,} to {skin['most_of_a_tile']:,}",
+            f"{skin['model_s']:.1f}",
+        ]
+        for skin in read("benchmarks/results/scale_skins.json")["results"]
+    ]
+    head = [
+        "LCS",
+        "clock",
+        "clocks",
+        "tiles alone: events (a clock)",
+        "merged: events (a clock)",
+        "of a tile",
+        "model, s",
+    ]
+    return markdown(head, rows)
+
+
+@table
 def speed_cosim() -> str:
     """Co-simulation and model against a bare Verilator loop."""
     rows = []

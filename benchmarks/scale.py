@@ -1,0 +1,193 @@
+"""How generation, lint, building and simulation grow with the array, and a skin of 65,536 taxels on one output.
+
+``python benchmarks/scale.py arrays`` and ``... skins``, each into a file of its own in ``benchmarks/results``.
+
+Every array plays the start of a scan over an embedded photograph and is held to the model. Times are processor seconds
+of the programs, so that other work on the machine counts little; Verilator's own library is compiled before.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import math
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import cocotb
+import numpy as np
+import typer
+
+from cocotb_tests.bench.readout import Bench
+from cocotb_tests.bench.textures import large_enough, scan
+from cocotb_tests.session import simulator as programs
+from cocotb_tests.session.runners import Simulator, build_environment
+from cocotb_tests.session.simulator import build
+from model.config import ReadoutConfig
+from model.events.address import Events
+from model.files import origin, write_json
+from model.readout import Stimulus, simulate
+from model.textures.dataset import embedded_dataset
+from model.textures.physical import PhysicalScan
+from model.tiles.config import TilesConfig
+from model.tiles.run import scan_skin, simulate_skin
+
+RESULTS = Path(__file__).parent / "results"
+SIDES = "8,16,32,64"
+FLAT, SLOW = 16, 32
+"""Largest sides that are built flat as well, and that are played in Icarus."""
+CONFIG, TICKS, SLOW_TICKS = "ESKIN_SCALE", 100, 6
+TRAVEL_PX = 15
+"""How far the skin slides."""
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+def _children_s() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+@contextmanager
+def measured(results: dict[str, Any], name: str) -> Iterator[None]:
+    """Note the processor seconds that child processes take meanwhile."""
+    start = _children_s()
+    yield
+    results[name] = round(_children_s() - start, 2)
+
+
+# -- inside the simulator ----------------------------------------------------------------------------
+
+
+@cocotb.test()
+async def play(dut: Any) -> None:
+    """Play the scan, hold it to the model, and time it once more."""
+    fields = json.loads(os.environ[CONFIG])
+    config, ticks = ReadoutConfig.from_dict(fields["config"]), fields["ticks"]
+    stimulus = Stimulus.from_samples(config, scan(config.rows, config.columns, config.sample_bits, 0)[:ticks])
+    bench = Bench(dut, config, Path.cwd())
+    events = await bench.check("scan", stimulus)
+    start = time.process_time()
+    bench.driver.write(stimulus)
+    written = time.process_time()
+    await bench._go()
+    told = {"events": len(events), "clocks": stimulus.clocks, "write_s": written - start}
+    Path("measured.json").write_text(json.dumps(told | {"simulation_s": time.process_time() - written}))
+
+
+# -- outside -----------------------------------------------------------------------------------------
+
+
+def _speed(config: ReadoutConfig, simulator: Simulator, ticks: int, hierarchical: bool) -> dict[str, Any]:
+    """Build an array anew and play it; return the seconds of the build, clocks per second, and events."""
+    result: dict[str, Any] = {"simulator": simulator, "row_by_row": hierarchical}
+    kept = programs.BUILD
+    with tempfile.TemporaryDirectory() as folder:
+        programs.BUILD = Path(folder)
+        try:
+            with measured(result, "build_s"):
+                program = build(config, simulator, hierarchical=hierarchical)
+        finally:
+            programs.BUILD = kept
+        job = json.dumps({"config": config.to_dict(), "ticks": ticks})
+        program.test("scale", Path(folder) / "run", "play", {CONFIG: job})
+        told = json.loads((Path(folder) / "run" / "measured.json").read_text())
+    result["clocks_per_second"] = told["clocks"] / told["simulation_s"]
+    result["stimulus_share"] = told["write_s"] / (told["write_s"] + told["simulation_s"])
+    return result | {"clocks": told["clocks"], "events": told["events"]}
+
+
+def array(side: int) -> dict[str, Any]:
+    """Return all that is measured of a square array."""
+    config = ReadoutConfig(rows=side, columns=side)
+    result: dict[str, Any] = {"side": side, "taxels": config.taxels}
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "rtl", "verilog", "--rows", str(side), "--columns", str(side), "-o", folder]
+        with measured(result, "generate_s"):
+            subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        text = Path(folder) / "eskin_readout.v"
+        result["verilog_bytes"] = text.stat().st_size
+        with build_environment(), measured(result, "lint_s"):
+            subprocess.run(["verilator", "--lint-only", "-Wall", str(text)], check=True, stdout=subprocess.DEVNULL)
+    runs: list[tuple[Simulator, int, bool]] = [("verilator", TICKS, True)]
+    if side <= FLAT:
+        runs.append(("verilator", TICKS, False))
+    if side <= SLOW:
+        runs.append(("icarus", SLOW_TICKS, False))
+    result["simulations"] = [_speed(config, simulator, ticks, rows) for simulator, ticks, rows in runs]
+    return result
+
+
+def skin(resolution: int, clocks_per_sample: int) -> dict[str, Any]:
+    """Return what 16 tiles of 64 x 64 taxels send through one merge while they slide over a photograph."""
+    tile = ReadoutConfig(rows=64, columns=64, resolution=resolution, clocks_per_sample=clocks_per_sample)
+    config = TilesConfig.of(tile, 4, 4)
+    width = math.ceil(PhysicalScan().taxel_pitch_px * (config.columns - 1)) + TRAVEL_PX
+    image = large_enough(embedded_dataset()[0].load(), config)[:, :width]
+    stimuli = scan_skin(config, PhysicalScan(), image)
+    start = time.process_time()
+    events = simulate_skin(config, stimuli)
+    seconds = time.process_time() - start
+    alone = [len(simulate(tile, stimulus)) for stimulus in stimuli]
+    counts = np.bincount(config.in_tiles(events)[0], minlength=config.tiles)
+    clocks = stimuli[0].clocks
+    return {
+        "taxels": config.taxels,
+        "resolution": resolution,
+        "clock_hz": config.clock_hz,
+        "clocks": clocks,
+        "events": len(events),
+        "events_of_tiles_alone": sum(alone),
+        "offered_per_clock": sum(alone) / clocks,
+        "events_per_clock": len(events) / clocks,
+        "fewest_of_a_tile": int(counts.min()),
+        "most_of_a_tile": int(counts.max()),
+        "bubbles_while_busy": _bubbles(events),
+        "model_s": round(seconds, 2),
+    }
+
+
+def _bubbles(events: Events) -> int:
+    """Return the clocks without an event between the first and the last."""
+    return int(events["t"][-1] - events["t"][0]) + 1 - len(events)
+
+
+def _measure(name: str, command: str, out: Path, parts: list[tuple[str, Callable[[], dict[str, Any]]]]) -> None:
+    """Measure part after part, and write the JSON anew after each."""
+    found: list[dict[str, Any]] = []
+    said = {"benchmark": name, **origin(f"python benchmarks/scale.py {command}"), "cpus": os.cpu_count()}
+    for part, measure in parts:
+        print(part, flush=True)
+        found.append(measure())
+        print(json.dumps(found[-1]), flush=True)
+        write_json(out, said | {"results": found})
+    print(out)
+
+
+@app.command()
+def arrays(
+    sides: Annotated[str, typer.Option(help="sides of the arrays, separated by commas")] = SIDES,
+    out: Annotated[Path, typer.Option("--json", help="result file")] = RESULTS / "scale_arrays.json",
+) -> None:
+    """Measure generation, lint, building and simulation of one array after the other."""
+    parts = [(f"{side} x {side}", functools.partial(array, int(side))) for side in sides.split(",")]
+    _measure("scale of arrays", f"arrays --sides {sides}", out, parts)  # type: ignore[arg-type]
+
+
+@app.command()
+def skins(out: Annotated[Path, typer.Option("--json", help="result file")] = RESULTS / "scale_skins.json") -> None:
+    """Measure a skin of 65,536 taxels: at the clock of a small array, at 100 MHz, and with few events."""
+    parts = [(f"{bits} b", functools.partial(skin, bits, clocks)) for bits, clocks in ((6, 64), (6, 5000), (2, 5000))]
+    _measure("scale of skins", "skins", out, parts)  # type: ignore[arg-type]
+
+
+if __name__ == "__main__":
+    app()
