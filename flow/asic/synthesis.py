@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -112,7 +113,29 @@ def netlist(config: Config, library: Library, period_ns: float = PERIOD_NS, fewe
             f"the cell library {library.path} does not do: the readout needs a flip-flop, an inverter, and a NAND or "
             f"NOR (Yosys: {error.reason})"
         ) from None
-    return Netlist(header(config, "//") + text[text.index("module ") :], top, config, library, bool(gate))
+    return Netlist(header(config, "//") + single_bits(text[text.index("module ") :]), top, config, library, bool(gate))
+
+
+def single_bits(verilog: str) -> str:
+    """Return a netlist in which constants are assigned bit by bit: OpenSTA reads no list of nets.
+
+    Examples
+    --------
+    >>> single_bits("  assign { a[5:4], b } = 3'h5;")
+    "  assign a[5] = 1'b1;\\n  assign a[4] = 1'b0;\\n  assign b = 1'b1;"
+    """
+
+    def each(found: re.Match[str]) -> str:
+        bits: list[str] = []
+        for part in found[1].strip("{ }").split(", "):
+            name, _, span = part.strip().partition("[")
+            high, _, low = span.rstrip("]").partition(":")
+            numbers = range(int(high), int(low or high) - 1, -1) if span else ()
+            bits += [f"{name}[{number}]" for number in numbers] if span else [name]
+        value = f"{int(found[2], 16):0{len(bits)}b}"
+        return "\n".join(f"  assign {bit} = 1'b{level};" for bit, level in zip(bits, value, strict=True))
+
+    return re.sub(r"^  assign (\{[^\\}]*\}|\w+\[\d+:\d+\]) = \d+'h([0-9a-f]+);", each, verilog, flags=re.MULTILINE)
 
 
 def _blocks(source: str, top: str) -> list[str]:

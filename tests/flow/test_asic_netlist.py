@@ -10,7 +10,7 @@ import pytest
 
 from flow.asic import gating
 from flow.asic.library import Library, read
-from flow.asic.synthesis import netlist
+from flow.asic.synthesis import netlist, single_bits
 from model.config import ReadoutConfig
 from model.errors import InputError
 from rtl.gates import count_gates
@@ -116,3 +116,9 @@ def test_a_library_that_does_not_do_is_one_sentence(text: str, sentence: str, tm
 def test_a_library_without_the_gates_for_the_readout_is_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"^the cell library .* does not do: the readout needs .* \(Yosys: .*\)$"):
         netlist(CONFIG, quills(tmp_path, without=("HOOT", "NEITHER", "UNLESS")))
+
+
+def test_constants_are_assigned_bit_by_bit() -> None:
+    before = "  assign { a[5:4], b, c[7] } = 4'h9;\n  assign d[1:0] = 2'h2;\n  assign e = f;\n"
+    after = "  assign a[5] = 1'b1;\n  assign a[4] = 1'b0;\n  assign b = 1'b0;\n  assign c[7] = 1'b1;\n"
+    assert single_bits(before) == after + "  assign d[1] = 1'b1;\n  assign d[0] = 1'b0;\n  assign e = f;\n"
