@@ -133,6 +133,7 @@ def asic(
     fast: Annotated[Path | None, typer.Option(help="the same cells at the fast corner")] = None,
     readout: Annotated[str, typer.Option(metavar="spiking|frame", help="which readout")] = "spiking",
     name: Annotated[str, typer.Option(help="of the run and its folder [made of the configuration]")] = "",
+    energy: Annotated[bool, typer.Option("--energy", help="idle power and energies too, by simulation")] = False,
     out: Annotated[Path, typer.Option("-o", "--out", help="folder of the run's folder")] = Path("out/asic"),
 ) -> None:
     """Make a gated netlist of a cell library, prove and check it, and say what it costs; exit code 1 if a check fails.
@@ -151,6 +152,10 @@ def asic(
     chosen = FrameConfig(readout=config, **own) if readout == "frame" else config
     corners = {"typical": lib} | {corner: at for corner, at in (("slow", slow), ("fast", fast)) if at}
     found = report.run(chosen, corners, name, lambda stage: print(stage, flush=True))
+    if energy:
+        from flow.power.results import energies
+
+        found.more.update(energies(chosen, found.netlist.text, lib))
     print(found.write(out, report.command_of(chosen, corners)))
     proof = found.equivalence
     print(f"equivalent to the RTL: {proof.proved} of {proof.of} points proved")
@@ -159,6 +164,51 @@ def asic(
     print(found.closing_line())
     if found.problems:
         raise typer.Exit(1)
+
+
+@app.command()
+@with_config
+def power(
+    config: ReadoutConfig,
+    lib: Annotated[list[Path], typer.Option(help="cell library (.lib), once for each")],
+    three: Annotated[bool, typer.Option("--three", help="analog LCS, N-LCS and frames of this array instead")] = False,
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder for the results, JSON")] = Path("out/gatepower"),
+) -> None:
+    """Power of gated netlists from what they do in simulation, without and with wires, computed in two ways."""
+    from flow.power.measure import Disagreement
+    from flow.power.results import designs, write
+    from model.cli.tables import new_table, show
+    from model.files import origin
+
+    chosen: dict[str, ReadoutConfig | FrameConfig] = {str(config.encoding): config}
+    if three:
+        chosen = designs(config)
+    words = [f"LIB={path.name}" for path in lib] + ["THREE=1"] * three
+    heads = ("readout", "library", "wires", "idle nW", "leakage nW", "pJ an event", "lone", "texture", "OpenSTA/tables")
+    table = new_table(heads, "Power of the logic: per taxel, and per event beside that")
+    said = origin(" ".join(["make gatepower", f"ROWS={config.rows} COLUMNS={config.columns}", *words]))
+    try:
+        for path in lib:
+            write(chosen, path, out, said, lambda result: table.add_row(*_power_row(result)))
+    except Disagreement as apart:
+        print(apart)
+        raise typer.Exit(1) from None
+    show(table)
+
+
+def _power_row(result: dict[str, Any]) -> list[str]:
+    """Return a line of the table of a result."""
+    energies = [result.get(f"energy_per_{name}event_j") for name in ("", "lone_", "texture_")]
+    ratios = [stretch["agreement"] for stretch in result["scenarios"].values()]
+    return [
+        f"{result['readout']} {result['frontend']}".strip(),
+        result["process"],
+        "estimated" if result["pitch_um"] else "none",
+        f"{1e9 * result['idle_w_per_taxel']:.1f}",
+        f"{1e9 * result['leakage_w_per_taxel']:.1f}",
+        *("" if energy is None else f"{1e12 * energy:.2f}" for energy in energies),
+        f"{min(ratios):.3f} to {max(ratios):.3f}",
+    ]
 
 
 def _hunt(block: str) -> Iterator[tuple[Mutant, set[str]]]:

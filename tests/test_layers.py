@@ -38,6 +38,7 @@ LAYERS = {
         "verilog",
         "delivery",
         "gates",
+        "power",
         "__main__",
     ),
     "flow": (
@@ -54,6 +55,7 @@ LAYERS = {
         "asic.structure",
         "asic.report",
         "gates",
+        "power",
         "__main__",
     ),
     "snn": (

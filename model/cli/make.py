@@ -94,6 +94,11 @@ TARGETS = {
         "flow asic",
         ("asic",),
     ),
+    "gatepower": Target(
+        "power of gated netlists from what they do, in two ways [LIB=cells.lib ENCODING= THREE=1 OUT=]",
+        "flow power",
+        ("sim", "asic"),
+    ),
     "formal": Target(
         "prove what the RTL promises, block by block [BLOCK= SMALL=1 MUTANTS=1 OUT=]",
         "flow formal",

@@ -36,6 +36,8 @@ class SynthesisReport:
         Power of clock tree and flops while nothing happens, per hertz of clock (J per clock).
     energy_per_event_j : float
         What one event adds, in joules; for ``frame``, one sample.
+    energy_per_lone_event_j : float
+        What an event adds where it is alone; 0 for the same. Between the two it goes by the share of busy clocks.
     process : str
         Technology, for the tables.
     supply_v : float
@@ -50,6 +52,7 @@ class SynthesisReport:
     leakage_w: float
     clock_power_w_per_hz: float
     energy_per_event_j: float
+    energy_per_lone_event_j: float = 0.0
     process: str = ""
     supply_v: float = 1.0
 
@@ -85,7 +88,11 @@ class SynthesisReport:
 
         clock_hz = np.maximum(self.clock_hz, event_rate_hz)
         scale = taxels / (self.rows * self.columns)
-        return scale * (self.leakage_w + self.clock_power_w_per_hz * clock_hz) + self.energy_per_event_j * event_rate_hz
+        alone = self.energy_per_lone_event_j or self.energy_per_event_j
+        # Of all ways between the two, one in which more events never draw less.
+        more = alone / self.energy_per_event_j - 1 if self.energy_per_event_j else 0.0
+        energy_j = alone / (1 + more * event_rate_hz / clock_hz)
+        return scale * (self.leakage_w + self.clock_power_w_per_hz * clock_hz) + energy_j * event_rate_hz
 
     @classmethod
     def from_dict(cls, values: Any) -> SynthesisReport:

@@ -300,6 +300,16 @@ def test_digital_power_is_the_published_energy_per_event_or_that_of_the_netlist(
 def test_a_netlist_is_scaled_by_taxels_and_clocked_as_fast_as_its_events():
     assert float(REPORT.power_w(128, 0.0)) == pytest.approx(2 * (1e-7 + 1e-6))
     assert float(REPORT.power_w(64, 4e6)) == pytest.approx(1e-7 + 4e-6 + 4e-7)
+
+
+def test_a_lone_event_may_cost_more_and_more_events_never_draw_less():
+    report = dataclasses.replace(REPORT, energy_per_lone_event_j=3 * REPORT.energy_per_event_j)
+    rates = np.linspace(0, 2 * REPORT.clock_hz, 50)
+    assert (np.diff(report.power_w(64, rates)) > 0).all()
+    few, many = 1.0, 4 * REPORT.clock_hz
+    idle = float(report.power_w(64, 0.0))
+    assert float(report.power_w(64, few)) - idle == pytest.approx(3 * REPORT.energy_per_event_j, rel=1e-4)
+    assert float(report.power_w(64, many)) == pytest.approx(float(REPORT.power_w(64, many)))
     frame = dataclasses.replace(REPORT, readout="frame")
     model = PowerModel(corrections=frozenset({"digital"}), gates={"frame": frame})
     samples_hz = 2 * 10e3 * 64

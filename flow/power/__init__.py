@@ -1,0 +1,1 @@
+"""Power of a netlist from what its nets do."""

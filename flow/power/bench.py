@@ -1,0 +1,89 @@
+"""Plays scenarios into a netlist and reads what its nets did; the events are held to the model's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from cocotb_tests.bench.readout import EventMonitor, StimulusDriver
+from cocotb_tests.session.simulator import HARNESS, shape
+from flow.gates import icarus
+from flow.gates.netlist import FlatNetlist
+from flow.power.activity import HALF_NS, Activity, first_time, read_vcd
+from flow.power.scenarios import Scenario
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.events.compare import first_difference
+
+DUMP = "activity.vcd"
+
+PLAYER = """`timescale 1ns / 1ns
+module play;
+  harness #(%(parameters)s) h ();
+  initial begin
+    #1 h.go = 1;
+    @(posedge h.running);
+    #%(before)d $dumpfile("%(file)s"); $dumpvars(1, h.dut);
+    #%(inside)d $dumpoff;
+    wait (h.done == 1);
+    #8 $display("%%0d", h.errors);
+    $finish;
+  end
+endmodule
+"""
+
+
+def play(scenario: Scenario, config: ReadoutConfig, netlist: FlatNetlist, cells: str, folder: Path) -> Activity:
+    """Play a scenario and return what all nets did in its window.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    config : ReadoutConfig
+    netlist : FlatNetlist
+    cells : str
+        Verilog of its cells.
+    folder : Path
+        Where the simulation runs.
+
+    Raises
+    ------
+    InputError
+        If the netlist sends other events than the model, or none where some are due.
+    """
+    # Clock 0 ends at the edge 8 ns after `running` rises; the dump begins with the falling edge before its window.
+    first_edge = 2 * HALF_NS * (scenario.start + 1)
+    macros, parameters = shape(config)
+    player = PLAYER % {
+        "parameters": ", ".join(f".{name}({value})" for name, value in parameters.items()),
+        "before": first_edge - HALF_NS - 1,
+        "inside": 2 * HALF_NS * scenario.clocks + 6,
+        "file": DUMP,
+    }
+    StimulusDriver(config, folder).write(scenario.stimulus)
+    texts = [_defined(macros, netlist) + HARNESS.read_text(), netlist.verilog(), cells, player]
+    errors = int(icarus.run(texts, "play", folder).split()[-1])
+    _hold_to_model(scenario, EventMonitor(config, folder).read(), errors)
+    path = folder / DUMP
+    start = first_time(path) + HALF_NS + 1
+    activity = read_vcd(path, start, scenario.clocks, netlist.nets)
+    path.unlink()
+    return activity
+
+
+def _defined(macros: dict[str, str], netlist: FlatNetlist) -> str:
+    """Return macros as Verilog, with that of the port that only netlists have."""
+    if any(port.name == "test_enable" for port in netlist.ports):
+        macros = macros | {"TEST_ENABLE": "1"}
+    return "".join(f"`define {name} {value}\n" for name, value in macros.items())
+
+
+def _hold_to_model(scenario: Scenario, events: Any, errors: int) -> None:
+    """Refuse a run whose events are not those of the model."""
+    if difference := first_difference(scenario.events, events):
+        raise InputError(
+            f"{scenario.name}: the netlist does not do what the model does: "
+            f"{difference.describe(('model', 'netlist'))}; its power would mean nothing"
+        )
+    if errors:
+        raise InputError(f"{scenario.name}: the netlist breaks the protocol of its link {errors} times")

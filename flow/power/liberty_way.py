@@ -1,0 +1,207 @@
+"""Power of a netlist from the library's tables: leakage by state, energies by slew and load, C V^2 of the nets."""
+
+from __future__ import annotations
+
+import graphlib
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from flow.gates.liberty import CellLibrary
+from flow.gates.netlist import Cell, FlatNetlist
+from flow.power.activity import Activity
+from flow.power.tables import FALL, RISE, Arc, Bits, CellTables, Energy, condition
+
+INPUT_SLEW_S = 0.1e-9
+"""Transition time at the inputs of the netlist."""
+OTHER = {RISE: FALL, FALL: RISE}
+
+
+@dataclass
+class LibertyWay:
+    """A netlist with its loads and slews.
+
+    Attributes
+    ----------
+    netlist : FlatNetlist
+    library : CellLibrary
+    wires_f : dict of str to float
+        Capacitance of the wire of every net.
+    """
+
+    netlist: FlatNetlist
+    library: CellLibrary
+    wires_f: dict[str, float]
+    tables: dict[str, CellTables] = field(init=False)
+    load_f: dict[str, float] = field(init=False)
+    slew_s: dict[str, dict[str, float]] = field(init=False)
+
+    def __post_init__(self) -> None:
+        kinds = {cell.kind for cell in self.netlist.cells}
+        self.tables = {cell.name: CellTables.read(self.library, cell) for cell in self.library.used(kinds)}
+        self.load_f = dict(self.wires_f)
+        for cell in self.netlist.cells:
+            for pin, value in self.tables[cell.kind].capacitance_f.items():
+                if pin in cell.pins:
+                    self.load_f[cell.pins[pin]] = self.load_f.get(cell.pins[pin], 0.0) + value
+        self.slew_s = self._slews()
+
+    # -- slews -----------------------------------------------------------------------------------
+
+    def _slews(self) -> dict[str, dict[str, float]]:
+        """Return rise and fall times of every net: the longest that any arc makes."""
+        driver = {net: cell for cell in self.netlist.cells for net in self._driven(cell)}
+        before = {}
+        for cell in self.netlist.cells:
+            arcs = self._arcs(cell)
+            latch = self.tables[cell.kind].cell.group.get_groups("latch")
+            clock = set(self.tables[cell.kind].cell.clock_pins)
+            related = {arc.related for arc in arcs if not latch or arc.related in clock}  # a latch ends a path
+            nets = {cell.pins[pin] for pin in related if pin in cell.pins}
+            before[cell.name] = {driver[net].name for net in nets if net in driver}
+        named = {cell.name: cell for cell in self.netlist.cells}
+        slews: dict[str, dict[str, float]] = {}
+        for name in graphlib.TopologicalSorter(before).static_order():
+            for pin, net in self._outputs(named[name]).items():
+                slews[net] = self._slew(named[name], pin, slews)
+        return slews
+
+    def _slew(self, cell: Cell, pin: str, slews: dict[str, dict[str, float]]) -> dict[str, float]:
+        load = self.load_f.get(cell.pins[pin], 0.0)
+        found = {RISE: 0.0, FALL: 0.0}
+        for arc in self.tables[cell.kind].arcs.get(pin, []):
+            given = slews.get(cell.pins.get(arc.related, ""), {})
+            for edge, table in arc.tables.items():
+                for source in _sources(arc, edge):
+                    found[edge] = max(found[edge], table.at(given.get(source, INPUT_SLEW_S), load))
+        return found
+
+    def _arcs(self, cell: Cell) -> list[Arc]:
+        return [arc for pin in self._outputs(cell) for arc in self.tables[cell.kind].arcs.get(pin, [])]
+
+    def _outputs(self, cell: Cell) -> dict[str, str]:
+        names = self.tables[cell.kind].cell.of_direction("output")
+        return {pin: cell.pins[pin] for pin in names if pin in cell.pins}
+
+    def _driven(self, cell: Cell) -> list[str]:
+        return list(self._outputs(cell).values())
+
+    def _slew_of(self, cell: Cell, pin: str, edge: str) -> float:
+        return self.slew_s.get(cell.pins.get(pin, ""), {}).get(edge, INPUT_SLEW_S)
+
+    # -- power -----------------------------------------------------------------------------------
+
+    def power_w(self, activity: Activity, clock_hz: float) -> dict[str, tuple[float, float, float]]:
+        """Return internal, switching and leakage power of every cell in watts."""
+        return {cell.name: self._power(cell, activity, clock_hz) for cell in self.netlist.cells}
+
+    def inputs_w(self, activity: Activity, clock_hz: float) -> float:
+        """Return what drives the nets at the inputs of the netlist, clock and reset too: C V^2 / 2 a toggle."""
+        nets = {net for port in self.netlist.ports if port.direction == "input" for net in port.nets}
+        return sum(self._switching(net, activity) for net in nets) * clock_hz
+
+    def stateless_w(self) -> float:
+        """Return the leakage of all cells where nothing is known of their states."""
+        return sum(self.tables[cell.kind].leakage_w for cell in self.netlist.cells)
+
+    def _switching(self, net: str, activity: Activity) -> float:
+        return 0.5 * self.load_f.get(net, 0.0) * self.library.supply_v**2 * activity.toggles(net)
+
+    def _power(self, cell: Cell, activity: Activity, clock_hz: float) -> tuple[float, float, float]:
+        tables = self.tables[cell.kind]
+        bits = {pin: _bits(net, activity) for pin, net in cell.pins.items()}
+        outputs = self._outputs(cell)
+        switching = sum(self._switching(net, activity) for net in outputs.values())
+        internal = 0.0
+        for pin in cell.pins:
+            if tables.energies.get(pin) and len(bits[pin]) > 1:
+                internal += self._internal(cell, pin, bits, pin in outputs) / activity.clocks
+        return internal * clock_hz, switching * clock_hz, self._leakage(tables, bits)
+
+    def _leakage(self, tables: CellTables, bits: dict[str, Bits]) -> float:
+        """Return the mean leakage over the states of a cell."""
+        if not tables.states:
+            return tables.leakage_w
+        known = _with_outputs(tables, bits)
+        total, share = 0.0, 0.0
+        for when, power in tables.states:
+            part = float(np.mean(condition(when)(known)))
+            total += part * power
+            share += part
+        return total / share if share > 0.999 else total + (1 - share) * tables.leakage_w
+
+    def _internal(self, cell: Cell, pin: str, bits: dict[str, Bits], output: bool) -> float:
+        """Return the energy that the changes of a pin cost inside the cell, in joules."""
+        tables = self.tables[cell.kind]
+        clocks = set(tables.cell.clock_pins)
+        after, before = bits[pin][1:], bits[pin][:-1]
+        known = _with_outputs(tables, bits)
+        # What a clock meets is what stood there before its edge; data changes under the clock that is there after it.
+        shown = {
+            name: values if len(values) == 1 else (values[:-1] if pin in clocks and name != pin else values[1:])
+            for name, values in known.items()
+        }
+        energy = 0.0
+        for edge, changed in ((RISE, after & ~before), (FALL, before & ~after)):
+            if changed.any():
+                groups = [group for group in tables.energies[pin] if edge in group.tables]
+                energy += self._of_edge(cell, pin, edge, groups, (changed, shown, bits, output))
+        return energy
+
+    def _of_edge(
+        self,
+        cell: Cell,
+        pin: str,
+        edge: str,
+        groups: list[Energy],
+        seen: tuple[Bits, dict[str, Bits], dict[str, Bits], bool],
+    ) -> float:
+        """Return the energy of all rises or falls of a pin: that of the group which fits each, or the mean of those."""
+        changed, shown, bits, output = seen
+        at = np.flatnonzero(changed)
+        total, count = np.zeros(len(at)), np.zeros(len(at))
+        spare, spares = np.zeros(len(at)), 0
+        load = self.load_f.get(cell.pins[pin], 0.0)
+        for group in groups:
+            value = self._value(cell, pin, edge, group, load if output else 0.0)
+            holds = np.ones(len(at), bool)
+            if group.when:
+                holds &= np.broadcast_to(condition(group.when)(shown), changed.shape)[at]
+            if output and group.related:
+                moved = [bits[name] for name in group.related if len(bits.get(name, ())) > 1]
+                holds &= np.any([m[1:][at] != m[:-1][at] for m in moved], axis=0) if moved else False
+            if group.when or output:
+                total += holds * value
+                count += holds
+            if not group.when or output:
+                spare, spares = spare + value, spares + 1
+        default = spare / spares if spares else spare
+        return float(np.where(count > 0, total / np.maximum(count, 1), default).sum())
+
+    def _value(self, cell: Cell, pin: str, edge: str, group: Energy, load: float) -> float:
+        """Return the energy of one change by the group's table; the slew is that of the causing pin, or its own."""
+        if not group.related:
+            return group.tables[edge].at(self._slew_of(cell, pin, edge), load)
+        values = []
+        for related in group.related:
+            arcs = [arc for arc in self.tables[cell.kind].arcs.get(pin, []) if arc.related == related]
+            sources = {s for arc in arcs for s in _sources(arc, edge)} or {edge}
+            values += [group.tables[edge].at(self._slew_of(cell, related, s), load) for s in sources]
+        return sum(values) / len(values)
+
+
+def _sources(arc: Arc, edge: str) -> tuple[str, ...]:
+    """Return the edges of an input that make an edge of an output."""
+    if arc.edge:
+        return (arc.edge,)
+    return {"positive_unate": (edge,), "negative_unate": (OTHER[edge],)}.get(arc.sense, (RISE, FALL))
+
+
+def _bits(net: str, activity: Activity) -> Bits:
+    """Return the values of a net, or of a constant."""
+    return np.array([net == "1'b1"]) if net.startswith("1'b") else activity.values[net]
+
+
+def _with_outputs(tables: CellTables, bits: dict[str, Bits]) -> dict[str, Bits]:
+    """Return the values of all pins that a condition may name, those of unconnected outputs as low."""
+    return {pin: bits.get(pin, np.zeros(1, bool)) for pin in tables.cell.pins}

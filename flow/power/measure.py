@@ -1,0 +1,203 @@
+"""Power of a gated netlist from what it does: idle, a lone event, an event in every clock, a texture; in two ways."""
+
+from __future__ import annotations
+
+import tempfile
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from flow.gates.liberty import CellLibrary
+from flow.gates.models import models
+from flow.gates.netlist import FlatNetlist, read
+from flow.power import frames
+from flow.power.activity import Activity
+from flow.power.bench import play
+from flow.power.liberty_way import LibertyWay
+from flow.power.scenarios import IDLE, LONE, SATURATED, TEXTURE, scenarios
+from flow.power.sta_way import StaWay
+from flow.power.wires import Wires, block_of
+from model.config import ReadoutConfig
+from model.frame_config import FrameConfig
+
+MOST_APART = 0.05
+"""How far the two ways may lie apart, of the power of all cells."""
+
+
+class Disagreement(Exception):  # the outcome that is looked for, not a defect of the program
+    """The two ways of computing power lie too far apart; the text says where."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """What a netlist draws in a scenario.
+
+    Attributes
+    ----------
+    clocks, events : int
+        Of the window; for frames, samples.
+    internal_w, switching_w, leakage_w, inputs_w : float
+        By the library's tables: inside cells, for their loads, leakage by state, and the nets of the inputs.
+    by_opensta_w : float
+        All cells, by OpenSTA.
+    agreement : float
+        Of that with the tables', leakage there without states too, as OpenSTA has it.
+    blocks : dict of str to float
+        Power of the cells of every block.
+    """
+
+    clocks: int
+    events: int
+    internal_w: float
+    switching_w: float
+    leakage_w: float
+    inputs_w: float
+    by_opensta_w: float
+    agreement: float
+    blocks: dict[str, float]
+
+    @property
+    def power_w(self) -> float:
+        """All of it."""
+        return self.internal_w + self.switching_w + self.leakage_w + self.inputs_w
+
+
+@dataclass
+class Ways:
+    """A netlist with both ways to its power.
+
+    Attributes
+    ----------
+    tables : LibertyWay
+    opensta : StaWay
+    clock_hz : float
+    """
+
+    tables: LibertyWay
+    opensta: StaWay
+    clock_hz: float
+
+    def stretch(self, name: str, activity: Activity, events: int) -> Stretch:
+        """Return what the netlist draws with an activity.
+
+        Raises
+        ------
+        Disagreement
+            If the two ways lie more than ``MOST_APART`` apart.
+        """
+        own = self.tables.power_w(activity, self.clock_hz)
+        internal, switching, leakage = (sum(power[part] for power in own.values()) for part in range(3))
+        other = sum(sum(power) for power in self.opensta.power_w(activity, self.clock_hz).values())
+        agreement = other / (internal + switching + self.tables.stateless_w())
+        if abs(agreement - 1) > MOST_APART:
+            raise Disagreement(
+                f"{name}: OpenSTA and the library's tables differ by {100 * (agreement - 1):+.1f} %, "
+                f"{1e6 * other:.4g} and {1e6 * (internal + switching + self.tables.stateless_w()):.4g} uW; "
+                f"at most {100 * MOST_APART:.0f} % are allowed"
+            )
+        blocks: Counter[str] = Counter()
+        for cell in self.tables.netlist.cells:
+            blocks[block_of(cell.place)] += sum(own[cell.name])  # type: ignore[assignment]
+        inputs = self.tables.inputs_w(activity, self.clock_hz)
+        return Stretch(
+            activity.clocks,
+            events,
+            internal,
+            switching,
+            leakage,
+            inputs,
+            other,
+            agreement,
+            dict(sorted(blocks.items())),
+        )
+
+
+def measure(
+    config: ReadoutConfig | FrameConfig, text: str, library: CellLibrary, pitches_um: tuple[float, ...] = (0.0,)
+) -> list[dict[str, Any]]:
+    """Return the power of a netlist, once for every estimate of its wires.
+
+    Parameters
+    ----------
+    config : ReadoutConfig or FrameConfig
+    text : str
+        Its gated netlist, Verilog.
+    library : CellLibrary
+    pitches_um : tuple of float
+        Pitches of the taxels, which wires are estimated from; 0 for no wires.
+
+    Raises
+    ------
+    InputError
+        If the netlist does not do what the model does.
+    Disagreement
+        If the two ways of computing power lie too far apart.
+    """
+    top = "eskin_frame_readout" if isinstance(config, FrameConfig) else "eskin_readout"
+    flat = read(text, top, library.content)
+    cells = models(library, {cell.kind for cell in flat.cells})
+    with tempfile.TemporaryDirectory() as name:
+        played = _played(config, flat, cells, Path(name))
+    results = []
+    for pitch in pitches_um:
+        wires = Wires(config.rows, config.columns, pitch).capacitance_f(flat)
+        ways = Ways(LibertyWay(flat, library, wires), StaWay(flat, library, wires), config.clock_hz)
+        found = {name: ways.stretch(name, activity, events) for name, (activity, events) in played.items()}
+        results.append(_summary(config, flat, library, pitch, found))
+    return results
+
+
+def _played(
+    config: ReadoutConfig | FrameConfig, flat: FlatNetlist, cells: str, folder: Path
+) -> dict[str, tuple[Activity, int]]:
+    """Return what the nets did in each scenario, and its events."""
+    if isinstance(config, FrameConfig):
+        return frames.play(config, flat, cells, folder)
+    return {s.name: (play(s, config, flat, cells, folder), s.events_inside) for s in scenarios(config)}
+
+
+def _summary(
+    config: ReadoutConfig | FrameConfig,
+    flat: FlatNetlist,
+    library: CellLibrary,
+    pitch_um: float,
+    found: dict[str, Stretch],
+) -> dict[str, Any]:
+    """Return all results as JSON content."""
+    idle, taxels = found[IDLE], config.taxels
+
+    def energy(name: str) -> float | None:
+        """Return what an event adds to the idle readout, in joules."""
+        if name not in found:
+            return None
+        stretch = found[name]
+        return (stretch.power_w - idle.power_w) * stretch.clocks / config.clock_hz / stretch.events
+
+    readout = config.readout if isinstance(config, FrameConfig) else config
+    busy = TEXTURE if isinstance(config, FrameConfig) else SATURATED
+    total = sum(stretch.events for stretch in found.values())
+    energies = {
+        "energy_per_event_j": energy(busy),
+        "energy_per_lone_event_j": energy(LONE),
+        "energy_per_texture_event_j": energy(TEXTURE),
+    }
+    return {
+        "readout": "frame" if isinstance(config, FrameConfig) else config.encoding,
+        "frontend": "" if isinstance(config, FrameConfig) else config.frontend,
+        "rows": config.rows,
+        "columns": config.columns,
+        "resolution": readout.resolution,
+        "clock_hz": config.clock_hz,
+        "area_um2": sum(library.known.cells[cell.kind].area_um2 for cell in flat.cells),
+        "process": library.known.name,
+        "supply_v": library.supply_v,
+        "pitch_um": pitch_um,
+        "leakage_w": idle.leakage_w,
+        "clock_power_w_per_hz": (idle.power_w - idle.leakage_w) / config.clock_hz,
+        **{name: value for name, value in energies.items() if value is not None},
+        "idle_w_per_taxel": idle.power_w / taxels,
+        "leakage_w_per_taxel": idle.leakage_w / taxels,
+        "gate_level_events": {"netlist": total, "rtl": total},
+        "scenarios": {name: vars(stretch) | {"power_w": stretch.power_w} for name, stretch in found.items()},
+    }

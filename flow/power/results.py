@@ -1,0 +1,92 @@
+"""Results of the power of netlists: what ``make asic`` adds to its report, and the files that the power model reads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from flow.asic.synthesis import netlist
+from flow.gates.liberty import CellLibrary
+from flow.power.measure import measure
+from model.config import ReadoutConfig
+from model.files import write_json
+from model.frame_config import FrameConfig
+
+IN_REPORT = (
+    "idle_w_per_taxel",
+    "leakage_w_per_taxel",
+    "energy_per_event_j",
+    "energy_per_lone_event_j",
+    "energy_per_texture_event_j",
+    "gate_level_events",
+)
+PITCH_UM = 200.0
+FRAME_RATE_HZ = 200.0
+"""Of the frames whose power is kept: a little over twice the 97 Hz below which textures have 99 % of their power."""
+
+
+def energies(config: ReadoutConfig | FrameConfig, text: str, library: Path) -> dict[str, Any]:
+    """Return what the report of a netlist says of its power: at the cells, and with estimated wires.
+
+    Parameters
+    ----------
+    config : ReadoutConfig or FrameConfig
+    text : str
+        The gated netlist, Verilog.
+    library : Path
+    """
+    bare, wired = measure(config, text, CellLibrary.read(library), (0.0, PITCH_UM))
+    chosen: dict[str, Any] = {name: bare[name] for name in IN_REPORT if name in bare}
+    return chosen | {
+        "power": bare["scenarios"],
+        "with_wires": {name: wired[name] for name in IN_REPORT[:-1] if name in wired},
+    }
+
+
+def designs(config: ReadoutConfig) -> dict[str, ReadoutConfig | FrameConfig]:
+    """Return the readouts that the power model compares, by their names: events from analog taxels, and frames."""
+    slow = config.replace(encoding="lcs", frontend="digital", link="stream", sample_rate_hz=FRAME_RATE_HZ)
+    return {
+        "lcs": config.replace(encoding="lcs", frontend="analog"),
+        "nlcs": config.replace(encoding="nlcs", frontend="analog"),
+        "frame": FrameConfig(readout=slow),
+    }
+
+
+def name_of(result: dict[str, Any]) -> str:
+    """Return the name of the file of a result."""
+    front = "".join(f"-{result['frontend']}" if result["frontend"] else "")
+    wires = "-wires" if result["pitch_um"] else ""
+    return f"{result['readout']}{front}-{result['rows']}x{result['columns']}-{result['process']}{wires}"
+
+
+def write(
+    chosen: dict[str, ReadoutConfig | FrameConfig],
+    library: Path,
+    folder: Path,
+    origin: dict[str, str],
+    on_result: Callable[[dict[str, Any]], None],
+) -> list[Path]:
+    """Measure designs without and with wires, and write a file of each; return their paths.
+
+    Parameters
+    ----------
+    chosen : dict of str to configuration
+    library : Path
+    folder : Path
+        Made if need be.
+    origin : dict of str to str
+        Command, commit and date.
+    on_result : callable
+        Called with each result.
+    """
+    whole, paths = CellLibrary.read(library), []
+    folder.mkdir(parents=True, exist_ok=True)
+    for config in chosen.values():
+        made = netlist(config, whole.known)
+        for result in measure(config, made.text, whole, (0.0, PITCH_UM)):
+            paths.append(folder / f"{name_of(result)}.json")
+            write_json(paths[-1], origin | result)
+            on_result(result)
+    return paths

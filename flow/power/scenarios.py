@@ -1,0 +1,135 @@
+"""What a readout is made to do while its power is measured: nothing, one event, an event in every clock, a texture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cocotb_tests.bench.textures import scan
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.events.address import Events
+from model.readout import Stimulus, simulate
+
+IDLE, LONE, SATURATED, TEXTURE = "idle", "lone", "saturated", "texture"
+TEXTURE_START = 60
+"""Sample tick of a scan at which its window begins: the sensor has settled."""
+LONE_TICKS = 16
+MOST_SATURATED = 512
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A stimulus, and the clocks of it in which power is measured.
+
+    Attributes
+    ----------
+    name : "idle", "lone", "saturated" or "texture"
+    stimulus : Stimulus
+    start, clocks : int
+        The window.
+    events : Events
+        The model's, of the whole run.
+    """
+
+    name: str
+    stimulus: Stimulus
+    start: int
+    clocks: int
+    events: Events
+
+    @property
+    def events_inside(self) -> int:
+        """Events of the window."""
+        return int(np.count_nonzero((self.events["t"] >= self.start) & (self.events["t"] < self.start + self.clocks)))
+
+
+def scenarios(config: ReadoutConfig, ticks: int = 30) -> list[Scenario]:
+    """Return the four scenarios of a readout.
+
+    Parameters
+    ----------
+    config : ReadoutConfig
+    ticks : int
+        Sample ticks of the texture that are measured.
+    """
+    return [_idle(config), _lone(config), _saturated(config), _texture(config, ticks)]
+
+
+def _run(config: ReadoutConfig, samples: NDArray[np.integer], spare: int = 0) -> tuple[Stimulus, Events]:
+    """Return a stimulus and its events; after its last sample it goes on for some periods."""
+    clocks = (len(samples) + spare) * config.clocks_per_sample
+    stimulus = Stimulus.from_samples(config, samples, clocks=clocks)
+    return stimulus, simulate(config, stimulus)
+
+
+def texture_samples(config: ReadoutConfig, ticks: int) -> NDArray[np.int32]:
+    """Return samples of the first embedded texture, shape (ticks, taxels), from where the sensor has settled."""
+    found = scan(config.rows, config.columns, config.sample_bits, 0)[TEXTURE_START:]
+    return found[np.arange(ticks) % len(found)]
+
+
+def _idle(config: ReadoutConfig, ticks: int = 10) -> Scenario:
+    """Samples that arrive at their rate and do not change; nothing is pending.
+
+    They are a little off zero where the encoder keeps still there, else zero.
+    """
+    level = (
+        texture_samples(config, 1) % config.step if config.encoding == "lcs" else np.zeros((1, config.taxels), np.int32)
+    )
+    stimulus, events = _run(config, level.repeat(2 + ticks, axis=0))
+    assert not len(events)
+    return Scenario(IDLE, stimulus, 2 * config.clocks_per_sample, ticks * config.clocks_per_sample, events)
+
+
+def _lone(config: ReadoutConfig) -> Scenario:
+    """One taxel at a time crosses a level, each when all is quiet: some LSB up, and back at its next turn."""
+    samples = np.zeros((2 * LONE_TICKS + 2, config.taxels), np.int32)
+    order = np.arange(LONE_TICKS) * 7 % config.taxels if config.taxels % 7 else np.arange(LONE_TICKS) % config.taxels
+    for number, taxel in enumerate(order):
+        at = 2 + 2 * number
+        if config.encoding == "nlcs":  # its reference leaks: it fires once, and rests before it would again
+            samples[at, taxel] = 2 * config.step
+        else:
+            samples[at:, taxel] = config.step if samples[at - 1, taxel] <= 0 else -1
+    stimulus, events = _run(config, samples, spare=1)
+    start = 2 * config.clocks_per_sample
+    chosen = Scenario(LONE, stimulus, start, stimulus.clocks - start, events)
+    if not chosen.events_inside:
+        raise InputError("no lone event: the window period is too short for one; choose a longer one")
+    return chosen
+
+
+def _saturated(config: ReadoutConfig) -> Scenario:
+    """All taxels far from their references: the link sends what it can in every clock."""
+    levels = config.full_scale // config.step
+    ticks = 2 + -(-levels * config.taxels // config.clocks_per_sample)
+    stimulus, events = _run(config, np.full((ticks, config.taxels), config.full_scale - 1, np.int32), spare=1)
+    pace = 1 if config.link == "stream" else 8
+    run = _longest(events["t"], pace)
+    start, clocks = run[0] + 8, min(run[1] - run[0] - 16, MOST_SATURATED)
+    if clocks < 8:
+        raise InputError(f"resolution {config.resolution} is too low for a saturated stretch; choose a higher one")
+    return Scenario(SATURATED, stimulus, start, clocks, events)
+
+
+def _longest(times: NDArray[np.int64], pace: int) -> tuple[int, int]:
+    """Return first and last time of the longest stretch in which events follow each other within some clocks."""
+    breaks = np.flatnonzero(np.diff(times) > pace)
+    first = np.concatenate([[0], breaks + 1])
+    last = np.concatenate([breaks, [len(times) - 1]])
+    best = int(np.argmax(times[last] - times[first]))
+    return int(times[first[best]]), int(times[last[best]])
+
+
+def _texture(config: ReadoutConfig, ticks: int) -> Scenario:
+    """A scan of the first embedded texture, less its first samples: the readout need not catch up with these first."""
+    lead = 2
+    samples = texture_samples(config, lead + ticks)
+    stimulus, events = _run(config, np.clip(samples - samples[0], -config.full_scale, config.full_scale - 1))
+    chosen = Scenario(TEXTURE, stimulus, lead * config.clocks_per_sample, ticks * config.clocks_per_sample, events)
+    if not chosen.events_inside:
+        raise InputError(f"no event in {ticks} samples of the texture; measure more of them")
+    return chosen

@@ -1,0 +1,81 @@
+"""Estimated wires, from the pitch of the taxels; a layout has others."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from flow.gates.netlist import FlatNetlist
+
+FARAD_PER_UM = 0.2e-15
+"""Of a wire at minimum width in the middle layers of a 0.13 to 0.18 um process."""
+WITHIN_UM = 20.0
+"""Of a wire from a cell to the next in the same block, for every pin on it."""
+TAXEL = re.compile(r"\brow_(\d+)\b(?:.*?\btaxel_(\d+)\b)?")
+
+
+@dataclass(frozen=True)
+class Wires:
+    """How long wires are.
+
+    Attributes
+    ----------
+    rows, columns : int
+    pitch_um : float
+        Of the taxels; 0 for no wires at all.
+    """
+
+    rows: int
+    columns: int
+    pitch_um: float
+
+    def capacitance_f(self, netlist: FlatNetlist) -> dict[str, float]:
+        """Return the capacitance of the wire of every net.
+
+        A net within a block has ``WITHIN_UM`` for every pin. One that leaves it spans half the box around its blocks:
+        a row lies along the array with its taxels spread over it, all else and the ports at the middle of the left
+        edge.
+        """
+        if not self.pitch_um:
+            return {}
+        pins: dict[str, list[str]] = {}
+        for cell in netlist.cells:
+            for net in cell.pins.values():
+                pins.setdefault(net, []).append(block_of(cell.place))
+        for port in netlist.ports:
+            for net in port.nets:
+                pins.setdefault(net, []).append("port")
+        return {net: FARAD_PER_UM * self._length(places) for net, places in pins.items() if not net.startswith("1'b")}
+
+    def _length(self, places: list[str]) -> float:
+        """Return the length of a net in um."""
+        inside = WITHIN_UM * len(places)
+        blocks = set(places)
+        if len(blocks) == 1:
+            return inside
+        spots = [self._spot(block) for block in blocks]
+        width = max(x for x, _ in spots) - min(x for x, _ in spots)
+        height = max(y for _, y in spots) - min(y for _, y in spots)
+        return inside + self.pitch_um * (width + height)
+
+    def _spot(self, block: str) -> tuple[float, float]:
+        """Return where a block lies, in pitches."""
+        found = TAXEL.match(block)
+        if not found:
+            return 0.0, self.rows / 2
+        column = float(found[2]) if found[2] else (self.columns - 1) / 2
+        return column + 0.5, float(found[1]) + 0.5
+
+
+def block_of(place: str) -> str:
+    """Return the block of a cell: the taxel or row that it stands in, else its own first part, else the top.
+
+    Examples
+    --------
+    >>> block_of("row_3.taxel_1._12_"), block_of("row_3._7_"), block_of("arbiter._1_"), block_of("_9_")
+    ('row_3.taxel_1', 'row_3', 'arbiter', 'top')
+    """
+    parts = place.split(".")
+    if len(parts) == 1:
+        return "top"
+    return ".".join(parts[:2]) if len(parts) > 2 and parts[1].startswith("taxel_") else parts[0]

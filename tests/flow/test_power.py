@@ -1,0 +1,164 @@
+"""Power of a netlist from what its nets do: two ways that agree, and what makes them disagree."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flow.gates.liberty import CellLibrary
+from flow.power import measure as measuring
+from flow.power.activity import Activity, read_vcd
+from flow.power.liberty_way import LibertyWay
+from flow.power.measure import Disagreement, Ways, measure
+from flow.power.results import energies, name_of
+from flow.power.scenarios import IDLE, LONE, SATURATED, scenarios
+from flow.power.sta_way import StaWay
+from flow.power.wires import Wires
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.power.synthesis import SynthesisReport
+from tests.flow import quill
+from tests.flow.test_gates import Made, make
+
+CONFIG = ReadoutConfig(rows=1, columns=2, resolution=5)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    path = tmp_path_factory.mktemp("quill") / "quill.lib"
+    path.write_text(quill.library())
+    return make(CONFIG, path)
+
+
+@pytest.fixture(scope="module")
+def results(made: Made) -> list[dict[str, Any]]:
+    return measure(CONFIG, made.netlist.text, made.library, (0.0, 200.0))
+
+
+def test_both_ways_agree_and_energies_are_those_of_their_events(results: list[dict[str, Any]]) -> None:
+    bare, wired = results
+    for result in results:
+        for stretch in result["scenarios"].values():
+            assert stretch["agreement"] == pytest.approx(1, abs=0.02)
+        assert result["idle_w_per_taxel"] > result["leakage_w_per_taxel"] > 0
+        assert result["energy_per_lone_event_j"] > 0
+        assert result["energy_per_event_j"] > 0
+    busy = bare["scenarios"][SATURATED]
+    assert busy["events"] == busy["clocks"]
+    assert bare["scenarios"][IDLE]["events"] == 0
+    assert bare["scenarios"][LONE]["events"] == 16
+    assert wired["leakage_w"] == bare["leakage_w"]
+    assert wired["energy_per_event_j"] > 1.2 * bare["energy_per_event_j"]
+    assert math.isclose(sum(busy["blocks"].values()), busy["power_w"] - busy["inputs_w"], rel_tol=1e-9)
+
+
+def test_the_power_model_reads_what_is_written(results: list[dict[str, Any]]) -> None:
+    report = SynthesisReport.from_dict(json.loads(json.dumps(results[0])))
+    assert report.power_w(2, 0.0) == pytest.approx(2 * results[0]["idle_w_per_taxel"])
+    assert name_of(results[0]) == "lcs-digital-1x2-quill_typ"
+    assert name_of(results[1]) == "lcs-digital-1x2-quill_typ-wires"
+
+
+def test_a_wrong_number_of_toggles_is_an_error(made: Made) -> None:
+    ways = Ways(LibertyWay(made.flat, made.library, {}), StaWay(made.flat, made.library, {}), CONFIG.clock_hz)
+    steps = np.arange(2 * 50 + 1)
+    still = {net: np.zeros(1, bool) for net in made.flat.nets} | {"clk": steps % 2 == 1}
+    clocks = {cell.pins["BEATS"] for cell in made.flat.cells if cell.kind == "SLUMBER"}
+    right = Activity(50, still | dict.fromkeys(clocks, steps % 2 == 1))
+    assert ways.stretch("clocked", right, 0).agreement == pytest.approx(1, abs=0.02)
+
+    class Halved(Activity):
+        """Counts half the toggles, as a reader of dumps would that misses the falling edges."""
+
+        def toggles(self, net: str) -> float:
+            return super().toggles(net) / 2
+
+    ways.opensta = dataclasses.replace(ways.opensta)
+    original = ways.opensta.power_w
+    ways.opensta.power_w = lambda activity, hz: original(Halved(50, activity.values), hz)  # type: ignore[method-assign]
+    with pytest.raises(
+        Disagreement, match=r"^clocked: OpenSTA and the library's tables differ by -\d.* 5 % are allowed$"
+    ):
+        ways.stretch("clocked", right, 0)
+
+
+def test_energies_are_the_tables_of_the_library(made: Made) -> None:
+    """A flop that takes nothing new: two edges of its clock, at 8 fJ and 1 fJ for every ns of the slew."""
+    flop = next(cell for cell in made.flat.cells if cell.kind == "PERCH")
+    own = dataclasses.replace(made.flat, cells=(dataclasses.replace(flop, pins=flop.pins | {"BEAT": "clk"}),))
+    steps = np.arange(2 * 50 + 1)
+    values = {net: np.zeros(1, bool) for net in own.nets} | {"clk": steps % 2 == 1}
+    internal, switching, leakage = LibertyWay(own, made.library, {}).power_w(Activity(50, values), 1e6)[flop.name]
+    assert internal == pytest.approx(2 * 1e6 * (8e-15 + 0.1 * 1e-15))
+    assert switching == 0
+    assert leakage == pytest.approx(200e-12)
+
+
+def test_a_netlist_that_does_something_else_has_no_power(made: Made) -> None:
+    dead = re.sub(r"\.NEXT\([^)]*\)", ".NEXT(1'b0)", made.netlist.text)
+    assert dead != made.netlist.text
+    with pytest.raises(InputError, match="the netlist does not do what the model does"):
+        measure(CONFIG, dead, made.library)
+
+
+@pytest.mark.parametrize("encoding", ["lcs", "cw-lcs", "nlcs"])
+def test_scenarios_are_what_their_names_say(encoding: str) -> None:
+    config = ReadoutConfig(rows=2, columns=2, encoding=encoding)
+    idle, lone, saturated, texture = scenarios(config)
+    assert idle.events_inside == 0
+    assert saturated.events_inside == saturated.clocks > 100
+    assert np.diff(lone.events["t"]).min() > 8
+    assert lone.events_inside >= min(10, config.taxels)  # a leaky taxel fires once: its reference takes long to fall
+    assert 0 < texture.events_inside < texture.clocks
+
+
+def test_a_net_that_is_missing_or_unknown_in_the_dump_is_one_sentence(tmp_path: Path) -> None:
+    dump = tmp_path / "few.vcd"
+    dump.write_text(
+        "$var wire 1 ! n1 $end\n$var wire 2 $ w [1:0] $end\n$enddefinitions $end\n#0\n0!\nbx $\n#4\n1!\n#8\n0!\n"
+    )
+    seen = read_vcd(dump, 4, 1, ["n1"])
+    assert seen.values["n1"].tolist() == [False, True, False]
+    assert seen.toggles("n1") == 2
+    with pytest.raises(InputError, match=r"^the dump of the simulation has no net n2; .*$"):
+        read_vcd(dump, 4, 1, ["n2"])
+    with pytest.raises(InputError, match=r"^net w\[1\] is unknown in the simulation; reset must make all nets known$"):
+        read_vcd(dump, 4, 1, ["w[1]"])
+
+
+def test_wires_grow_with_what_they_cross(made: Made) -> None:
+    wires = Wires(1, 2, 200.0).capacitance_f(made.flat)
+    assert Wires(1, 2, 0.0).capacitance_f(made.flat) == {}
+    assert wires["rst"] > 0.2e-15 * 200
+    assert min(wires.values()) > 0
+
+
+def test_the_report_of_a_netlist_gets_its_energies(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = {}
+    content = {name: number for number, name in enumerate([*"abc"])}
+
+    def once(
+        config: ReadoutConfig, text: str, library: CellLibrary, pitches: tuple[float, ...]
+    ) -> list[dict[str, Any]]:
+        asked["pitches"] = pitches
+        return [dict.fromkeys((*results_names, "scenarios"), pitch) | content for pitch in pitches]
+
+    from flow.power import results as module
+
+    results_names = module.IN_REPORT
+    monkeypatch.setattr(module, "measure", once)
+    said = energies(CONFIG, "", made.library.known.path)
+    assert asked["pitches"] == (0.0, 200.0)
+    assert set(results_names) <= set(said)
+    assert said["with_wires"]["idle_w_per_taxel"] == 200.0
+
+
+def test_five_percent_is_what_is_allowed() -> None:
+    assert measuring.MOST_APART == 0.05
