@@ -20,6 +20,7 @@ from model.registers.description import NAME
 from model.registers.export import c_header, page
 from model.tiles.config import MergeConfig, TilesConfig
 from rtl.classifier.ports import CLASSIFIER_PORTS, WATCHED_PORTS
+from rtl.text.testbench import has_testbench, testbench
 from rtl.verilog import Config, header, top_block, verilog, what_is
 
 PORTS_OF_ALL = {"clk": "clock, rising edge", "rst": "reset, active high, {reset}"}
@@ -180,6 +181,7 @@ def constraints(config: Config) -> str:
 def core(config: Config) -> str:
     """Return the FuseSoC core file (CAPI2)."""
     top = top_block(config).module_name
+    bench, sim = _simulation(top) if has_testbench(config) else ("", "")
     return (
         "CAPI=2:\n"
         + header(config, "#")
@@ -193,7 +195,7 @@ filesets:
   constraints:
     files: [{top}.sdc]
     file_type: SDC
-targets:
+{bench}targets:
   default:
     filesets: [rtl, constraints]
     toplevel: {top}
@@ -205,8 +207,25 @@ targets:
       verilator:
         mode: lint-only
         verilator_options: [-Wall]
-"""
+  synth:
+    filesets: [rtl]
+    toplevel: {top}
+    default_tool: yosys
+    tools:
+      yosys:
+        arch: ice40
+        output_format: json
+        makefile_name: yosys.mk
+{sim}"""
     )
+
+
+def _simulation(top: str) -> tuple[str, str]:
+    """Return the file set and the target of the testbench."""
+    files = f"  bench:\n    files: [{top}_tb.sv]\n    file_type: systemVerilogSource\n"
+    target = f"  sim:\n    filesets: [rtl, bench]\n    toplevel: {top}_tb\n    default_tool: icarus\n"
+    target += "    tools:\n      icarus:\n        iverilog_options: [-g2012]\n"
+    return files, target
 
 
 def _summary(config: Config) -> str:
@@ -250,6 +269,8 @@ def write(config: Config, folder: Path) -> list[Path]:
         ".json": description(config) + "\n",
         ".core": core(config),
     }
+    if isinstance(config, ReadoutConfig) and has_testbench(config):
+        files["_tb.sv"] = testbench(config)
     texts = {f"{top}{suffix}": text for suffix, text in files.items()} | _of_registers(config)
     folder.mkdir(parents=True, exist_ok=True)
     paths = []

@@ -35,7 +35,7 @@ LAYERS = {
         "block logic yosys",
         "window decay taxel arbiter link frame classifier registers",
         "readout classifier.chip tiles",
-        "verilog",
+        "verilog text.testbench",
         "delivery",
         "gates",
         "power",
