@@ -16,12 +16,14 @@ from cocotb_tests.session.runners import build_environment
 from cocotb_tests.session.simulator import require_programs
 from cocotb_tests.session.store import verilog_text
 from model.config import ReadoutConfig
+from model.registers.export import c_header, page
 from model.tiles.config import MergeConfig, TilesConfig
 from rtl.delivery import constraints, core, description, ports, write
 from rtl.verilog import verilog
 
 ARRAYS = [(1, 1), (1, 4), (3, 5), (8, 8), (12, 16)]
 ENCODINGS = ["lcs", "cw-lcs", "nlcs"]
+ASYNCHRONOUS = ("aer_ack", "spi_sck", "spi_cs_n", "spi_mosi")
 VARIANTS = [("stream", "digital", "sync"), ("four_phase", "analog", "async")]
 RESOLUTIONS = [1, 6, 10]
 
@@ -33,6 +35,21 @@ def configurations() -> list[ReadoutConfig]:
     return [
         ReadoutConfig.from_dict(dict(zip(fields, (encoding, *array, *variant, RESOLUTIONS[i % 3]), strict=True)))
         for i, (encoding, array, variant) in enumerate(product)
+    ]
+
+
+def with_registers() -> list[ReadoutConfig]:
+    """Registers in front of every encoder, front end and link, and arrays with masks of all kinds of words."""
+    base = ReadoutConfig(rows=3, columns=5, registers="spi", leak_period=9)
+    variants = [
+        base.replace(encoding=encoding, frontend=frontend, link=link, reset=reset)
+        for encoding, (link, frontend, reset) in itertools.product(ENCODINGS, VARIANTS)
+    ]
+    ends = {"sample_bits": 3, "resolution": 1, "window_period": 1, "leak_shift": 1, "leak_period": 64}
+    return [
+        *variants,
+        *(base.replace(rows=rows, columns=columns, encoding="nlcs") for rows, columns in [(1, 1), (4, 8), (5, 9)]),
+        *(base.replace(encoding=encoding, fraction_bits=0, **ends) for encoding in ENCODINGS),
     ]
 
 
@@ -80,7 +97,7 @@ def lint(path: Path) -> str:
     return said
 
 
-@pytest.mark.parametrize("config", configurations(), ids=name)
+@pytest.mark.parametrize("config", [*configurations(), *with_registers()], ids=name)
 def test_lint_is_clean(config: ReadoutConfig, tmp_path: Path) -> None:
     path = tmp_path / "eskin_readout.v"
     path.write_text(verilog_text(config))
@@ -155,6 +172,38 @@ def test_every_register_has_a_reset_and_none_an_initial_value(encoding: str, res
     assert not re.search(r"'[bh][0-9a-f]*x", text)
 
 
+def test_no_register_of_the_host_is_clocked_for_nothing() -> None:
+    text = verilog_text(ReadoutConfig(rows=3, columns=5, registers="spi", encoding="nlcs"))
+    free = set()
+    for module in ("eskin_host", "eskin_registers", "eskin_pattern", "eskin_spi", "eskin_decay"):
+        body = text[text.index(f"module {module}(") :]
+        body = body[: body.index("endmodule")]
+        free |= set(re.findall(r"^    else (\w+) <= ", body, re.MULTILINE))
+    assert free == {"sck", "cs_n", "mosi"}  # the synchronisers
+
+
+def test_header_and_page_go_with_registers(tmp_path: Path) -> None:
+    config = ReadoutConfig(rows=3, columns=5, registers="spi")
+    command = [sys.executable, "-m", "rtl", "verilog", "--rows", "3", "--columns", "5", "--registers", "spi"]
+    done = subprocess.run([*command, "-o", str(tmp_path)], capture_output=True, text=True, check=True)
+    names = [Path(line).name for line in done.stdout.splitlines()]
+    assert names[-2:] == ["eskin_registers.h", "eskin_registers.md"]
+    header = (tmp_path / "eskin_registers.h").read_text()
+    assert header.endswith(c_header(config))
+    assert "//   registers = spi" in header
+    assert (tmp_path / "eskin_registers.md").read_text() == page(config)
+    stored = json.loads((tmp_path / "eskin_readout.json").read_text())["configuration"]
+    assert ReadoutConfig.from_dict(stored) == config
+
+
+def test_without_registers_the_text_does_not_speak_of_them() -> None:
+    config = ReadoutConfig(rows=2, columns=2)
+    for text in (verilog_text(config), constraints(config), description(config), core(config)):
+        assert "spi_" not in text
+        assert "registers =" not in text
+        assert '"registers"' not in text
+
+
 def test_text_is_stable_from_one_process_to_the_next(tmp_path: Path) -> None:
     config = ReadoutConfig(rows=3, columns=5, encoding="cw-lcs")
     command = [sys.executable, "-m", "rtl", "verilog", "--rows", "3", "--columns", "5", "--encoding", "cw-lcs"]
@@ -170,7 +219,7 @@ def test_text_is_stable_from_one_process_to_the_next(tmp_path: Path) -> None:
         assert (tmp_path / "1" / f"eskin_readout.{suffix}").read_text() == text
 
 
-@pytest.mark.parametrize("config", configurations(), ids=name)
+@pytest.mark.parametrize("config", [*configurations(), *with_registers()[:6]], ids=name)
 def test_port_list_is_that_of_the_module(config: ReadoutConfig) -> None:
     described = json.loads(description(config))
     assert described["configuration"] == config.to_dict()
@@ -193,13 +242,17 @@ def test_port_list_is_that_of_the_module(config: ReadoutConfig) -> None:
     sdc = constraints(config)
     groups = re.findall(r"^(\w+) .*\[get_ports \{([^}]*)\}\]$", sdc, re.MULTILINE)
     assert len(groups) == sdc.count("get_ports")
-    assert {command: names.split() for command, names in groups} == {
+    named: dict[str, list[str]] = {}
+    for command, names in groups:
+        named.setdefault(command, []).extend(names.split())
+    asynchronous = [n for n in ASYNCHRONOUS if n in listed]
+    assert named == {
         "create_clock": ["clk"],
         "set_input_delay": pins(
-            *(n for n, (way, _) in listed.items() if way == "input" and n not in ("clk", "aer_ack"))
+            *(n for n, (way, _) in listed.items() if way == "input" and n not in ("clk", *ASYNCHRONOUS))
         ),
         "set_output_delay": pins(*(n for n, (way, _) in listed.items() if way == "output")),
-    } | ({"set_false_path": ["aer_ack"]} if "aer_ack" in listed else {})
+    } | ({"set_false_path": asynchronous} if asynchronous else {})
 
 
 def test_ports_are_those_of_the_contract() -> None:
@@ -237,6 +290,11 @@ def test_ports_are_those_of_the_contract() -> None:
             "and write a tile without --tiles, a chip each",
         ),
         (["--link", "spi"], "error: link must be one of stream, four_phase, not 'spi'"),
+        (["--registers", "i2c"], "error: registers must be one of none, spi, not 'i2c'"),
+        (
+            ["--registers", "spi", "--readout", "frame"],
+            "error: registers belong to the spiking readout; leave registers=spi out",
+        ),
     ],
 )
 def test_bad_input_is_one_sentence_and_leaves_nothing(arguments: list[str], sentence: str, tmp_path: Path) -> None:

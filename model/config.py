@@ -235,8 +235,8 @@ class ReadoutConfig:
 
     @property
     def half_width_bits(self) -> int:
-        """Bits of the half-width of a window in codes, D at most."""
-        return self.step.bit_length()
+        """Bits of the half-width of a window in codes, D at most; with registers that of the coarsest resolution."""
+        return self.step.bit_length() if self.registers == "none" else self.sample_bits - 2
 
     @property
     def clock_hz(self) -> float:

@@ -21,8 +21,13 @@ from model.config import ReadoutConfig
 from model.errors import InputError
 from model.events.address import EVENT_DTYPE, Events
 from model.files import forget_stale_kernels
+from model.registers import pattern, settings
 
-forget_stale_kernels(Path(__file__), (Path(str(m.__file__)) for m in (arbiter, decay, link, taxel, window)))
+forget_stale_kernels(
+    Path(__file__), (Path(str(m.__file__)) for m in (arbiter, decay, link, pattern, settings, taxel, window))
+)
+
+TAKEN, WAITED = 1, 2
 
 ANALOG_RANGE = 4
 """Full scales that an analog signal may reach, either way."""
@@ -50,6 +55,8 @@ class Stimulus:
     decisions : ndarray of uint8, shape (clocks, taxels), optional
         What the comparators found in every clock, 1 for above and 2 for below (analog front end): for comparators
         whose offset, noise or hysteresis the samples do not tell. Without, they are those of the samples.
+    settings : ndarray of SETTING_DTYPE, shape (changes,)
+        What a host sets, and the clocks from which on it holds; the first, if any, at clock 0 (``registers="spi"``).
     """
 
     samples: NDArray[np.int32]
@@ -60,6 +67,7 @@ class Stimulus:
     ready: NDArray[np.uint8] = field(default_factory=lambda: np.ones(1, np.uint8))
     ack_delay: NDArray[np.int64] = field(default_factory=lambda: np.ones(1, np.int64))
     decisions: NDArray[np.uint8] | None = None
+    settings: NDArray[np.void] = field(default_factory=lambda: np.zeros(0, settings.SETTING_DTYPE))
 
     @classmethod
     def from_samples(
@@ -118,6 +126,7 @@ class Stimulus:
                 raise InputError("decisions are those of analog comparators; set frontend to analog")
             if self.decisions.shape != (self.clocks, config.taxels):
                 raise InputError(f"decisions must have shape ({self.clocks}, {config.taxels}), a row for every clock")
+        settings.check(config, self.settings)
         if not self.ready.size or not self.ack_delay.size:
             raise InputError("ready and ack_delay must not be empty")
         if (self.ack_delay < 1).any() or (self.ack_delay % link.ACK_QUANTA == 0).any():
@@ -198,6 +207,16 @@ def simulate(config: ReadoutConfig, stimulus: Stimulus) -> Events:
     return _run(config, stimulus, stimulus.clocks)[0]
 
 
+def simulate_counted(config: ReadoutConfig, stimulus: Stimulus) -> tuple[Events, NDArray[np.uint8]]:
+    """Return the events, as ``simulate``, and what the arbiter's output did in every clock, shape (clocks,).
+
+    0: nothing was offered, 1: an event was taken (``TAKEN``), 2: one waited (``WAITED``).
+    """
+    stimulus.check(config)
+    traffic = np.zeros(stimulus.clocks, np.uint8)
+    return _run(config, stimulus, stimulus.clocks, traffic)[0], traffic
+
+
 def state_at(config: ReadoutConfig, stimulus: Stimulus, clock: int) -> State:
     """Return the registers of a readout just before a clock of a run."""
     stimulus.check(config)
@@ -231,6 +250,8 @@ class Parameters(NamedTuple):
         The closing window; one level where it does not close.
     leak_shift, leak_period, fraction_bits : int
         The leak; without one, no fraction bits.
+    built_step, built_closing_step : int
+        Those of the configuration, whatever a host has set.
     """
 
     leaky: bool
@@ -248,6 +269,8 @@ class Parameters(NamedTuple):
     leak_shift: int
     leak_period: int
     fraction_bits: int
+    built_step: int
+    built_closing_step: int
 
     @classmethod
     def of(cls, config: ReadoutConfig) -> Parameters:
@@ -270,6 +293,8 @@ class Parameters(NamedTuple):
             leak_shift=config.leak_shift,
             leak_period=config.leak_period,
             fraction_bits=fraction_bits,
+            built_step=config.step << fraction_bits,
+            built_closing_step=config.closing_step,
         )
 
 
@@ -317,7 +342,9 @@ class Registers(NamedTuple):
         return cls(taxels, np.zeros(config.rows, arbiter.ROW_DTYPE), arbiter.new_state(), link.new_state())
 
 
-def _run(config: ReadoutConfig, stimulus: Stimulus, clocks: int) -> tuple[Events, Registers]:
+def _run(
+    config: ReadoutConfig, stimulus: Stimulus, clocks: int, traffic: NDArray[np.uint8] | None = None
+) -> tuple[Events, Registers]:
     """Run the loop for some clocks; return the events, and the registers as they then stand."""
     registers = Registers.after_reset(config)
     inputs = Inputs(
@@ -331,7 +358,9 @@ def _run(config: ReadoutConfig, stimulus: Stimulus, clocks: int) -> tuple[Events
         decay.decay_phases(config),
         np.zeros((0, 0), np.uint8) if stimulus.decisions is None else stimulus.decisions,
     )
-    time, event = _loop(Parameters.of(config), inputs, registers).T
+    given_settings = stimulus.settings if len(stimulus.settings) else None
+    traffic = np.zeros(0, np.uint8) if traffic is None else traffic
+    time, event = _loop(Parameters.of(config), inputs, registers, given_settings, traffic).T
     events = np.empty(len(time), EVENT_DTYPE)
     events["t"], events["p"] = time, event & 1
     events["y"], events["x"] = np.divmod(event >> 1, config.columns)
@@ -339,16 +368,28 @@ def _run(config: ReadoutConfig, stimulus: Stimulus, clocks: int) -> tuple[Events
 
 
 @njit(cache=True, nogil=True)
-def _loop(p: Parameters, s: Inputs, r: Registers) -> NDArray[np.int64]:
-    """Return the events, shape (events, 2): their clocks, and 2 * taxel + polarity."""
+def _loop(p: Parameters, s: Inputs, r: Registers, given_settings: Any, traffic: Any) -> NDArray[np.int64]:
+    """Return the events, shape (events, 2): their clocks, and 2 * taxel + polarity.
+
+    Settings are None where there are none: without them the loop is compiled as if no host could be. ``traffic`` takes
+    what ``simulate_counted`` returns, if it has room.
+    """
     taxels, rows, latch, aer = r
     samples, sample_clock, clocks, enable_clock, enable, wants, ack_delay, phases, decisions = s
     log = np.empty((1024, 2), np.int64)
     events = ticks = changes = 0  # events, sample ticks and masks so far
     tick = again = False
     on_link = np.int64(0)
+    host = settings.new_host()
     t = 0
     while t < clocks:
+        moved = testing = False
+        if given_settings is not None:
+            moved, testing = settings.hear(host, given_settings, t, ticks, rows, latch)
+            if moved:
+                p = _set(p, given_settings[host[settings.NUMBER] - 1])
+                settings.set_phases(phases, p.leak_period)
+
         # A disabled taxel is reset; all decide once more, which changes nothing for the others.
         masked = changes < len(enable_clock) and enable_clock[changes] == t
         if masked:
@@ -363,18 +404,22 @@ def _loop(p: Parameters, s: Inputs, r: Registers) -> NDArray[np.int64]:
                 log = with_room(log, events)
                 log[events, 0], log[events, 1] = t, on_link
                 events += 1
+        if len(traffic):
+            traffic[t] = TAKEN if take else WAITED if arbiter.offers(latch) else 0
         row = arbiter.grant(latch, rows)
+        if given_settings is not None:
+            settings.advance(host, given_settings, p.columns, row, rows, latch)
 
         # The taxels that have to decide: all, or those whose request was taken or whose threshold moved.
         given = len(decisions) > 0
         if given:
             taxels["given"][:] = decisions[t]
-        everyone = tick or masked or t == 0 or given
+        everyone = tick or masked or moved or t == 0 or given
         if everyone or again or row >= 0:
             first, last = (0, len(rows)) if everyone or again else (row, row + 1)
             again = False
             for y in range(first, last):
-                leaks = tick and p.leaky and decay.is_due(p, phases[y], ticks - 1)
+                leaks = tick and p.leaky and settings.leaks(host, p, phases[y], ticks)
                 todo = rows[y].again | (latch[arbiter.TAKEN] if y == row else ZERO)
                 again |= decide(p, y, ~ZERO if everyone else todo, tick, leaks, taxels, rows, latch)
 
@@ -389,12 +434,39 @@ def _loop(p: Parameters, s: Inputs, r: Registers) -> NDArray[np.int64]:
             events += 1
 
         t += 1
-        if arbiter.idle(latch) and not tick and not again and not given and (not p.four_phase or link.ready(aer)):
+        still = arbiter.idle(latch) and not tick and not again and not given and not testing
+        if still and (not p.four_phase or link.ready(aer)):
             until = sample_clock[ticks] if ticks < len(sample_clock) else clocks
             if changes < len(enable_clock):
                 until = min(until, enable_clock[changes])
+            if given_settings is not None:
+                until = min(until, settings.next_change(host, given_settings, clocks))
             t = max(t, min(until, clocks))
     return log[:events]
+
+
+@njit(inline="always")
+def _set(p: Parameters, now: Any) -> Parameters:
+    """Return the parameters with what a host sets: D and the closing step grow by the same factor."""
+    return Parameters(
+        p.leaky,
+        p.per_sample,
+        p.digital,
+        p.four_phase,
+        p.columns,
+        p.reset,
+        p.built_step << now.coarser,
+        p.top,
+        p.bottom,
+        p.built_closing_step << now.coarser,
+        p.levels,
+        now.window_period,
+        now.leak_shift,
+        now.leak_period,
+        p.fraction_bits,
+        p.built_step,
+        p.built_closing_step,
+    )
 
 
 @njit(inline="always")

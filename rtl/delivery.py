@@ -33,6 +33,7 @@ PORTS = PORTS_OF_ALL | {
     "below": "comparator decisions, {below}, settled before the rising edge",
     "reference_code": "references, for the DACs, from flops, signed, {sample_bits} bits each, in codes of a sample",
     "half_width": "half-widths, for the DACs, from flops, unsigned, {half_width_bits} bits each, in codes",
+    "step_code": "D in codes, for the comparators' DACs, from flops, unsigned; a host sets it",
     "event_valid": "an address event is offered",
     "event_ready": "the sink takes the event at this edge",
     "event_row": "row of the event",
@@ -88,7 +89,7 @@ FRAME_PORTS = PORTS_OF_ALL | {
 
 def _fields(config: ReadoutConfig) -> dict[str, Any]:
     """Return what the meanings of a readout's ports name in braces."""
-    half_width = "half_width" if config.closes else str(config.step)
+    half_width = "half_width" if config.closes else str(config.step) if config.registers == "none" else "step_code"
     return config.to_dict() | {
         "above": f"x >= reference_code + {half_width + (' + 1' if config.encoding == 'nlcs' else '')}",
         "below": f"x < reference_code - {half_width}",

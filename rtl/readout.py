@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from amaranth.hdl import Module, Signal, unsigned
+from amaranth.hdl import Module, Mux, Signal, unsigned
 from amaranth.lib.wiring import In, Out
 
 from model.config import ReadoutConfig
@@ -14,9 +14,10 @@ from rtl.block import Block
 from rtl.decay import DecayTicks
 from rtl.link import FourPhaseLink, aer_ports
 from rtl.logic import or_tree
+from rtl.registers.decay import SettableDecayTicks
 from rtl.registers.host import Host
 from rtl.registers.spi import PINS
-from rtl.taxel import Row
+from rtl.taxel import Row, settings
 
 
 class Readout(Block[ReadoutConfig]):
@@ -37,6 +38,8 @@ class Readout(Block[ReadoutConfig]):
         Address events (``link="four_phase"``).
     spi_sck, spi_cs_n, spi_mosi, spi_miso, spi_miso_enable
         Settings at run time (``registers="spi"``), see ``rtl.registers``.
+    step_code : Out(half_width_bits)
+        D in codes, a register, for the comparators (analog front end with registers, where there is no half_width).
     """
 
     module_name = "eskin_readout"
@@ -52,7 +55,7 @@ class Readout(Block[ReadoutConfig]):
             ports[name] = flow(unsigned(config.rows * len(getattr(row, name))))
         ports |= event_ports(config, Out) if config.link == "stream" else aer_ports(config)
         if config.registers == "spi":
-            ports |= PINS
+            ports |= PINS | ({"step_code": Out(config.half_width_bits)} if _shows_step(config) else {})
         super().__init__(config, ports)
 
     def elaborate(self, platform: Any) -> Module:
@@ -68,8 +71,10 @@ class Readout(Block[ReadoutConfig]):
             tick = Signal()
             m.d.sync += tick.eq(self.sample_valid)
             stirs += [self.sample_valid, tick]
+        if host is not None and config.encoding == "nlcs":
+            stirs.append(host.decay_restart)
         if config.encoding == "nlcs":
-            row_decay = self._row_decay(m, tick, platform)
+            row_decay = self._row_decay(m, tick, host, platform)
 
         for index in range(config.rows):
             row = Row(config)
@@ -86,11 +91,13 @@ class Readout(Block[ReadoutConfig]):
                 m.d.comb += row.decay.eq(row_decay[index])
             if config.frontend == "digital":
                 m.d.comb += row.sample_valid.eq(self.sample_valid)
+            if host is not None:
+                m.d.comb += [getattr(row, name).eq(host.setting(name)) for name in settings(config)]
             for name in self.per_row:
                 outer = enable if name == "enable" else getattr(self, name)
                 row.connect(m, name, _slice(outer, index, len(getattr(row, name))))
 
-        # Nothing in here uses it: a clock gate may, with all but the link behind it, which listens to ACK.
+        # Nothing in here uses it: a clock gate may, with all but link and host, which listen to ACK and SPI.
         awake = Signal(attrs={"keep": 1})
         m.d.comb += awake.eq(or_tree(stirs))
 
@@ -118,17 +125,33 @@ class Readout(Block[ReadoutConfig]):
             host.event_ready.eq(arbiter.event_ready),
             host.granted.eq(arbiter.granted),
         ]
+        if _shows_step(self.config):
+            m.d.comb += self.step_code.eq(host.step << (self.config.step - 1).bit_length())
         return host
 
-    def _row_decay(self, m: Module, tick: Signal, platform: Any) -> list[Any]:
+    def _row_decay(self, m: Module, tick: Signal, host: Host | None, platform: Any) -> list[Any]:
         """Return the decay tick of every row: the sample tick itself where every one is a decay tick."""
         config = self.config
+        if host is not None:
+            settable = SettableDecayTicks(config)
+            settable.place(m, "ticks", platform)
+            m.d.comb += [
+                settable.tick.eq(tick),
+                settable.period.eq(host.decay_period),
+                settable.restart.eq(host.decay_restart),
+            ]
+            return [*settable.decay]
         if config.leak_period == 1:
             return [tick] * config.rows
         decay = DecayTicks(config)
         decay.place(m, "decay_ticks", platform)
         m.d.comb += decay.tick.eq(tick)
         return [decay.decay[decay.phases.index(phase)] for phase in decay_phases(config)]
+
+
+def _shows_step(config: ReadoutConfig) -> bool:
+    """Return whether comparators outside need D, since no half-width says it."""
+    return config.registers != "none" and config.frontend == "analog" and not config.closes
 
 
 def _request(m: Module, arbiter: Arbiter, row: Row, host: Host | None, index: int) -> None:
@@ -144,9 +167,9 @@ def _request(m: Module, arbiter: Arbiter, row: Row, host: Host | None, index: in
     ]
     if config.has_polarity:
         polarity = row.column_polarity
-        if host is not None:
-            selected = (row.select & host.row_request[index]).replicate(config.columns)
-            polarity = polarity | (host.column_polarity & selected)
+        if host is not None:  # a masked taxel's polarity is anything
+            tested = host.column_polarity & row.select.replicate(config.columns)
+            polarity = Mux(host.row_request[index], tested, polarity)
         m.d.comb += _slice(arbiter.column_polarity, index, config.columns).eq(polarity)
 
 

@@ -44,6 +44,18 @@ class Own:
     closing: Signal
 
 
+def settings(config: ReadoutConfig) -> dict[str, Any]:
+    """Return what a host sets at run time, as ports of every taxel; nothing without registers."""
+    if config.registers == "none":
+        return {}
+    ports = {"step": In(config.resolution)}
+    if config.encoding == "nlcs":
+        ports["leak_shift"] = In(config.leak_shift.bit_length())
+    if config.closes:
+        ports["window_period"] = In(config.window_period.bit_length())
+    return ports
+
+
 class Taxel(Block[ReadoutConfig]):
     """One taxel: decides against its reference, raises a request, moves the reference.
 
@@ -69,6 +81,9 @@ class Taxel(Block[ReadoutConfig]):
         Signed, in sample codes, a register (analog front end).
     half_width : Out(half_width_bits)
         h in sample codes, a register (analog front end); absent where it is always D.
+    step, leak_shift, window_period : In
+        What a host sets (``registers="spi"``), if the encoder has it: D, one-hot in units of the D that was built, k,
+        and the ticks of the window.
     granted : In(1)
         The request, if there is one, is taken in this clock.
     request, polarity : Out(1)
@@ -94,6 +109,7 @@ class Taxel(Block[ReadoutConfig]):
                 "below": None if digital or not bipolar else In(1),
                 "reference_code": None if digital else Out(signed(config.sample_bits)),
                 "half_width": None if digital or not config.closes else Out(config.half_width_bits),
+                **settings(config),
                 "granted": In(1),
                 "request": Out(1),
                 "polarity": Out(1) if bipolar else None,
@@ -150,16 +166,23 @@ class Taxel(Block[ReadoutConfig]):
         charge = Signal(config.sample_bits - 1 + fraction, init=config.reference_reset << fraction)
         reference = Signal(config.sample_bits - 1)
         m.d.comb += reference.eq(charge[fraction:])
-        rise = Mux(own.on, config.step << fraction, 0)
+        step: Any = config.step
         # (u + 2**(k-1)) >> k without the adder: rounding up adds the highest bit that is shifted out.
         rounded = charge[shift:] + charge[shift - 1 : shift]
+        fits = ~reference[config.step.bit_length() - 1 :].all()
+        if config.registers != "none":
+            step = self.step << (config.step - 1).bit_length()
+            shifted = Cat(Const(0, 1), charge) >> self.leak_shift
+            rounded = shifted[1:] + shifted[:1]
+            fits = ~(reference | (step - 1)[: len(reference)]).all()
+        rise = Mux(own.on, step << fraction, 0)
         share = Signal(len(rounded))
         m.d.comb += share.eq(rounded)
         leak = Mux(self.decay, share, 0)
         with m.If(own.moves):
             m.d.sync += charge.eq(Mux(self.enable, (charge + rise - leak)[: len(charge)], charge.init))
-        above, below = self._compare(m, own, reference, config.step)
-        return above & ~reference[config.step.bit_length() - 1 :].all(), below
+        above, below = self._compare(m, own, reference, step)
+        return above & fits, below
 
     def _level(self, m: Module, own: Own, platform: Any) -> tuple[Any, Any]:
         """Add the reference of LCS and the window of CW-LCS; return whether a step up is due, and one down.
@@ -169,7 +192,7 @@ class Taxel(Block[ReadoutConfig]):
         config = self.config
         shape = signed(config.sample_bits - (config.grid - 1).bit_length())
         reference = Signal(shape, init=config.reference_reset // config.grid)
-        half_width: Any = 1
+        half_width: Any = 1 if config.registers == "none" else self.step
         if config.closes:
             window = ClosingWindow(config)
             window.place(m, "window", platform)
@@ -180,6 +203,11 @@ class Taxel(Block[ReadoutConfig]):
                 own.closing.eq(self.tick & ~window.closed),
             ]
             half_width = window.half_width
+            if config.registers != "none":
+                m.d.comb += window.period.eq(self.window_period)
+                half_width = or_tree(
+                    [(half_width & on.replicate(len(half_width))) << s for s, on in enumerate(self.step)]
+                )
         fall = Signal(signed(half_width.bit_length() + 1 if isinstance(half_width, int) else len(half_width) + 1))
         m.d.comb += fall.eq(-half_width)
         above, below = self._compare(m, own, reference, half_width)
@@ -253,7 +281,7 @@ class Row(Block[ReadoutConfig]):
     def __init__(self, config: ReadoutConfig) -> None:
         columns = config.columns
         taxel = Taxel(config)
-        shared = {"tick", "decay", "sample_valid"}
+        shared = {"tick", "decay", "sample_valid", *settings(config)}
         own = {"enable", "granted", "request", "polarity", "stirs"}
         ports: dict[str, Any] = {
             "enable": In(columns),
@@ -268,7 +296,7 @@ class Row(Block[ReadoutConfig]):
         self.per_taxel = [name for name in taxel.signature.members if name not in shared | own]
         for name, member in taxel.signature.members.items():
             if name in shared:
-                ports[name] = In(1)
+                ports[name] = In(len(getattr(taxel, name)))
             elif name not in own:
                 flow = In if member.flow is In else Out
                 ports[name] = flow(unsigned(columns * len(getattr(taxel, name))))

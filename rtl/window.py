@@ -22,6 +22,8 @@ class ClosingWindow(Block[ReadoutConfig]):
         Sample tick that counts: one of an enabled taxel whose request does not wait.
     half_width : Out(closing_levels_log2 + 1)
         In closing steps, from 2**closing_levels_log2 (D) down to 1.
+    period : In
+        Quiet ticks for a step, where a host sets them (``registers="spi"``).
     closed : Out(1)
         The window is as narrow as it gets: it stands still, and its counter too, until it is opened.
     """
@@ -34,6 +36,7 @@ class ClosingWindow(Block[ReadoutConfig]):
             {
                 "open": In(1),
                 "tick": In(1),
+                "period": None if config.registers == "none" else In(config.window_period.bit_length()),
                 "half_width": Out(config.closing_levels_log2 + 1),
                 "closed": Out(1),
             },
@@ -46,7 +49,9 @@ class ClosingWindow(Block[ReadoutConfig]):
         # the closing steps taken, which are a flop less.
         quiet = Signal(range(self.config.window_period))
         last = Signal()
-        m.d.comb += last.eq(quiet == self.config.window_period - 1)
+        m.d.comb += last.eq(
+            quiet == self.config.window_period - 1 if self.config.registers == "none" else quiet + 1 >= self.period
+        )
         if self.config.frontend == "analog":
             window = Signal(len(self.half_width), init=levels, name="window")
             narrower = window - last

@@ -83,7 +83,11 @@ module harness;
 `ifdef ANALOG
   wire [TAXELS*SAMPLE_BITS-1:0] reference_code;
 `ifdef CLOSES
+`ifdef REGISTERS
+  localparam WIDTH_BITS = SAMPLE_BITS - 2;
+`else
   localparam WIDTH_BITS = $clog2(STEP) + 1;
+`endif
   wire [TAXELS*WIDTH_BITS-1:0] half_width;
 `else
   localparam WIDTH_BITS = 1;
@@ -228,6 +232,18 @@ module harness;
       .rst(rst),
 `ifdef TEST_ENABLE
       .test_enable(1'b0),
+`endif
+`ifdef REGISTERS
+      .spi_sck(1'b0),  // no host: everything stays as it was built
+      .spi_cs_n(1'b1),
+      .spi_mosi(1'b0),
+      .spi_miso(),
+      .spi_miso_enable(),
+`ifdef ANALOG
+`ifndef CLOSES
+      .step_code(),
+`endif
+`endif
 `endif
 `ifdef TICK
       .sample_valid(sample_valid),

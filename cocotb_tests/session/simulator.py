@@ -261,6 +261,7 @@ def shape(config: Config) -> tuple[dict[str, str], dict[str, int]]:
         "COLUMNS": config.column_bits > 0,
         "ADDRESS": config.event_bits > 0,
         "CLOSES": config.closes,
+        "REGISTERS": config.registers != "none",
     }
     parameters = {
         "TAXELS": config.taxels,

@@ -13,7 +13,7 @@ TEST = "test_enable"
 AWAKE = "awake"
 """Signal of a block in the RTL: low in a clock at whose end no register in it changes, links apart."""
 
-LISTENS = ("eskin_link",)
+LISTENS = ("eskin_link", "eskin_host")
 """Blocks whose clock never stops: they listen to what comes without a clock."""
 
 

@@ -149,7 +149,7 @@ def hosts() -> list[Proof]:
     more = base.replace(rows=5, columns=8, encoding="cw-lcs", window_period=5)
     patterns = [base.replace(rows=2, columns=2), base.replace(rows=1, columns=4), base.replace(rows=4, columns=1)]
     return [
-        Proof(NarrowSpiChecker, few, 22, True, True),
+        Proof(NarrowSpiChecker, few, 27, True, True),
         *(Proof(RegistersChecker, c, 8, c == few, True) for c in (few, more)),
         *(Proof(PatternChecker, c, 14, c.rows == 2, c.rows == 2) for c in patterns),
     ]

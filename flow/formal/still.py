@@ -12,8 +12,8 @@ from typing import Any
 from rtl import yosys
 from rtl.block import Block, Netlist
 
-LISTENS = "link"
-"""Name of the part that is left out: its clock never stops, since it listens to ACK."""
+LISTENS = ("link", "host")
+"""Names of the parts that are left out: their clock never stops, since they listen to ACK and to SPI."""
 
 TO_FLOPS = (
     "read_rtlil readout.il; hierarchy -check -top {top}; proc; flatten; opt_clean; dffunmap; "
@@ -44,7 +44,7 @@ def stands_still(block: Block[Any], awake: int = 0) -> bool:
     for name, cell in list(module["cells"].items()):
         if cell["type"] == "$dff":
             del module["cells"][name]
-            if f"\\{LISTENS}." not in name:
+            if not any(f"\\{part}." in name for part in LISTENS):
                 state += cell["connections"]["Q"]
                 after += cell["connections"]["D"]
         elif "dff" in cell["type"] or cell["type"].startswith("$mem"):

@@ -64,6 +64,10 @@ class Host(Block[ReadoutConfig]):
             },
         )
 
+    def setting(self, name: str) -> Any:
+        """Return what the host sets, by the name of a taxel's port."""
+        return self.decay_shift if name == "leak_shift" else getattr(self, name)
+
     def elaborate(self, platform: Any) -> Module:
         m = Module()
         config = self.config

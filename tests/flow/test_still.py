@@ -24,6 +24,7 @@ BLOCKS = [
     taxel.Row(FEW.replace(encoding="cw-lcs", frontend="analog")),
     readout.Readout(FEW.replace(encoding="cw-lcs", link="four_phase")),
     readout.Readout(FEW.replace(encoding="nlcs", frontend="analog")),
+    readout.Readout(FEW.replace(encoding="nlcs", registers="spi")),
     FrameReadout(FrameConfig(readout=FEW)),
 ]
 

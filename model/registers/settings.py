@@ -1,0 +1,117 @@
+"""What the registers say to the array, from some clock on: parts of the loop of the readout's model."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from model import arbiter, decay
+from model.arbiter import ONE
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.registers import pattern
+
+SETTING_DTYPE = np.dtype(
+    [
+        (name, np.int64)
+        for name in (
+            *("t", "coarser", "leak_shift", "leak_period", "window_period"),
+            *pattern.Pattern._fields,
+            *("pattern_anew", "decay_anew"),
+        )
+    ]
+)
+"""All settings and the clock from which on they hold: ``coarser`` bits of resolution less than were built, those of
+``ReadoutConfig``, those of the test pattern, and whether it and the decay ticks start anew in that clock."""
+
+_next = njit(cache=True)(pattern.advance)
+
+
+def check(config: ReadoutConfig, given: NDArray[np.void]) -> None:
+    """Refuse settings that do not fit a configuration, in one sentence."""
+    if not len(given):
+        return
+    if config.registers == "none":
+        raise InputError("settings need registers; build the readout with registers=spi")
+    if given["t"][0] != 0 or (np.diff(given["t"]) < 1).any():
+        raise InputError("the clocks of settings must rise from 0")
+    if not ((given["coarser"] >= 0) & (given["coarser"] < config.resolution)).all():
+        raise InputError(f"a resolution must be in 1..{config.resolution}, as built")
+
+
+# Words of the host's state: settings so far, whether a test pattern runs, whether it and the decay ticks start anew in
+# this clock, the sample tick from which leaks are counted; and the state of the pattern behind them.
+NUMBER, TESTING, PATTERN_ANEW, DECAY_ANEW, FIRST_TICK, PATTERN = range(6)
+
+
+@njit(cache=True)
+def new_host() -> NDArray[np.int64]:
+    """Return the state after reset."""
+    return np.array([0, 0, 0, 0, 0, 0, 0, 0, 1, 0])
+
+
+@njit(inline="always")
+def next_change(host: Any, given: Any, clocks: int) -> Any:
+    """Return the clock of the next settings, or the end of the run."""
+    return min(given[host[NUMBER]].t, clocks) if host[NUMBER] < len(given) else clocks
+
+
+@njit(inline="always")
+def hear(host: Any, given: Any, t: int, ticks: int, rows: Any, latch: Any) -> tuple[bool, bool]:
+    """Take the settings of a clock; return whether there are any, and whether a test pattern runs.
+
+    A pattern that starts anew takes its request back.
+    """
+    host[PATTERN_ANEW] = host[DECAY_ANEW] = 0
+    if host[NUMBER] == len(given) or given[host[NUMBER]].t != t:
+        return False, host[TESTING] != 0
+    _take(host, given[host[NUMBER]], ticks, rows, latch)
+    return True, host[TESTING] != 0
+
+
+@njit(cache=True)
+def _take(host: Any, now: Any, ticks: int, rows: Any, latch: Any) -> None:
+    host[NUMBER] += 1
+    host[TESTING] = now.mode != pattern.OFF
+    host[PATTERN_ANEW], host[DECAY_ANEW] = now.pattern_anew, now.decay_anew
+    if host[DECAY_ANEW]:
+        host[FIRST_TICK] = ticks
+    tests = host[PATTERN:]
+    if host[PATTERN_ANEW] and tests[pattern.REQUEST] == 1:
+        rows[tests[pattern.ROW]].pending &= ~(ONE << np.uint64(tests[pattern.COLUMN]))
+        arbiter.withdraw(latch, tests[pattern.ROW])
+
+
+@njit(cache=True)
+def set_phases(phases: NDArray[np.int64], leak_period: int) -> None:
+    """Give every row the phase of its leak in a new period."""
+    for row in range(len(phases)):
+        phases[row] = row * leak_period // len(phases)
+
+
+@njit(inline="always")
+def leaks(host: Any, p: Any, phase: Any, ticks: int) -> bool:
+    """Return whether a row of some phase leaks at the newest of some sample ticks."""
+    return host[DECAY_ANEW] == 0 and decay.is_due(p, phase, ticks - 1 - host[FIRST_TICK])
+
+
+@njit(inline="always")
+def advance(host: Any, given: Any, columns: int, granted: int, rows: Any, latch: Any) -> None:
+    """Take the test pattern, if one runs, over a rising edge; -1 stands for no row that is granted."""
+    if host[TESTING] or host[PATTERN_ANEW]:
+        _advance(host, given[host[NUMBER] - 1], columns, granted, rows, latch)
+
+
+@njit(cache=True)
+def _advance(host: Any, now: Any, columns: int, granted: int, rows: Any, latch: Any) -> None:
+    tests, anew = host[PATTERN:], host[PATTERN_ANEW] != 0
+    taken = not anew and tests[pattern.REQUEST] == 1 and granted == tests[pattern.ROW]
+    _next(tests, now, (len(rows), columns), anew, taken)
+    if tests[pattern.REQUEST] == 1:
+        row, bit = tests[pattern.ROW], ONE << np.uint64(tests[pattern.COLUMN])
+        rows[row].pending |= bit
+        rows[row].polarity = rows[row].polarity | bit if tests[pattern.SIGN] == 1 else rows[row].polarity & ~bit
+        arbiter.request(latch, row)
