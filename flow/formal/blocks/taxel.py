@@ -104,7 +104,7 @@ class TaxelChecker(Checker[ReadoutConfig]):
         if _analog(config):
             return {}
         own = {"reference": In(signed(config.sample_bits - (config.grid - 1).bit_length()))}
-        return own | ({"half_width": In(config.closing_levels_log2 + 1)} if config.closes else {})
+        return own | ({"window_half_width": In(config.closing_levels_log2 + 1)} if config.closes else {})
 
     def elaborate(self, platform: Any) -> Module:
         m = Module()
@@ -132,7 +132,8 @@ class TaxelChecker(Checker[ReadoutConfig]):
             m.d.comb += reference.eq(self.reference_code if _analog(config) else self.reference * config.grid)
         m.d.comb += half_width.eq(config.step << fraction)
         if config.closes:
-            m.d.comb += half_width.eq(self.half_width * (1 if _analog(config) else config.grid))
+            shown = self.half_width if _analog(config) else self.window_half_width * config.grid
+            m.d.comb += half_width.eq(shown)
 
         free = self.enable & (~self.request | self.granted)
         decides = free & (self.tick if config.decide_every == "sample" else Const(1))
