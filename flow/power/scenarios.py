@@ -104,8 +104,8 @@ def _lone(config: ReadoutConfig) -> Scenario:
 
 def _saturated(config: ReadoutConfig) -> Scenario:
     """All taxels far from their references: the link sends what it can in every clock."""
-    levels = config.full_scale // config.step
-    ticks = 2 + -(-levels * config.taxels // config.clocks_per_sample)
+    most = MOST_SATURATED + 64  # what follows the window is not played
+    ticks = 2 + -(-min(config.full_scale // config.step * config.taxels, most) // config.clocks_per_sample)
     stimulus, events = _run(config, np.full((ticks, config.taxels), config.full_scale - 1, np.int32), spare=1)
     pace = 1 if config.link == "stream" else 8
     run = _longest(events["t"], pace)
