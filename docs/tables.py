@@ -397,18 +397,59 @@ def power_sensitivity() -> str:
     return markdown(["corrections", *columns[0], *columns[1]], rows)
 
 
+def gate_power_files() -> dict[str, dict[str, Any]]:
+    """Return what ``make gatepower`` wrote, by name of the file."""
+    folder = ROOT / "docs/data/asic/gatepower"
+    return {path.stem: json.loads(path.read_text()) for path in sorted(folder.glob("*.json"))}
+
+
+def energy(result: dict[str, Any], name: str) -> str:
+    """Return an energy of a result in picojoules, a dash where it has none."""
+    value = result.get(f"energy_per_{name}event_j")
+    return "-" if value is None else f"{1e12 * value:.2f}"
+
+
+@table
+def gate_power() -> str:
+    """What netlists draw by their activity, without and with estimated wires."""
+    names = ENCODERS | {"frame": "frames"}
+    rows = []
+    for result in gate_power_files().values():
+        ratios = [stretch["agreement"] for stretch in result["scenarios"].values()]
+        rows.append(
+            [
+                " ".join([names[result["readout"]], result["frontend"]]).strip(),
+                {"sg13g2": "IHP 130 nm"}.get(result["process"].split("_")[0], "OSU 180 nm"),
+                "estimated" if result["pitch_um"] else "none",
+                *(f"{1e9 * result[name]:.2f}" for name in ("idle_w_per_taxel", "leakage_w_per_taxel")),
+                *(energy(result, name) for name in ("", "lone_", "texture_")),
+                f"{min(ratios):.3f} to {max(ratios):.3f}",
+            ]
+        )
+    rows.sort(key=lambda row: row[1])
+    head = ["8 x 8", "cells", "wires", "idle nW a taxel", "leakage", "pJ an event, one in every clock", "alone"]
+    return markdown([*head, "on a texture", "OpenSTA by tables"], rows)
+
+
 @table
 def low_power() -> str:
     """What readouts cost in cells, idle and by the event, before and after they were written for clock gates."""
-    kept = read("docs/data/asic/low_power.json")
+    kept, measured = read("docs/data/asic/low_power.json"), gate_power_files()
     rows = []
     for row in kept["readouts"]:
         numbers = [row.get(name) for name in ("idle_nw", "leakage_nw", "saturated_pj", "lone_pj")]
-        cells = [f"{row['area_um2']:,}", f"{row['flops']} of which {row['gated']}", str(row["gates"])]
-        rows.append([row["readout"], *cells, *("-" if value is None else f"{value:,.1f}" for value in numbers)])
+        if result := measured.get(row.get("gatepower", "")):
+            watts = (result["idle_w_per_taxel"], result["leakage_w_per_taxel"])
+            energies = [result.get(f"energy_per_{name}event_j") for name in ("", "lone_")]
+            numbers = [*(1e9 * value for value in watts), *(value and 1e12 * value for value in energies)]
+            row["area_um2"] = round(result["area_um2"] / result["rows"] / result["columns"])
+        flops = "-" if row["flops"] is None else f"{row['flops']} of which {row['gated']}"
+        cells = [f"{row['area_um2']:,}", flops, "-" if row["gates"] is None else str(row["gates"])]
+        cells += ["-" if value is None else f"{value:,.1f}" for value in numbers]
+        rows.append([row["readout"], *cells, row["by"]])
     head = ["readout", "um^2 a taxel", "flops, gated", "gates", "idle, nW a taxel", "leakage", "pJ an event, saturated"]
     said = f"{kept['how']}, commit {kept['commit']}, {kept['date']}."
-    return markdown([*head, "lone"], rows) + f"\n{said}\n"
+    return markdown([*head, "lone", "by"], rows) + f"\n{said}\n"
 
 
 # -- speed -----------------------------------------------------------------------------------------
