@@ -43,14 +43,21 @@ def verilog(
     merge: Annotated[
         bool, typer.Option("--merge", help="the merge of those tiles alone, eskin_merge, each a chip of its own")
     ] = False,
+    report: Annotated[
+        Path | None, typer.Option(metavar="report.json", help="what make asic found, for the datasheet")
+    ] = None,
 ) -> None:
     """Write eskin_readout.v or eskin_frame_readout.v, .sdc, .json (configuration and ports) and .core (FuseSoC).
 
-    With --registers spi also eskin_registers.h and eskin_registers.md.
+    With --registers spi also eskin_registers.h and eskin_registers.md; of the spiking readout a datasheet.
     """
+    from rtl.datasheet.netlist import load_report
+    from rtl.datasheet.page import write_datasheet
     from rtl.delivery import write
     from rtl.verilog import Config
 
+    if report is not None and (tiles is not None or classifier is not None or readout != "spiking"):
+        raise InputError("--report belongs to the datasheet, which the spiking readout alone has; leave it out")
     if merge and tiles is None:
         raise InputError("--merge needs to know how many tiles there are; add --tiles RxC")
     if tiles is not None:
@@ -81,9 +88,13 @@ def verilog(
     own = stored | own
     if own and readout != "frame":
         raise InputError(f"--{next(iter(own)).replace('_', '-')} belongs to the frame readout; add --readout frame")
+    netlist = None if report is None else load_report(report, config)
     chosen: Config = FrameConfig(readout=config, **own) if readout == "frame" else config
     for path in write(chosen, out):
         print(path)
+    if readout == "spiking":
+        for path in write_datasheet(config, out, netlist):
+            print(path)
 
 
 @app.command()

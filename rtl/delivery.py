@@ -50,6 +50,16 @@ PORTS = PORTS_OF_ALL | {
 }
 """What every port of the spiking readout means; fields in braces are those of the configuration."""
 
+OUTSIDE = 0.2
+"""Share of the period that belongs to whatever drives an input or takes an output."""
+
+DAC_OUT, DECISION_IN = 0.7, 0.7
+"""Shares of a taxel's loop through its macros: references leave within 0.3 of a period, the DAC and the comparator have
+0.4, and the decision is there 0.3 before the edge that takes it."""
+
+MACRO_IN, MACRO_OUT = ("above", "below"), ("reference_code", "half_width")
+"""Ports at the comparators and the DACs of the analog front end."""
+
 ASYNCHRONOUS = ("aer_ack", "spi_sck", "spi_cs_n", "spi_mosi")
 """Ports that know nothing of the clock."""
 
@@ -148,7 +158,7 @@ def constraints(config: Config) -> str:
         way: " ".join(
             pins[port["name"]]
             for port in ports(config)
-            if port["direction"] == way and port["name"] not in ("clk", *ASYNCHRONOUS)
+            if port["direction"] == way and port["name"] not in ("clk", *ASYNCHRONOUS, *MACRO_IN, *MACRO_OUT)
         )
         for way in ("input", "output")
     }
@@ -166,9 +176,17 @@ def constraints(config: Config) -> str:
         "",
         "# A fifth of the period belongs to whatever drives an input or takes an output.",
         *reset,
-        f"set_input_delay [expr 0.2 * $period_ns] -clock clk [get_ports {{{timed['input']}}}]",
-        f"set_output_delay [expr 0.2 * $period_ns] -clock clk [get_ports {{{timed['output']}}}]",
+        f"set_input_delay [expr {OUTSIDE} * $period_ns] -clock clk [get_ports {{{timed['input']}}}]",
+        f"set_output_delay [expr {OUTSIDE} * $period_ns] -clock clk [get_ports {{{timed['output']}}}]",
     ]
+    analog = [" ".join(pins[name] for name in names if name in pins) for names in (MACRO_IN, MACRO_OUT)]
+    if all(analog):
+        lines += [
+            "",
+            "# References leave early and decisions come late: DACs and comparators have what is between.",
+            f"set_input_delay [expr {DECISION_IN} * $period_ns] -clock clk [get_ports {{{analog[0]}}}]",
+            f"set_output_delay [expr {DAC_OUT} * $period_ns] -clock clk [get_ports {{{analog[1]}}}]",
+        ]
     for names, taker in ((ASYNCHRONOUS[:1], "link"), (ASYNCHRONOUS[1:], "SPI slave")):
         if found := " ".join(pins[name] for name in names if name in pins):
             lines += [

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from flow.asic.gating import TEST
 from flow.asic.synthesis import Netlist
 from model.config import ReadoutConfig
-from rtl.delivery import ports
+from rtl.delivery import DAC_OUT, DECISION_IN, MACRO_IN, MACRO_OUT, OUTSIDE, ports
 from rtl.verilog import header
 
 UNCERTAINTY = 0.05
@@ -16,17 +16,8 @@ UNCERTAINTY = 0.05
 HOLD_NS = 0.1
 """Skew that must not break a hold time."""
 
-OUTSIDE = 0.2
-"""Share of the period that belongs to whatever drives an input or takes an output."""
-
-DAC_OUT, DECISION_IN = 0.7, 0.7
-"""Shares of a taxel's loop through its macros: references leave within 0.3 of a period, the DAC and the comparator have
-0.4, and the decision is there 0.3 before the edge that takes it."""
-
 LOAD_PF = 0.05
 """At every output: a wire of some 300 um, or the input of a pad."""
-
-MACRO_IN, MACRO_OUT = ("above", "below"), ("reference_code", "half_width")
 
 
 def sdc(netlist: Netlist, period: str = "") -> str:

@@ -84,7 +84,7 @@ TARGETS = {
         SIM,
     ),
     "verilog": Target(
-        "write Verilog, constraints, port list and FuseSoC core [READOUT=spiking|frame REGISTERS=spi OUT=]",
+        "write Verilog, constraints, port list, core, datasheet [READOUT=spiking|frame REGISTERS=spi REPORT= OUT=]",
         "rtl verilog",
         defaults={"OUT": "out/verilog"},
     ),

@@ -1,0 +1,1 @@
+"""The datasheet of a readout: a page and its pictures, for one configuration."""
