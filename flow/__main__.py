@@ -133,7 +133,7 @@ def asic(
     fast: Annotated[Path | None, typer.Option(help="the same cells at the fast corner")] = None,
     readout: Annotated[str, typer.Option(metavar="spiking|frame", help="which readout")] = "spiking",
     name: Annotated[str, typer.Option(help="of the run and its folder [made of the configuration]")] = "",
-    energy: Annotated[bool, typer.Option("--energy", help="idle power and energies too, by simulation")] = False,
+    power: Annotated[bool, typer.Option(help="idle power and energies too, by simulation of the netlist")] = True,
     out: Annotated[Path, typer.Option("-o", "--out", help="folder of the run's folder")] = Path("out/asic"),
 ) -> None:
     """Make a gated netlist of a cell library, prove and check it, and say what it costs; exit code 1 if a check fails.
@@ -151,12 +151,8 @@ def asic(
         raise InputError(f"--name must be the plain name of a folder, not {name!r}")
     chosen = FrameConfig(readout=config, **own) if readout == "frame" else config
     corners = {"typical": lib} | {corner: at for corner, at in (("slow", slow), ("fast", fast)) if at}
-    found = report.run(chosen, corners, name, lambda stage: print(stage, flush=True))
-    if energy:
-        from flow.power.results import energies
-
-        found.more.update(energies(chosen, found.netlist.text, lib))
-    print(found.write(out, report.command_of(chosen, corners)))
+    found = report.run(chosen, corners, name, lambda stage: print(stage, flush=True), power)
+    print(found.write(out, report.command_of(chosen, corners, power)))
     proof = found.equivalence
     print(f"equivalent to the RTL: {proof.proved} of {proof.of} points proved")
     for problem in found.problems:
@@ -175,6 +171,7 @@ def power(
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for the results, JSON")] = Path("out/gatepower"),
 ) -> None:
     """Power of gated netlists from what they do in simulation, without and with wires, computed in two ways."""
+    from flow.power.bench import Mismatch
     from flow.power.measure import Disagreement
     from flow.power.results import designs, write
     from model.cli.tables import new_table, show
@@ -190,8 +187,8 @@ def power(
     try:
         for path in lib:
             write(chosen, path, out, said, lambda result: table.add_row(*_power_row(result)))
-    except Disagreement as apart:
-        print(apart)
+    except (Disagreement, Mismatch) as wrong:
+        print(wrong)
         raise typer.Exit(1) from None
     show(table)
 

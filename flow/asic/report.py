@@ -17,13 +17,19 @@ from flow.asic.library import Library, read
 from flow.asic.structure import Structure, check
 from flow.asic.synthesis import Config, Netlist, netlist
 from flow.asic.timing import Timing, analyse, check_program
+from flow.power.bench import Mismatch
+from flow.power.measure import Disagreement
+from flow.power.results import energies, why_not
 from model.config import ReadoutConfig
+from model.errors import InputError
 from model.files import atomic_write, make_folder, write_json
 
 PITCH_UM = 200.0
 """Of the taxels: what one may take is its square."""
 
 ROOT = Path(__file__).parents[2]
+
+SWITCHED_OFF = "simulation is switched off (POWER=0)"
 
 
 @dataclass(frozen=True)
@@ -41,7 +47,9 @@ class Report:
     timing : dict of str to Timing
         By corner.
     more : dict
-        What others measure on the netlist, energy for instance; parts of the report as they are.
+        What is measured on the netlist in simulation, energy for instance; parts of the report as they are.
+    unmeasured : str
+        Why that is missing, if it is.
     """
 
     name: str
@@ -51,6 +59,7 @@ class Report:
     equivalence: Equivalence
     timing: dict[str, Timing]
     more: dict[str, Any] = field(default_factory=dict)
+    unmeasured: str = SWITCHED_OFF
 
     def area_um2(self, block: str = "") -> float:
         """Return the cell area of a block, or of all: no wires, no clock tree, no filling."""
@@ -79,17 +88,24 @@ class Report:
                 said.append(
                     f"{corner}: the setup slack is {timing.setup_slack_s * 1e9:.3g} ns at the clock of the readout"
                 )
+        if not self.unmeasured:
+            events = self.more["gate_level_events"]
+            if self.more.get("difference"):
+                said.append(self.more["difference"])
+            elif not events["netlist"] or events["netlist"] != events["rtl"]:
+                said.append(f"the netlist sends {events['netlist']} events in simulation, the RTL {events['rtl']}")
         return said
 
     def closing_line(self) -> str:
-        """Return the last line of ``make asic``; energies stand in it where they were measured."""
+        """Return the last line of ``make asic``; where no energy was measured it says why."""
         taxels = readout_of(self.netlist.config).taxels
         fmax = self.timing["typical"].fmax_hz
         parts = [f"asic: {self.name}", f"{self.area_um2() / taxels:.0f} um2 per taxel", f"{fmax / 1e6:.1f} MHz"]
-        if "idle_w_per_taxel" in self.more:
-            parts.append(f"idle {self.more['idle_w_per_taxel'] * 1e9:.1f} nW per taxel")
         if "energy_per_event_j" in self.more:
+            parts.append(f"idle {self.more['idle_w_per_taxel'] * 1e9:.1f} nW per taxel")
             parts.append(f"{self.more['energy_per_event_j'] * 1e12:.2f} pJ per event")
+        else:
+            parts.append(f"power not measured: {self.unmeasured or 'netlist and RTL differ in simulation'}")
         return ", ".join(parts)
 
     def to_dict(self, command: str) -> dict[str, Any]:
@@ -108,6 +124,7 @@ class Report:
             "fmax_hz": {corner: timing.fmax_hz for corner, timing in self.timing.items()},
             "leakage_w_per_taxel": self.leakage_w / taxels,
             **self.more,
+            **({"power_not_measured": self.unmeasured} if self.unmeasured else {}),
             "flops": self.equivalence.flops,
             "gated_flops": self.equivalence.gated_flops,
             "equivalence": self.equivalence.to_dict(),
@@ -172,7 +189,7 @@ def name_of(config: Config, library: Library) -> str:
     return f"{what}-{readout.rows}x{readout.columns}-{readout.resolution}b-{library.path.stem}"
 
 
-def command_of(config: Config, corners: dict[str, Path]) -> str:
+def command_of(config: Config, corners: dict[str, Path], power: bool = True) -> str:
     """Return the command line of a run: what differs from the defaults, libraries by the names of their files."""
     readout = readout_of(config)
     plain = ReadoutConfig().to_dict()
@@ -180,11 +197,14 @@ def command_of(config: Config, corners: dict[str, Path]) -> str:
     for corner, path in corners.items():
         words.append(f"{'LIB' if corner == 'typical' else corner.upper()}={path.name}")
     words += [f"{name.upper()}={value}" for name, value in readout.to_dict().items() if value != plain[name]]
+    words += [] if power else ["POWER=0"]
     return " ".join(words)
 
 
-def run(config: Config, corners: dict[str, Path], name: str, on_stage: Callable[[str], None]) -> Report:
-    """Return what synthesis, proof, rules and timing say of a readout.
+def run(
+    config: Config, corners: dict[str, Path], name: str, on_stage: Callable[[str], None], power: bool = True
+) -> Report:
+    """Return what synthesis, proof, rules, timing and simulation say of a readout.
 
     Parameters
     ----------
@@ -195,6 +215,8 @@ def run(config: Config, corners: dict[str, Path], name: str, on_stage: Callable[
         Of the run; one is made of the configuration where it is empty.
     on_stage : callable
         Called with what begins.
+    power : bool
+        Whether power is measured, in simulation.
 
     Raises
     ------
@@ -214,7 +236,22 @@ def run(config: Config, corners: dict[str, Path], name: str, on_stage: Callable[
     timing = {corner: analyse(made, at, constant) for corner, at in libraries.items()}
     on_stage("proof")
     proof = prove(made, design)
-    return Report(name or name_of(config, library), made, cells_by_block(made, design), structure, proof, timing)
+    unmeasured, more = why_not(config) if power else SWITCHED_OFF, {}
+    if not unmeasured:
+        on_stage("simulation")
+        more = measured(made)
+    blocks = cells_by_block(made, design)
+    return Report(name or name_of(config, library), made, blocks, structure, proof, timing, more, unmeasured)
+
+
+def measured(made: Netlist) -> dict[str, Any]:
+    """Return what simulation says of a netlist: its energies, or where it differs from the RTL."""
+    try:
+        return energies(made.config, made.text, made.library.path)
+    except Mismatch as wrong:
+        return {"gate_level_events": wrong.events, "difference": str(wrong)}
+    except (Disagreement, InputError) as wrong:
+        return {"gate_level_events": {"netlist": 0, "rtl": 0}, "difference": str(wrong)}
 
 
 def constant_outputs(made: Netlist, design: dict[str, Any]) -> set[str]:

@@ -9,6 +9,8 @@ from pathlib import Path
 
 from model.errors import InputError
 
+NO_PROGRAM = "iverilog not found; install with: apt-get install iverilog"
+
 
 def run(texts: Sequence[str], top: str, folder: Path) -> str:
     """Return what a program prints.
@@ -27,7 +29,7 @@ def run(texts: Sequence[str], top: str, folder: Path) -> str:
         If Icarus is missing, or does not accept the text.
     """
     if shutil.which("iverilog") is None:
-        raise InputError("iverilog not found; install with: apt-get install iverilog")
+        raise InputError(NO_PROGRAM)
     source, program = folder / "program.v", folder / "program.vvp"
     source.write_text("\n".join(texts))
     build = ["iverilog", "-g2005", "-s", top, "-o", str(program.resolve()), str(source.resolve())]

@@ -12,7 +12,6 @@ from flow.gates.netlist import FlatNetlist
 from flow.power.activity import HALF_NS, Activity, first_time, read_vcd
 from flow.power.scenarios import Scenario
 from model.config import ReadoutConfig
-from model.errors import InputError
 from model.events.compare import first_difference
 
 DUMP = "activity.vcd"
@@ -33,8 +32,25 @@ endmodule
 """
 
 
-def play(scenario: Scenario, config: ReadoutConfig, netlist: FlatNetlist, cells: str, folder: Path) -> Activity:
-    """Play a scenario and return what all nets did in its window.
+class Mismatch(Exception):  # the outcome that is looked for, not a defect of the program
+    """A netlist does not do what the model does; the text says where first.
+
+    Parameters
+    ----------
+    text : str
+    netlist, model : int
+        Events of both.
+    """
+
+    def __init__(self, text: str, netlist: int = 0, model: int = 0) -> None:
+        super().__init__(text)
+        self.events = {"netlist": netlist, "rtl": model}
+
+
+def play(
+    scenario: Scenario, config: ReadoutConfig, netlist: FlatNetlist, cells: str, folder: Path
+) -> tuple[Activity, int]:
+    """Play a scenario; return what all nets did in its window, and how many events the netlist sent there.
 
     Parameters
     ----------
@@ -48,7 +64,7 @@ def play(scenario: Scenario, config: ReadoutConfig, netlist: FlatNetlist, cells:
 
     Raises
     ------
-    InputError
+    Mismatch
         If the netlist sends other events than the model, or none where some are due.
     """
     # Clock 0 ends at the edge 8 ns after `running` rises; the dump begins with the falling edge before its window.
@@ -63,12 +79,13 @@ def play(scenario: Scenario, config: ReadoutConfig, netlist: FlatNetlist, cells:
     StimulusDriver(config, folder).write(scenario.stimulus)
     texts = [_defined(macros, netlist) + HARNESS.read_text(), netlist.verilog(), cells, player]
     errors = int(icarus.run(texts, "play", folder).split()[-1])
-    _hold_to_model(scenario, EventMonitor(config, folder).read(), errors)
+    events = EventMonitor(config, folder).read()
+    _hold_to_model(scenario, events, errors)
     path = folder / DUMP
     start = first_time(path) + HALF_NS + 1
     activity = read_vcd(path, start, scenario.clocks, netlist.nets)
     path.unlink()
-    return activity
+    return activity, scenario.inside(events)
 
 
 def _defined(macros: dict[str, str], netlist: FlatNetlist) -> str:
@@ -81,9 +98,12 @@ def _defined(macros: dict[str, str], netlist: FlatNetlist) -> str:
 def _hold_to_model(scenario: Scenario, events: Any, errors: int) -> None:
     """Refuse a run whose events are not those of the model."""
     if difference := first_difference(scenario.events, events):
-        raise InputError(
+        raise Mismatch(
             f"{scenario.name}: the netlist does not do what the model does: "
-            f"{difference.describe(('model', 'netlist'))}; its power would mean nothing"
+            f"{difference.describe(('model', 'netlist'))}; its power would mean nothing",
+            len(events),
+            len(scenario.events),
         )
     if errors:
-        raise InputError(f"{scenario.name}: the netlist breaks the protocol of its link {errors} times")
+        said = f"{scenario.name}: the netlist breaks the protocol of its link {errors} times"
+        raise Mismatch(said, len(events), len(scenario.events))

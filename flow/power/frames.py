@@ -9,8 +9,8 @@ import numpy as np
 from flow.gates import icarus
 from flow.gates.netlist import FlatNetlist
 from flow.power.activity import HALF_NS, Activity, first_time, read_vcd
+from flow.power.bench import Mismatch
 from flow.power.scenarios import IDLE, TEXTURE, texture_samples
-from model.errors import InputError
 from model.frame import FrameModel, Inputs, Outputs
 from model.frame_config import FrameConfig
 from model.frame_words import adc_code
@@ -25,7 +25,7 @@ def play(config: FrameConfig, netlist: FlatNetlist, cells: str, folder: Path) ->
 
     Raises
     ------
-    InputError
+    Mismatch
         If an output differs from the model's.
     """
     frames = FRAMES * config.clocks_per_frame
@@ -43,7 +43,7 @@ def _run(config: FrameConfig, netlist: FlatNetlist, cells: str, folder: Path, fr
     (folder / "outputs.txt").write_text("\n".join(_words(outputs, Outputs._fields, widths)))
     said = icarus.run([netlist.verilog(), cells, _bench(netlist, clocks, widths)], "play", folder)
     if int(said.split()[-1]):
-        raise InputError(f"the netlist differs from the frame readout's model in {said.split()[-1]} clocks")
+        raise Mismatch(f"the netlist differs from the frame readout's model in {said.split()[-1]} clocks")
     path = folder / DUMP
     activity = read_vcd(path, first_time(path) + HALF_NS, clocks, netlist.nets)
     path.unlink()

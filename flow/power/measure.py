@@ -129,7 +129,7 @@ def measure(
 
     Raises
     ------
-    InputError
+    Mismatch
         If the netlist does not do what the model does.
     Disagreement
         If the two ways of computing power lie too far apart.
@@ -138,23 +138,26 @@ def measure(
     flat = read(text, top, library.content)
     cells = models(library, {cell.kind for cell in flat.cells})
     with tempfile.TemporaryDirectory() as name:
-        played = _played(config, flat, cells, Path(name))
+        played, due = _played(config, flat, cells, Path(name))
     results = []
     for pitch in pitches_um:
         wires = Wires(config.rows, config.columns, pitch).capacitance_f(flat)
         ways = Ways(LibertyWay(flat, library, wires), StaWay(flat, library, wires), config.clock_hz)
         found = {name: ways.stretch(name, activity, events) for name, (activity, events) in played.items()}
-        results.append(_summary(config, flat, library, pitch, found))
+        sent = {"netlist": sum(stretch.events for stretch in found.values()), "rtl": due}
+        results.append(_summary(config, flat, library, pitch, found) | {"gate_level_events": sent})
     return results
 
 
 def _played(
     config: ReadoutConfig | FrameConfig, flat: FlatNetlist, cells: str, folder: Path
-) -> dict[str, tuple[Activity, int]]:
-    """Return what the nets did in each scenario, and its events."""
+) -> tuple[dict[str, tuple[Activity, int]], int]:
+    """Return what the nets did in each scenario and its events in the netlist; and the events that are due in all."""
     if isinstance(config, FrameConfig):
-        return frames.play(config, flat, cells, folder)
-    return {s.name: (play(s, config, flat, cells, folder), s.events_inside) for s in scenarios(config)}
+        seen = frames.play(config, flat, cells, folder)
+        return seen, sum(samples for _, samples in seen.values())
+    chosen = scenarios(config)
+    return {s.name: play(s, config, flat, cells, folder) for s in chosen}, sum(s.events_inside for s in chosen)
 
 
 def _summary(
@@ -176,7 +179,6 @@ def _summary(
 
     readout = config.readout if isinstance(config, FrameConfig) else config
     busy = TEXTURE if isinstance(config, FrameConfig) else SATURATED
-    total = sum(stretch.events for stretch in found.values())
     energies = {
         "energy_per_event_j": energy(busy),
         "energy_per_lone_event_j": energy(LONE),
@@ -198,6 +200,5 @@ def _summary(
         **{name: value for name, value in energies.items() if value is not None},
         "idle_w_per_taxel": idle.power_w / taxels,
         "leakage_w_per_taxel": idle.leakage_w / taxels,
-        "gate_level_events": {"netlist": total, "rtl": total},
         "scenarios": {name: vars(stretch) | {"power_w": stretch.power_w} for name, stretch in found.items()},
     }

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from flow.asic.synthesis import netlist
+from flow.gates.icarus import NO_PROGRAM
 from flow.gates.liberty import CellLibrary
 from flow.power.measure import measure
+from flow.power.scenarios import scenarios
 from model.config import ReadoutConfig
+from model.errors import InputError
 from model.files import write_json
 from model.frame_config import FrameConfig
 
@@ -26,6 +30,18 @@ FRAME_RATE_HZ = 200.0
 """Of the frames whose power is kept: a little over twice the 97 Hz below which textures have 99 % of their power."""
 
 
+def why_not(config: ReadoutConfig | FrameConfig) -> str:
+    """Return why the power of a readout cannot be measured here; empty if it can."""
+    if shutil.which("iverilog") is None:
+        return NO_PROGRAM
+    try:
+        if not isinstance(config, FrameConfig):
+            scenarios(config)
+    except InputError as reason:
+        return str(reason)
+    return ""
+
+
 def energies(config: ReadoutConfig | FrameConfig, text: str, library: Path) -> dict[str, Any]:
     """Return what the report of a netlist says of its power: at the cells, and with estimated wires.
 
@@ -35,6 +51,13 @@ def energies(config: ReadoutConfig | FrameConfig, text: str, library: Path) -> d
     text : str
         The gated netlist, Verilog.
     library : Path
+
+    Raises
+    ------
+    Mismatch
+        If the netlist does not do what the model does.
+    Disagreement
+        If the two ways of computing power lie too far apart.
     """
     bare, wired = measure(config, text, CellLibrary.read(library), (0.0, PITCH_UM))
     chosen: dict[str, Any] = {name: bare[name] for name in IN_REPORT if name in bare}

@@ -43,7 +43,11 @@ class Scenario:
     @property
     def events_inside(self) -> int:
         """Events of the window."""
-        return int(np.count_nonzero((self.events["t"] >= self.start) & (self.events["t"] < self.start + self.clocks)))
+        return self.inside(self.events)
+
+    def inside(self, events: Events) -> int:
+        """Return how many of some events lie in the window."""
+        return int(np.count_nonzero((events["t"] >= self.start) & (events["t"] < self.start + self.clocks)))
 
 
 def scenarios(config: ReadoutConfig, ticks: int = 30) -> list[Scenario]:

@@ -90,9 +90,9 @@ TARGETS = {
     ),
     "gates": Target("gates and flops of both readouts after synthesis [LIBERTY=cells.lib]", "rtl gates"),
     "asic": Target(
-        "gated netlist, proved and timed [LIB=typ.lib SLOW= FAST= READOUT=spiking|frame NAME= OUT=]",
+        "gated netlist: proof, timing, power [LIB=typ.lib SLOW= FAST= READOUT=spiking|frame POWER=0 NAME= OUT=]",
         "flow asic",
-        ("asic",),
+        ("sim", "asic"),
     ),
     "gatepower": Target(
         "power of gated netlists from what they do, in two ways [LIB=cells.lib ENCODING= THREE=1 OUT=]",
@@ -248,7 +248,7 @@ def arguments(parameters: dict[str, Any], variables: dict[str, str]) -> list[str
         if parameter.is_flag:
             if value not in YES + NO:
                 _fail(f"{name} is 1 or 0, not {value!r}")
-            options += [option] if value in YES else []
+            options += [option] if value in YES else parameter.secondary_opts
         else:
             options += [f"{option}={word}" for word in (value.split() if name in SPLIT else [value])]
     return [*options, *(["--", *positional] if positional else [])]
