@@ -56,9 +56,9 @@ LAYERS = {
         "asic.clocks asic.compare asic.constraints",
         "asic.equivalence asic.timing",
         "asic.structure",
-        "asic.report",
         "gates",
         "power",
+        "asic.report",
         "__main__",
     ),
     "snn": (

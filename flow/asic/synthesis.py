@@ -117,25 +117,35 @@ def netlist(config: Config, library: Library, period_ns: float = PERIOD_NS, fewe
 
 
 def single_bits(verilog: str) -> str:
-    """Return a netlist in which constants are assigned bit by bit: OpenSTA reads no list of nets.
+    """Return a netlist in which ports are assigned bit by bit: OpenSTA reads no list of nets.
 
     Examples
     --------
     >>> single_bits("  assign { a[5:4], b } = 3'h5;")
     "  assign a[5] = 1'b1;\\n  assign a[4] = 1'b0;\\n  assign b = 1'b1;"
+    >>> single_bits("  assign { a[2:1], b } = { c[0], d[1:0] };")
+    '  assign a[2] = c[0];\\n  assign a[1] = d[1];\\n  assign b = d[0];'
     """
 
     def each(found: re.Match[str]) -> str:
-        bits: list[str] = []
-        for part in found[1].strip("{ }").split(", "):
-            name, _, span = part.strip().partition("[")
-            high, _, low = span.rstrip("]").partition(":")
-            numbers = range(int(high), int(low or high) - 1, -1) if span else ()
-            bits += [f"{name}[{number}]" for number in numbers] if span else [name]
-        value = f"{int(found[2], 16):0{len(bits)}b}"
-        return "\n".join(f"  assign {bit} = 1'b{level};" for bit, level in zip(bits, value, strict=True))
+        bits, text = _bits(found[1]), found[2]
+        constant = re.fullmatch(r"\d+'h([0-9a-f]+)", text)
+        sources = [f"1'b{x}" for x in f"{int(constant[1], 16):0{len(bits)}b}"] if constant else _bits(text)
+        return "\n".join(f"  assign {bit} = {source};" for bit, source in zip(bits, sources, strict=True))
 
-    return re.sub(r"^  assign (\{[^\\}]*\}|\w+\[\d+:\d+\]) = \d+'h([0-9a-f]+);", each, verilog, flags=re.MULTILINE)
+    many = r"\{[^\\}']*\}|\w+\[\d+:\d+\]"
+    return re.sub(rf"^  assign ({many}) = (\d+'h[0-9a-f]+|{many});", each, verilog, flags=re.MULTILINE)
+
+
+def _bits(text: str) -> list[str]:
+    """Return the bits of a name with a span of them, or of a list of such."""
+    bits: list[str] = []
+    for part in text.strip("{ }").split(", "):
+        name, _, span = part.strip().partition("[")
+        high, _, low = span.rstrip("]").partition(":")
+        numbers = range(int(high), int(low or high) - 1, -1) if span else ()
+        bits += [f"{name}[{number}]" for number in numbers] if span else [name]
+    return bits
 
 
 def _blocks(source: str, top: str) -> list[str]:

@@ -248,7 +248,8 @@ def arguments(parameters: dict[str, Any], variables: dict[str, str]) -> list[str
         if parameter.is_flag:
             if value not in YES + NO:
                 _fail(f"{name} is 1 or 0, not {value!r}")
-            options += [option] if value in YES else parameter.secondary_opts
+            off = parameter.secondary_opts if parameter.default is True else []
+            options += [option] if value in YES else off
         else:
             options += [f"{option}={word}" for word in (value.split() if name in SPLIT else [value])]
     return [*options, *(["--", *positional] if positional else [])]

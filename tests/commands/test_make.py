@@ -257,4 +257,5 @@ def test_a_switch_chooses_what_runs(launch: Callable[..., Any]) -> None:
     assert launch("sim", "GATES=0", "ROWS=2") == launch("sim", "ROWS=2")
     code, _, err = launch("sim", "GATES=on")
     assert (code, err) == (2, "error: GATES is 1 or 0, not 'on'\n")
+    assert launch("asic", "LIB=cells.lib", "POWER=0")[1] == [["-m", "flow", "asic", "--lib=cells.lib", "--no-power"]]
     assert launch("sim", "GATE=1")[2] == "error: make sim does not take GATE; did you mean GATES?\n"

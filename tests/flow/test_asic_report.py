@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import shutil
 import subprocess
@@ -10,16 +11,21 @@ from pathlib import Path
 
 import pytest
 
+from cocotb_tests.bench.readout import EventMonitor
 from flow.asic import timing
 from flow.asic.equivalence import design_of
 from flow.asic.library import read
-from flow.asic.report import constant_outputs
+from flow.asic.report import Report, constant_outputs, measured, run
 from flow.asic.synthesis import netlist
+from flow.power.results import why_not
 from model.config import ReadoutConfig
 from model.errors import InputError
 from tests.flow import quill
 
 NEEDS_STA = pytest.mark.skipif(shutil.which("sta") is None, reason="OpenSTA is not installed: apt-get install opensta")
+
+
+NEEDS_ICARUS = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
 
 
 def written(corner: quill.Corner, folder: Path) -> Path:
@@ -35,25 +41,92 @@ def asic(*words: str) -> subprocess.CompletedProcess[str]:
 
 
 @NEEDS_STA
+@NEEDS_ICARUS
 def test_a_run_leaves_a_report_and_says_what_matters(tmp_path: Path) -> None:
     typical, slow = written(quill.TYPICAL, tmp_path), written(quill.SLOW, tmp_path)
     out = tmp_path / "out"
-    done = asic("--rows=1", "--columns=2", f"--lib={typical}", f"--slow={slow}", "--name=mine", f"--out={out}")
+    done = asic("--rows=2", "--columns=2", f"--lib={typical}", f"--slow={slow}", "--name=mine", f"--out={out}")
     assert done.returncode == 0, done.stdout + done.stderr
     report = json.loads((out / "mine" / "report.json").read_text())
     assert sorted(path.name for path in (out / "mine").iterdir()) == [
         *("eskin_readout.netlist.v", "eskin_readout.sdc", "report.json"),
     ]
     area, fmax = report["area_um2_per_taxel"], report["fmax_hz"]
-    assert done.stdout.splitlines()[-1] == f"asic: mine, {area:.0f} um2 per taxel, {fmax['typical'] / 1e6:.1f} MHz"
+    idle, event = report["idle_w_per_taxel"], report["energy_per_event_j"]
+    assert done.stdout.splitlines()[-1] == (
+        f"asic: mine, {area:.0f} um2 per taxel, {fmax['typical'] / 1e6:.1f} MHz, "
+        f"idle {1e9 * idle:.1f} nW per taxel, {1e12 * event:.2f} pJ per event"
+    )
+    assert idle > report["leakage_w_per_taxel"] > 0
+    assert report["energy_per_lone_event_j"] > event > 0
+    events = report["gate_level_events"]
+    assert events["netlist"] == events["rtl"] == sum(s["events"] for s in report["power"].values()) > 100
+    assert "power_not_measured" not in report
     assert fmax["slow"] < fmax["typical"]
     assert report["equivalence"]["proved"] == report["equivalence"]["of"] > report["flops"] >= report["gated_flops"] > 0
-    assert sum(block["area_um2"] for block in report["blocks"].values()) == pytest.approx(2 * area)
+    assert sum(block["area_um2"] for block in report["blocks"].values()) == pytest.approx(4 * area)
     assert sum(block["flops"] for block in report["blocks"].values()) == report["flops"]
     assert {"row", "arbiter"} <= set(report["blocks"])
     assert report["timing"]["slow"]["check_setup"] == []
-    assert report["command"] == "make asic LIB=quill_typ.lib SLOW=quill_slow.lib ROWS=1 COLUMNS=2"
+    assert report["command"] == "make asic LIB=quill_typ.lib SLOW=quill_slow.lib ROWS=2 COLUMNS=2"
     assert str(tmp_path) not in (out / "mine" / "report.json").read_text()
+
+
+@pytest.fixture(scope="module")
+def unpowered(tmp_path_factory: pytest.TempPathFactory) -> Report:
+    """Return the report of two taxels without power."""
+    library = written(quill.TYPICAL, tmp_path_factory.mktemp("quill"))
+    return run(ReadoutConfig(rows=1, columns=2), {"typical": library}, "two", lambda _: None, power=False)
+
+
+@NEEDS_STA
+def test_a_report_without_power_says_why(unpowered: Report, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = unpowered.to_dict("make asic")
+    assert unpowered.problems == []
+    assert unpowered.closing_line().endswith(" MHz, power not measured: simulation is switched off (POWER=0)")
+    assert not {"idle_w_per_taxel", "energy_per_event_j", "gate_level_events"} & set(found)
+    assert found["power_not_measured"] == "simulation is switched off (POWER=0)"
+    short = ReadoutConfig(rows=1, columns=2, resolution=1)
+    assert why_not(short) == "resolution 1 is too low for a saturated stretch; choose a higher one"
+    monkeypatch.setattr(shutil, "which", lambda _: None)
+    absent = dataclasses.replace(unpowered, unmeasured=why_not(unpowered.netlist.config))
+    assert absent.closing_line().endswith(
+        "power not measured: iverilog not found; install with: apt-get install iverilog"
+    )
+
+
+@NEEDS_STA
+@NEEDS_ICARUS
+def test_an_event_that_the_netlist_loses_is_a_problem(unpowered: Report, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = EventMonitor.read
+    monkeypatch.setattr(EventMonitor, "read", lambda own: whole(own)[:-1])
+    lossy = dataclasses.replace(unpowered, more=measured(unpowered.netlist), unmeasured="")
+    events = lossy.to_dict("make asic")["gate_level_events"]
+    assert events["netlist"] == events["rtl"] - 1 > 0
+    assert len(lossy.problems) == 1
+    assert "lone: the netlist does not do what the model does: " in lossy.problems[0]
+    assert lossy.closing_line().endswith(" MHz, power not measured: netlist and RTL differ in simulation")
+    silent = dataclasses.replace(unpowered, more={"gate_level_events": {"netlist": 0, "rtl": 0}}, unmeasured="")
+    assert silent.problems == ["the netlist sends 0 events in simulation, the RTL 0"]
+
+
+@NEEDS_STA
+@pytest.mark.parametrize("frontend", ["analog", "digital"])
+def test_the_highest_clock_is_found_where_the_latch_of_a_gate_borrows_time(frontend: str, tmp_path: Path) -> None:
+    """Libraries without an integrated clock gate, OSU018 for instance: a slack of 0 there does not end the search."""
+    path = tmp_path / "own.lib"
+    path.write_text(quill.library(without=("SLUMBER",)))
+    library = read(path)
+    config = ReadoutConfig(rows=1, columns=2, frontend=frontend)  # type: ignore[arg-type]
+    found = timing.analyse(netlist(config, library), library)
+    assert found.fmax_hz > 50e6
+    assert (found.setup_slack_s == 0) == (frontend == "analog")  # the decision comes when the latch is open
+
+    def slack(hertz: float) -> float:
+        return timing.analyse(netlist(config.replace(sample_rate_hz=hertz / 64), library), library).setup_slack_s
+
+    assert slack(found.fmax_hz) >= -2e-12
+    assert slack(1.005 * found.fmax_hz) < 0
 
 
 @NEEDS_STA

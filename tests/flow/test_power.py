@@ -15,6 +15,7 @@ import pytest
 from flow.gates.liberty import CellLibrary
 from flow.power import measure as measuring
 from flow.power.activity import Activity, read_vcd
+from flow.power.bench import Mismatch
 from flow.power.liberty_way import LibertyWay
 from flow.power.measure import Disagreement, Ways, measure
 from flow.power.results import energies, name_of
@@ -104,7 +105,7 @@ def test_energies_are_the_tables_of_the_library(made: Made) -> None:
 def test_a_netlist_that_does_something_else_has_no_power(made: Made) -> None:
     dead = re.sub(r"\.NEXT\([^)]*\)", ".NEXT(1'b0)", made.netlist.text)
     assert dead != made.netlist.text
-    with pytest.raises(InputError, match="the netlist does not do what the model does"):
+    with pytest.raises(Mismatch, match="the netlist does not do what the model does"):
         measure(CONFIG, dead, made.library)
 
 
