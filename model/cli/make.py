@@ -236,7 +236,8 @@ def check_variables(name: str, variables: dict[str, str], known: list[str]) -> N
 
 def arguments(parameters: dict[str, Any], variables: dict[str, str]) -> list[str]:
     """Return the words behind a command that its variables stand for."""
-    options, positional = [], []
+    options: list[str] = []
+    positional: list[str] = []
     for name, parameter in parameters.items():
         if name not in variables:
             continue
