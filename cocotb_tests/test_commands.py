@@ -172,10 +172,10 @@ def test_replay_goes_on_after_a_kill(tmp_path: Path) -> None:
 
 
 FAULTS = {
-    "polarity swapped": ("event_polarity = | ", "event_polarity = ~| "),
+    "polarity swapped": ("event_polarity = |(", "event_polarity = ~|("),
     "columns served in the wrong row": ("event_row <= select[2:1]", "event_row <= 2'h0"),
-    "an event lost now and then": ("assign event_valid = | waiting", "assign event_valid = | waiting[3:1]"),
-    "silent": ("assign event_valid = | waiting", "assign event_valid = 1'h0"),
+    "an event lost now and then": ("assign event_valid = |waiting", "assign event_valid = |waiting[3:1]"),
+    "silent": ("assign event_valid = |waiting", "assign event_valid = 1'h0"),
 }
 
 

@@ -81,5 +81,5 @@ CONFIGS = [
 )
 def test_window_equals_its_reference_in_every_clock(config: ReadoutConfig, tmp_path: Path) -> None:
     counts = cosimulate(config, "icarus", "eskin_window", "window_follows_its_reference", tmp_path, seed=5)
-    assert counts["checks"] == CLOCKS
+    assert counts["checks"] == 2 * CLOCKS
     assert all(counts[what] > 0 for what in ("narrowest", "opened", "resets")), counts

@@ -121,7 +121,8 @@ def _waive(text: str, config: Config) -> str:
         text = yosys.waive(text, warning, reason)
     readout = config.readout if isinstance(config, ChipConfig) else config
     if isinstance(readout, ReadoutConfig | FrameConfig):
-        text = yosys.waive_signal(text, top_block(readout).module_name, "awake", "UNUSEDSIGNAL", UNUSED_AWAKE)
+        array = FrameReadout if isinstance(readout, FrameConfig) else Readout
+        text = yosys.waive_signal(text, array.module_name, "awake", "UNUSEDSIGNAL", UNUSED_AWAKE)
     if isinstance(readout, ReadoutConfig) and readout.frontend == "digital" and readout.grid > 1:
         text = yosys.waive_signal(text, "eskin_taxel", "sample", "UNUSEDSIGNAL", UNUSED_SAMPLE_BITS)
     if isinstance(readout, ReadoutConfig) and readout.registers != "none":

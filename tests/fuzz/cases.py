@@ -90,6 +90,7 @@ GOOD: dict[str, tuple[str, ...]] = {
     "snn fig8": ("--weights", "good/train/weights.npz", "-o", "new"),
     "snn fig9": ("--sweep", "good/sweep/sweep.json", "-o", "new"),
     "cocotb_tests sim": ("--only", "no-such-texture"),
+    "cocotb_tests touch": ("--only", "no-such-texture"),
     "cocotb_tests replay": ("--dataset", "good/images", "--only", "no-such-texture"),
 }
 """Arguments with which each command ends soon; where it would run long, one of them is refused after all options."""
