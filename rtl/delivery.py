@@ -288,7 +288,7 @@ def write(config: Config, folder: Path) -> list[Path]:
         ".json": description(config) + "\n",
         ".core": core(config),
     }
-    if has_testbench(config):
+    if isinstance(config, ReadoutConfig) and has_testbench(config):
         files["_tb.sv"] = testbench(config)
     texts = {f"{top}{suffix}": text for suffix, text in files.items()} | _of_registers(config)
     folder.mkdir(parents=True, exist_ok=True)
