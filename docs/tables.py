@@ -622,6 +622,70 @@ def proofs() -> str:
     return f"{markdown(head, rows)}\n`{report['command']}`, {report['commit']}, {report['date']}: {report['result']}.\n"
 
 
+EVIDENCE = {
+    "proved": ("formal", "properties of the RTL, runs of any length"),
+    "covered": ("coverage", "RTL lines, branches, toggles; points of the specification"),
+    "killed": ("mutants", "automatic mutants of the RTL that the tests notice"),
+    "faults": ("faults", "upsets of every flop, and hostile surroundings"),
+    "soaked": ("soak", "clocks of random configurations, RTL against model"),
+    "hostile input": ("fuzz", "damaged files and absurd options"),
+}
+"""What is signed off, each with the name of its report in docs/data/verification, and what it is."""
+
+
+def evidence(name: str) -> dict[str, Any] | None:
+    """Return a report of the verification, None if there is none."""
+    path = f"docs/data/verification/{name}.json"
+    return dict(read(path)) if (ROOT / path).is_file() else None
+
+
+@table
+def signoff() -> str:
+    """Every kind of evidence with its last result; where there is none the line says so."""
+    rows = []
+    for kind, (name, what) in EVIDENCE.items():
+        kept = evidence(name)
+        if kept is None:
+            rows.append([kind, what, "**not yet**", "", "", ""])
+            continue
+        result = kept["result"] if name != "fuzz" else _fuzz_result(kept)
+        rows.append([kind, what, result, f"`{kept['command']}`", kept["commit"], kept["date"]])
+    return markdown(["", "what", "last result", "command", "commit", "date"], rows)
+
+
+def _fuzz_result(kept: dict[str, Any]) -> str:
+    cases, wrong = (sum(kept[kind][key] for kind in ("files", "options")) for key in ("cases", "wrong"))
+    return f"fuzz: {cases:,} cases, {wrong} wrong"
+
+
+@table
+def stages() -> str:
+    """How far every block is."""
+    proved: dict[str, list[dict[str, Any]]] = {}
+    for row in read("docs/data/verification/formal.json")["properties"]:
+        proved.setdefault(row["block"], []).append(row)
+    faults = evidence("faults") or {"blocks": []}
+    rows = []
+    for block, properties in proved.items():
+        open_ones = sum(not row["unbounded"] or bool(row["problems"]) for row in properties)
+        bugs = min(len(row["mutants_caught"]) for row in properties)
+        upset = [one for one in faults["blocks"] if one["block"] == block]
+        upsets, never = (sum(one[key] for one in upset) for key in ("upsets", "never recovers"))
+        stage = "V1" if open_ones or bugs < 3 else "V3" if upsets and not never else "V2"
+        rows.append(
+            [
+                block.replace("_", " "),
+                stage,
+                f"{len(properties) - open_ones} of {len(properties)}",
+                str(bugs),
+                f"{upsets:,}" if upsets else "not yet",
+                f"{never:,}" if upsets else "",
+            ]
+        )
+    head = ["block", "stage", "properties proved", "bugs seen by each, at least", "upsets tried", "never recovers"]
+    return markdown(head, rows)
+
+
 def filled(text: str) -> str:
     """Return a document with every table made anew."""
     return BLOCK.sub(lambda found: f"{found[1]}\n{TABLES[found[2]]()}\n{found[3]}", text)
