@@ -120,6 +120,8 @@ def test_mistakes_are_one_sentence(tmp_path: Path) -> None:
     loaded = IntegerWeights.load(first)
     dataclasses.replace(loaded, notes={}).save(tmp_path / "silent.npz")
     shutil.copy(first, tmp_path / "one.npz")
+    torn = {key: said for key, said in loaded.notes["training"].items() if key != "tested"}
+    dataclasses.replace(loaded, notes=loaded.notes | {"training": torn}).save(tmp_path / "torn.npz")
     other = loaded.notes["training"]["readout"] | {"rows": 4}
     training = loaded.notes["training"] | {"readout": other}
     dataclasses.replace(loaded, notes=loaded.notes | {"training": training}).save(tmp_path / "other.npz")
@@ -128,9 +130,10 @@ def test_mistakes_are_one_sentence(tmp_path: Path) -> None:
     for arguments, sentence in (
         (["--weights", tmp_path / "none.npz"], "none.npz does not exist; make one with python -m snn quantise"),
         (["--weights", tmp_path / "silent.npz"], "silent.npz does not say which readout it was trained for; quantise "),
+        (["--weights", tmp_path / "torn.npz"], "torn.npz says of its training is damaged; quantise again"),
         (["--weights", tmp_path / "other.npz"], "takes 128 channels, 4 x 8 taxels of lcs have 32 or 64; give the "),
         (["--weights", tmp_path / "one.npz", "--only", foreign], f"every network here has learned {foreign}; give"),
-        (["--only", "sky"], "embedded has no 'sky'; one of them is brick/brick-00"),
+        (["--only", "sky"], "dataset embedded has no texture 'sky'; one of them is brick/brick-00"),
         (["--data", tmp_path], "--data needs --weights, from python -m snn quantise"),
         (["--data", tmp_path, "--weights", tmp_path / "one.npz"], "was trained on textures; leave --data out"),
     ):

@@ -16,7 +16,6 @@ from model.cli.crew_options import Scheduler, Workers, open_crew
 from model.cli.progress import bars
 from model.commands.recordings import OwnData, check_alone, own_recordings, with_preparation
 from model.config import ReadoutConfig
-from model.errors import InputError
 from model.files import atomic_write
 
 if TYPE_CHECKING:
@@ -77,20 +76,13 @@ def _plan_own(
     out: Path,
 ) -> Plan:
     """Return the plan for a user's own recordings."""
-    from cocotb_tests.session.material import Own
+    from cocotb_tests.session.material import Own, chosen
     from cocotb_tests.session.replay import Plan
     from cocotb_tests.session.simulator import require_programs
 
     require_programs("verilator")
-    if limit is not None and limit < 1:
-        raise InputError(f"the number of recordings must be at least 1, not {limit}")
     material = Own(own_recordings(place, prepared, config, given), place)
-    names = material.names
-    if only is not None:
-        names = [material.named(only)]
-    elif limit is not None and limit < len(names):
-        names = [names[k * len(names) // limit] for k in range(limit)]
-    return Plan(material.recordings.config, material, names, out)
+    return Plan(material.recordings.config, material, chosen(material, limit, only), out)
 
 
 def _conclude(plan: Plan, played: int, now: dict[str, Any]) -> None:

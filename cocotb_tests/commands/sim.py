@@ -103,13 +103,13 @@ def _play_own(
 ) -> None:
     """Play a user's own recordings through RTL and model."""
     from cocotb_tests.session import own as session
-    from cocotb_tests.session.material import Own
+    from cocotb_tests.session.material import Own, named
     from cocotb_tests.session.session import MismatchFound
 
     simulator, waves, count, only, ticks, out = asked
     session.check(simulator, count, ticks)
     material = Own(own_recordings(place, prepared, config, given, again=total.runs > 0), place)
-    names = material.one_class_after_the_other(count) if only is None else [material.named(only)]
+    names = material.one_class_after_the_other(count) if only is None else [named(material, only)]
     plan = session.OwnPlan(material, names, simulator, waves, ticks, out)  # type: ignore[arg-type]
     with bar(f"{config.encoding}: RTL against model", len(names)) as progress:
         try:

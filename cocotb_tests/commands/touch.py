@@ -43,7 +43,7 @@ def touch(
     from cocotb_tests.touch import plan as session
 
     check_alone(data, {}, {"--dataset": dataset})
-    plan = session.plan(weights, data, dataset or EMBEDDED, session.Asked(limit, only), out)
+    plan = session.plan(weights, data, dataset or EMBEDDED, limit, only, out)
     with open_crew(workers, scheduler, replay.NEEDS, threads=True) as crew, bars() as show:
         print("building the chip for Verilator", file=sys.stderr)
         missing = [name for name in plan.names if plan.finished(name) is None]

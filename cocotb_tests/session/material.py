@@ -90,10 +90,7 @@ class Textures:
 
     def texture(self, name: str) -> Texture:
         """Return the texture of a name."""
-        for texture in self.data:
-            if texture.name == name:
-                return texture
-        raise InputError(f"dataset {self.name} has no texture {name!r}; one of them is {self.data[0].name}")
+        return next(texture for texture in self.data if texture.name == name)
 
     def arrays(self, names: Sequence[str]) -> dict[str, NDArray[Any]]:
         """Return the images."""
@@ -140,12 +137,6 @@ class Own:
         """What to write behind make."""
         return [f"DATA={self.place}", *own_variables(self.recordings.options, self.recordings.scale)]
 
-    def named(self, name: str) -> str:
-        """Return a name that is there."""
-        if name not in self.names:
-            raise InputError(f"{self.name} has no recording {name!r}; one of them is {self.names[0]}")
-        return name
-
     def one_class_after_the_other(self, count: int) -> list[str]:
         """Return the names of some recordings: the first of each class, then the second of each, and so on."""
         rank: dict[str | None, int] = {}
@@ -169,6 +160,31 @@ class Own:
         """Return what the recording of some samples shall carry."""
         samples = np.ascontiguousarray(self.arrays([name])[name])
         return _proof_of(program, hashlib.sha256(samples.tobytes()).hexdigest())
+
+
+# -- what of it is played ----------------------------------------------------------------------------
+
+
+def named(material: Material, name: str) -> str:
+    """Return a name that is there."""
+    if name not in material.names:
+        whose, what = (f"dataset {material.name}", "texture") if material.preset else (material.name, "recording")
+        raise InputError(f"{whose} has no {what} {name!r}; one of them is {material.names[0]}")
+    return name
+
+
+def chosen(material: Material, limit: int | None = None, only: str | None = None) -> list[str]:
+    """Return the names of ``limit`` things, evenly spread, or of ``only`` one; else of all."""
+    if only is not None:
+        return [named(material, only)]
+    names = material.names
+    if limit is not None and limit < 1:
+        raise InputError(
+            f"the number of {'images' if material.preset else 'recordings'} must be at least 1, not {limit}"
+        )
+    if limit is None or limit >= len(names):
+        return names
+    return [names[k * len(names) // limit] for k in range(limit)]
 
 
 # -- proofs ------------------------------------------------------------------------------------------

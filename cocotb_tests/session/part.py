@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,8 @@ from model.config import ReadoutConfig
 from model.crew.crew import MOST_DEATHS
 from model.errors import InputError
 from model.files import atomic_write
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -58,9 +60,16 @@ def play_here(
     on_run: Callable[[dict[str, Any]], None] | None = None,
 ) -> Tally:
     """Play a job with its images or samples in a folder, and return what was compared."""
-    with atomic_write(folder / "arrays.npz") as file:
+    arrays_at = write_arrays(folder, arrays)
+    return run_job(program, dataclasses.replace(job, arrays=str(arrays_at.resolve())), folder, on_run)
+
+
+def write_arrays(folder: Path, arrays: dict[str, NDArray[Any]]) -> Path:
+    """Write what a job plays, images or samples, into the folder it runs in, and return the file."""
+    path = folder / "arrays.npz"
+    with atomic_write(path) as file:
         np.savez(file, **{f"array/{name}": array for name, array in arrays.items()})  # type: ignore[arg-type]
-    return run_job(program, dataclasses.replace(job, arrays=str((folder / "arrays.npz").resolve())), folder, on_run)
+    return path
 
 
 def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> Played:
@@ -74,18 +83,29 @@ def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> Played:
         If the simulation dies again and again.
     """
     program = build(ReadoutConfig.from_dict(job.config), "verilator")
-    for deaths in range(MOST_DEATHS + 1):
-        with scratch_folder(BUILD / "run", "replay") as running:
-            events = running / "events"
+
+    def play(running: Path) -> Played:
+        events = running / "events"
+        tally = play_here(program, dataclasses.replace(job, keep=str(events.resolve())), arrays, running)
+        return Played(tally, {name: (events / f"{name}.npz").read_bytes() for name in job.played})
+
+    return until_it_lives("replay", play)
+
+
+def until_it_lives(name: str, play: Callable[[Path], T]) -> T:
+    """Return what a simulation makes in a fresh folder; one that dies begins again.
+
+    Raises
+    ------
+    InputError
+        If it dies again and again.
+    """
+    for _ in range(MOST_DEATHS + 1):
+        with scratch_folder(BUILD / "run", name) as running:
             try:
-                tally = play_here(program, dataclasses.replace(job, keep=str(events.resolve())), arrays, running)
+                return play(running)
             except SimulationDied as died:
-                if deaths == MOST_DEATHS:
-                    last = str(died).strip().splitlines()[-1]
-                    raise InputError(
-                        f"the simulation died {deaths + 1} times, perhaps for want of memory ({last}); "
-                        f"take fewer --workers"
-                    ) from None
-                continue
-            return Played(tally, {name: (events / f"{name}.npz").read_bytes() for name in job.played})
-    raise AssertionError("unreachable")
+                last = str(died).strip().splitlines()[-1]
+    raise InputError(
+        f"the simulation died {MOST_DEATHS + 1} times, perhaps for want of memory ({last}); take fewer --workers"
+    )

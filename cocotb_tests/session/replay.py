@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cocotb_tests.session.again import variables
-from cocotb_tests.session.material import Material, Textures
+from cocotb_tests.session.material import Material, Textures, chosen
 from cocotb_tests.session.part import job_of, play_part
 from cocotb_tests.session.player import Job
 from cocotb_tests.session.session import Tally
@@ -114,11 +114,9 @@ def plan_textures(
 ) -> Plan:
     """Return the plan that a user asked for: all textures, ``limit`` of them, or ``only`` one by its name."""
     require_programs("verilator")
-    data = open_dataset(dataset)
-    material = Textures(data, dataset, preset, start_row)
-    chosen = [material.texture(only)] if only is not None else list(data.limit(limit) if limit is not None else data)
+    material = Textures(open_dataset(dataset), dataset, preset, start_row)
     config = scan_of(preset).configure(config, config.tau_s if config.encoding == "nlcs" else None)
-    return Plan(config, material, [texture.name for texture in chosen], out)
+    return Plan(config, material, chosen(material, limit, only), out)
 
 
 def play(plan: Plan, missing: list[str], crew: Crew, on_run: Callable[[], object]) -> Tally:

@@ -11,7 +11,7 @@ from typing import Any
 from cocotb_tests.bench.stimuli import scenario_count
 from cocotb_tests.bench.textures import large_enough
 from cocotb_tests.session.again import reproduce
-from cocotb_tests.session.material import Textures
+from cocotb_tests.session.material import Textures, named
 from cocotb_tests.session.part import job_of, play_here
 from cocotb_tests.session.picture import draw
 from cocotb_tests.session.runners import Simulator
@@ -101,7 +101,7 @@ def plan(
     material = Textures(data, dataset or "embedded")
     picked = [data[number].name for number in _one_of_each_class(data.labels, textures)]
     if only is not None:
-        picked = [material.texture(only).name]
+        picked = [named(material, only)]
     if ticks is None and (waves or simulator == "icarus"):
         ticks = WAVE_TICKS
     return Plan(simulator, waves, seed, only is None, material, picked, ticks, out)  # type: ignore[arg-type]

@@ -11,23 +11,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from cocotb_tests.bench.textures import large_enough
-from cocotb_tests.session.material import Material, Own, Textures
+from cocotb_tests.session.material import Material, Own, Textures, chosen
+from cocotb_tests.session.part import until_it_lives, write_arrays
 from cocotb_tests.session.session import follow
-from cocotb_tests.session.simulator import Build, SimulationDied, build, require_programs
-from cocotb_tests.session.store import BUILD, scratch_folder
+from cocotb_tests.session.simulator import Build, build, require_programs
 from cocotb_tests.touch.player import JOB, Job
 from model.classifier.chip_config import ChipConfig
 from model.classifier.file import IntegerWeights
 from model.config import ReadoutConfig
-from model.crew.crew import MOST_DEATHS, Crew, each
+from model.crew.crew import Crew, each
 from model.errors import InputError
 from model.files import atomic_write, make_folder, read_arrays
-from model.recordings.folder import read_set
-from model.recordings.options import Preparation
+from model.recordings.own import OwnReadout
 from model.textures.dataset import EMBEDDED, open_dataset
 from model.textures.presets import preset
 
@@ -35,8 +33,6 @@ SHIPPED = Path(__file__).parents[2] / "model" / "classifier" / "networks"
 """Networks that come with the project: a folder for each dataset, a file for each fold."""
 
 MOST_IN_A_PART = 8
-EVERY_FIELD = frozenset(field.name for field in dataclasses.fields(ReadoutConfig))
-"""Of the readout of own recordings: none follows the recordings."""
 
 
 @dataclass(frozen=True)
@@ -49,54 +45,41 @@ class Network:
     weights : IntegerWeights
     chip : ChipConfig
         With the readout that it was trained for.
+    dataset : str or None
+    preset : str or None
+        Of the scans; None for own recordings.
+    tested : dict of str to int
+        What the float network said of each image that it has not learned.
+    own : OwnReadout or None
+        How own recordings were taken.
     """
 
     path: Path
     weights: IntegerWeights
     chip: ChipConfig
+    dataset: str | None
+    preset: str | None
+    tested: dict[str, int]
+    own: OwnReadout | None
 
     @classmethod
     def load(cls, path: Path) -> Network:
-        """Return the network of a file; refuse one that does not say what it was trained for."""
+        """Return the network of a file; refuse one that does not say what it was trained for.
+
+        What it says is described at ``snn.experiments.trained.said_of_training``.
+        """
         weights = IntegerWeights.load(path)
-        training = weights.notes.get("training")
-        if not training:
-            raise InputError(
-                f"{path} does not say which readout it was trained for; quantise again, with result.json of the "
-                f"training beside its weights"
-            )
-        readout = ReadoutConfig.from_dict(training["readout"])
-        return cls(path, weights, ChipConfig(readout=readout, classifier=weights.network.config))
-
-    @property
-    def training(self) -> dict[str, Any]:
-        """What the file says: see ``snn.experiments.trained.said_of_training``."""
-        found: dict[str, Any] = self.weights.notes["training"]
-        return found
-
-    @property
-    def tested(self) -> dict[str, int]:
-        """What the float network said of each image that it has not learned."""
-        return dict(self.training["tested"])
-
-
-@dataclass(frozen=True)
-class Asked:
-    """Which of the things there are a user wants: ``limit`` of them, evenly spread, or ``only`` one; else all."""
-
-    limit: int | None = None
-    only: str | None = None
-
-    def of(self, material: Material) -> list[str]:
-        """Return their names."""
-        names = material.names
-        if self.only is not None:
-            if self.only not in names:
-                raise InputError(f"{material.name} has no {self.only!r}; one of them is {names[0]}")
-            return [self.only]
-        if self.limit is None or self.limit >= len(names):
-            return names
-        return [names[k * len(names) // self.limit] for k in range(self.limit)]
+        again = "quantise again, with result.json of the training beside its weights"
+        said = weights.notes.get("training")
+        if not said:
+            raise InputError(f"{path} does not say which readout it was trained for; {again}")
+        try:
+            readout, dataset, preset, own = (said[key] for key in ("readout", "dataset", "preset", "recordings"))
+            tested = dict(said["tested"])
+        except (KeyError, TypeError, ValueError):
+            raise InputError(f"what {path} says of its training is damaged; {again}") from None
+        chip = ChipConfig(readout=ReadoutConfig.from_dict(readout), classifier=weights.network.config)
+        return cls(path, weights, chip, dataset, preset, tested, None if own is None else OwnReadout.from_dict(own))
 
 
 @dataclass(frozen=True)
@@ -192,13 +175,13 @@ class Plan:
         return large_enough(array, self.networks[name].chip.readout) if self.material.name == EMBEDDED else array
 
 
-def plan(weights: Path | None, data: Path | None, dataset: str, asked: Asked, out: Path) -> Plan:
+def plan(weights: Path | None, data: Path | None, dataset: str, limit: int | None, only: str | None, out: Path) -> Plan:
     """Return the plan that a user asked for: all of the textures or of the recordings in a folder, or some."""
     require_programs("verilator")
     if data is None:
         textures = open_dataset(dataset)
         networks = _load(weights or SHIPPED / textures.name)
-        if (kind := networks[0].training["preset"]) is None:
+        if (kind := networks[0].preset) is None:
             raise InputError(f"{networks[0].path} was trained on recordings; play some with --data")
         material: Material = Textures(textures, dataset, kind)
     else:
@@ -206,13 +189,12 @@ def plan(weights: Path | None, data: Path | None, dataset: str, asked: Asked, ou
             raise InputError("--data needs --weights, from python -m snn quantise")
         networks = _load(weights)
         material = _own(networks[0], data)
-    names = asked.of(material)
     again = [
         "make touch",
         f"DATA={data}" if data else f"DATASET={dataset}",
         *([f"WEIGHTS={weights}"] if weights else []),
     ]
-    return Plan(material, choose(material, names, networks), " ".join(again), out)
+    return Plan(material, choose(material, chosen(material, limit, only), networks), " ".join(again), out)
 
 
 def _load(place: Path) -> list[Network]:
@@ -229,11 +211,9 @@ def _load(place: Path) -> list[Network]:
 
 def _own(network: Network, place: Path) -> Own:
     """Return a user's recordings, taken as those of the training were."""
-    said = network.training["recordings"]
-    if said is None:
+    if network.own is None:
         raise InputError(f"{network.path} was trained on textures; leave --data out, or train on recordings")
-    options = Preparation(**said["prepared"], scale=repr(said["scale"]))
-    return Own(read_set(place, options, network.chip.readout, EVERY_FIELD), place)
+    return Own(network.own.read(place), place)
 
 
 def choose(material: Material, names: Sequence[str], networks: Sequence[Network]) -> dict[str, Network]:
@@ -245,19 +225,19 @@ def choose(material: Material, names: Sequence[str], networks: Sequence[Network]
         If there is none, or it was trained for other scans.
     """
     for network in networks:
-        if network.training["preset"] != (material.preset or None):
+        if network.preset != (material.preset or None):
             raise InputError(
-                f"{network.path} was trained on {network.training['preset'] or 'recordings'}, what is played is "
+                f"{network.path} was trained on {network.preset or 'recordings'}, what is played is "
                 f"{material.preset or 'recordings'}; give weights of the same"
             )
-    chosen = {}
+    found = {}
     for name in names:
-        fit = [n for n in networks if n.training["dataset"] == material.name and name in n.tested]
-        foreign = [n for n in networks if n.training["dataset"] != material.name]
+        fit = [n for n in networks if n.dataset == material.name and name in n.tested]
+        foreign = [n for n in networks if n.dataset != material.name]
         if not (fit or foreign):
             raise InputError(f"every network here has learned {name}; give the weights of the fold that left it out")
-        chosen[name] = (fit or foreign)[0]
-    return chosen
+        found[name] = (fit or foreign)[0]
+    return found
 
 
 def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> dict[str, bytes]:
@@ -269,23 +249,17 @@ def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> dict[str, bytes]:
         If RTL and models differ.
     """
     program = build(ChipConfig.from_dict(job.config), "verilator")
-    for deaths in range(MOST_DEATHS + 1):
-        with scratch_folder(BUILD / "run", "touch") as running:
-            keep = make_folder(running, "results")
-            with atomic_write(running / "arrays.npz") as file:
-                np.savez(file, **{f"array/{name}": array for name, array in arrays.items()})  # type: ignore[arg-type]
-            for name in job.played:
-                make_folder(keep, Path(name).parent)
-            full = dataclasses.replace(job, arrays=str(running / "arrays.npz"), keep=str(keep))
-            full.write(running / "job.json")
-            try:
-                follow(program, "cocotb_tests.touch.player", {JOB: str(running / "job.json")}, running)
-            except SimulationDied:
-                if deaths == MOST_DEATHS:
-                    raise InputError(f"the simulation died {deaths + 1} times; take fewer --workers") from None
-                continue
-            return {name: (keep / f"{name}.npz").read_bytes() for name in job.played}
-    raise AssertionError("unreachable")
+
+    def play(running: Path) -> dict[str, bytes]:
+        keep = make_folder(running, "results")
+        for name in job.played:
+            make_folder(keep, Path(name).parent)
+        full = dataclasses.replace(job, arrays=str(write_arrays(running, arrays)), keep=str(keep))
+        full.write(running / "job.json")
+        follow(program, "cocotb_tests.touch.player", {JOB: str(running / "job.json")}, running)
+        return {name: (keep / f"{name}.npz").read_bytes() for name in job.played}
+
+    return until_it_lives("touch", play)
 
 
 def play(plan: Plan, crew: Crew, on_run: Callable[[], object]) -> None:

@@ -91,7 +91,7 @@ def predict(
 
 def _own_events(trained: Trained, data: Path | None, check_model: bool) -> Path:
     """Return the event files of own recordings, taken as those of the training were."""
-    from snn.experiments.own import EVERY_FIELD
+    from model.recordings.own import EVERY_FIELD
 
     if data is None:
         raise InputError("what shall be classified? give --events DIR, or --data DIR with your own recordings")

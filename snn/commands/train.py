@@ -48,9 +48,9 @@ def train(
         data = made.data(step)
     from snn.checkpoint import Checkpoint
     from snn.data.folds import stratified_folds
+    from snn.data.recordings import own_readout
     from snn.data.scans import Split
     from snn.exchange.weights import Weights, save_weights
-    from snn.experiments.own import OwnReadout
     from snn.kernels import cpu as kernel
     from snn.train import predicted_classes
 
@@ -81,7 +81,7 @@ def train(
         "predicted": predicted.tolist(),
         "history": [dataclasses.asdict(epoch) for epoch in training.history],
     }
-    if own := OwnReadout.of_events(made.events):
+    if made.events and (own := own_readout(Path(made.events))):
         result["recordings"] = own.to_dict()
     write_json(out / "result.json", result)
     save_weights(out / "weights.npz", Weights(training.network, data.class_names, data.step_s))

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from model.errors import InputError
 from model.events.recording import Recording
+from model.recordings.own import OwnReadout
 
 
 class EventFile(NamedTuple):
@@ -67,6 +68,11 @@ def class_of(recording: Recording) -> str | None:
         if isinstance(found := recording.metadata.get(key), str) and found:
             return found
     return None
+
+
+def own_readout(folder: Path) -> OwnReadout | None:
+    """Return how the own recordings of a folder of event files were taken; None where they are no own ones."""
+    return OwnReadout.of(Recording.load(event_files([folder])[0].path))
 
 
 def read_recordings(

@@ -18,7 +18,8 @@ from model.errors import InputError
 from model.events.compare import first_difference
 from model.events.recording import Recording
 from model.readout import Stimulus, simulate
-from model.recordings.folder import RecordingSet, read_set
+from model.recordings.folder import RecordingSet
+from model.recordings.own import OwnReadout
 from model.textures.dataset import EMBEDDED, Texture, open_dataset
 from model.textures.presets import preset
 from snn.data.bins import BinConfig, bin_recording
@@ -26,7 +27,6 @@ from snn.data.record import Tick
 from snn.data.recordings import class_of
 from snn.data.scans import ScanData, collect
 from snn.exchange.weights import config_of, load_weights
-from snn.experiments.own import EVERY_FIELD, OwnReadout
 from snn.experiments.trained import OTHER, TEST, TRAINING, Trained, read_result
 from snn.train import check_fits, logits_of, predicted_classes
 
@@ -239,7 +239,7 @@ class _Sources:
             raise InputError(f"{name} is one of your own recordings; name the folder of its samples with --data")
         key = json.dumps(own.to_dict(), sort_keys=True)
         if key not in self.sets:
-            self.sets[key] = read_set(place, own.options, own.config, EVERY_FIELD)
+            self.sets[key] = own.read(place)
         for source, codes in zip(self.sets[key].sources, self.sets[key].codes, strict=True):
             if source.name == name:
                 ticks = rtl.metadata.get("ticks")

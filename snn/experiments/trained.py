@@ -14,6 +14,7 @@ from model.config import ReadoutConfig
 from model.errors import InputError
 from model.events.recording import Recording
 from model.files import read_json
+from model.recordings.own import OwnReadout
 from model.textures.dataset import open_dataset
 from snn.data.bins import BinConfig
 from snn.data.folds import stratified_folds
@@ -22,7 +23,6 @@ from snn.data.recordings import event_files
 from snn.data.scans import ScanData, load_recordings
 from snn.exchange.weights import Weights, check_class_names, load_weights
 from snn.experiments.experiment import Experiment
-from snn.experiments.own import OwnReadout
 
 TEST, TRAINING, OTHER = "test", "training", "other"
 """Part of a recording: of the fold that was left out, of the images that were learned, or of neither."""

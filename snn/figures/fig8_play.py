@@ -15,13 +15,11 @@ from torch.nn import functional
 from model.errors import InputError
 from model.events.recording import Recording
 from model.figures.scan_to_class import Played
-from model.recordings.folder import read_set
 from model.textures.dataset import open_dataset
 from snn.data.bins import BinConfig
 from snn.data.record import record
 from snn.data.scans import collect
 from snn.exchange.weights import Weights, load_weights
-from snn.experiments.own import EVERY_FIELD
 from snn.experiments.trained import TrainingResult, read_result
 from snn.kernels.layer import layer
 from snn.network import SpikingNetwork
@@ -136,7 +134,7 @@ def _play_own(weights: Weights, result: TrainingResult, place: Path, image: str 
     """Return an own recording played through the network, taken as those of the training were."""
     if result.own is None:
         raise InputError("the network was not trained on your own recordings; leave --data out, or train with it")
-    found = read_set(place, result.own.options, result.own.config, EVERY_FIELD)
+    found = result.own.read(place)
     names, classes = [source.name for source in found.sources], weights.class_names
     if strange := [source for source in found.sources if source.class_name not in classes]:
         raise InputError(f"{strange[0].path} is in none of the classes of the network: {', '.join(classes)}")

@@ -17,14 +17,13 @@ from model.config import ReadoutConfig
 from model.errors import InputError
 from model.events.address import make_events
 from model.events.recording import Recording
-from model.recordings.folder import read_set
 from model.recordings.options import Preparation
+from model.recordings.own import OwnReadout
 from snn.__main__ import app
 from snn.data.bins import BinConfig
 from snn.data.recordings import class_of, event_files, read_recordings
 from snn.data.scans import load_recordings
 from snn.exchange.weights import Weights, save_weights
-from snn.experiments.own import EVERY_FIELD
 from snn.experiments.points import load_sweep
 from snn.network import build
 from snn.network_config import NetworkConfig
@@ -225,9 +224,7 @@ def test_own_recordings_are_predicted_as_those_of_the_training_were_taken(own: d
 
 def test_the_rtl_of_own_recordings_is_held_to_the_model(own: dict[str, Any], snn: Call) -> None:
     said = own["recordings"]
-    recordings = read_set(
-        Path("skin"), Preparation(baseline="median"), ReadoutConfig.from_dict(said["readout"]), EVERY_FIELD
-    )
+    recordings = OwnReadout(ReadoutConfig.from_dict(said["readout"]), Preparation(baseline="median")).read(Path("skin"))
     for number in (0, 9):
         made, _ = recordings.recording(number)
         rtl = dataclasses.replace(

@@ -10,8 +10,8 @@ from typing import Any
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.events.recording import Recording
+from model.recordings.folder import RecordingSet, read_set
 from model.recordings.options import Preparation
-from snn.data.recordings import event_files
 
 EVERY_FIELD = frozenset(field.name for field in dataclasses.fields(ReadoutConfig))
 """All of them are said: none follows the recordings."""
@@ -39,15 +39,14 @@ class OwnReadout:
             return None
         return cls.from_dict({"readout": recording.config.to_dict(), "prepared": prepared, "scale": scale})
 
-    @classmethod
-    def of_events(cls, folder: str | None) -> OwnReadout | None:
-        """Return that of a folder of event files; None where they are no own recordings, or there is no folder."""
-        return None if folder is None else cls.of(Recording.load(event_files([Path(folder)])[0].path))
-
     @property
     def prepared(self) -> dict[str, Any]:
         """All fields of the preparation."""
         return dataclasses.asdict(self.options)
+
+    def read(self, place: Path) -> RecordingSet:
+        """Return other recordings, taken as these were."""
+        return read_set(place, self.options, self.config, EVERY_FIELD)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values."""
