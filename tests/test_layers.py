@@ -47,7 +47,7 @@ LAYERS = {
         "formal.plan formal.engine",
         "formal.run formal.bind",
         "formal.report",
-        "asic.library",
+        "asic.library asic.opensta",
         "asic.gating",
         "asic.synthesis",
         "asic.clocks asic.compare asic.constraints",

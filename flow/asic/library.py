@@ -13,6 +13,8 @@ from model.errors import InputError
 if TYPE_CHECKING:
     from liberty.types import Group
 
+UNIT = {"": 1.0, "f": 1e-15, "p": 1e-12, "n": 1e-9, "u": 1e-6, "m": 1e-3, "k": 1e3}
+
 PACKAGE = "liberty-parser is not installed; install it with: pip install -c constraints.txt -e '.[asic]'"
 
 
@@ -146,6 +148,18 @@ class Library:
         return min(found)[1:] if found else None
 
 
+def text_of(value: Any) -> str:
+    """Return a value of the parser as text without quotes: the first of several, empty where it is absent."""
+    if isinstance(value, list):
+        value = value[0] if value else None
+    return "" if value is None else str(getattr(value, "value", value)).strip('"').strip()
+
+
+def number_of(value: Any, default: float = 0.0) -> float:
+    """Return a value of the parser as a number."""
+    return default if value is None else float(text_of(value))
+
+
 def _plain(function: str) -> str:
     """Return a Boolean function of one literal without blanks and brackets."""
     return function.replace(" ", "").strip("()")
@@ -193,9 +207,15 @@ def read(path: Path) -> Library:
     group = parse(path)
     units = _units(group)
     cells = {cell.name: cell for cell in (_cell(g, units) for g in group.get_groups("cell"))}
-    process, voltage_v, temperature_c = _corner(group, path)
+    process, voltage, temperature_c = _corner(group, path)
     library = Library(
-        path, _text(group.args[0]) if group.args else path.stem, process, voltage_v, temperature_c, cells, units
+        path,
+        text_of(group.args[0]) if group.args else path.stem,
+        process,
+        voltage * units["voltage"],
+        temperature_c,
+        cells,
+        units,
     )
     if not library.flops:
         raise InputError(f"the cell library {path} has no flip-flop: no cell of it has an ff group; give another .lib")
@@ -205,10 +225,10 @@ def read(path: Path) -> Library:
 
 
 def _corner(group: Group, path: Path) -> tuple[float, float, float]:
-    """Return process, voltage and temperature of a library."""
-    named = _text(group.get_attributes("default_operating_conditions")[:1] or "")
+    """Return process, voltage and temperature of a library, as it writes them."""
+    named = text_of(group.get_attributes("default_operating_conditions")[:1] or "")
     conditions = group.get_groups("operating_conditions")
-    chosen = [g for g in conditions if g.args and _text(g.args[0]) == named] or conditions[:1]
+    chosen = [g for g in conditions if g.args and text_of(g.args[0]) == named] or conditions[:1]
     found = []
     for name in ("process", "voltage", "temperature"):
         values = group.get_attributes(f"nom_{name}") or [v for g in chosen for v in g.get_attributes(name)]
@@ -220,15 +240,12 @@ def _corner(group: Group, path: Path) -> tuple[float, float, float]:
     return found[0], found[1], found[2]
 
 
-UNIT = {"": 1.0, "f": 1e-15, "p": 1e-12, "n": 1e-9, "u": 1e-6, "m": 1e-3, "k": 1e3}
-
-
 def _units(group: Group) -> dict[str, float]:
     """Return the units of a library, those of the liberty standard where the file has none."""
     load = next(iter(group.get_attributes("capacitive_load_unit")), [1.0, "pf"])
     return {
         "time": _unit(group, "time_unit", "1ns"),
-        "capacitance": float(_number(load[0])) * UNIT[_text(load[1])[:-1].lower()],
+        "capacitance": float(number_of(load[0])) * UNIT[text_of(load[1])[:-1].lower()],
         "leakage": _unit(group, "leakage_power_unit", "1nW"),
         "voltage": _unit(group, "voltage_unit", "1V"),
     }
@@ -236,7 +253,7 @@ def _units(group: Group) -> dict[str, float]:
 
 def _unit(group: Group, name: str, default: str) -> float:
     """Return a unit such as ``10ps`` as a number."""
-    text = _text(next(iter(group.get_attributes(name)), default))
+    text = text_of(next(iter(group.get_attributes(name)), default))
     digits = len(text) - len(text.lstrip("0123456789."))
     return float(text[:digits] or 1) * UNIT[text[digits:-1]]
 
@@ -246,21 +263,21 @@ def _cell(group: Group, units: dict[str, float]) -> Cell:
     inputs, functions = {}, {}
     marks: dict[str, str] = {}
     for pin in group.get_groups("pin"):
-        name = _text(pin.args[0])
-        direction = _text(pin.get_attribute("direction", ""))
+        name = text_of(pin.args[0])
+        direction = text_of(pin.get_attribute("direction", ""))
         if direction == "input":
             inputs[name] = float(pin.get_attribute("capacitance", 0.0)) * units["capacitance"]
-        elif function := _text(pin.get_attribute("function", "")):
+        elif function := text_of(pin.get_attribute("function", "")):
             functions[name] = function
         for mark in ("clock", "enable", "out", "test"):
-            if _text(pin.get_attribute(f"clock_gate_{mark}_pin", "false")) == "true":
+            if text_of(pin.get_attribute(f"clock_gate_{mark}_pin", "false")) == "true":
                 marks[mark] = name
-    kind = _text(group.get_attribute("clock_gating_integrated_cell", ""))
+    kind = text_of(group.get_attribute("clock_gating_integrated_cell", ""))
     gate = None
     if kind.startswith("latch_posedge") and {"clock", "enable", "out"} <= set(marks) and "obs" not in kind:
         gate = ClockGate(marks["clock"], marks["enable"], marks["out"], marks.get("test", ""))
     return Cell(
-        name=_text(group.args[0]),
+        name=text_of(group.args[0]),
         area_um2=float(group.get_attribute("area", 0.0)),
         leakage_w=float(group.get_attribute("cell_leakage_power", 0.0)) * units["leakage"],
         inputs=inputs,
@@ -268,33 +285,22 @@ def _cell(group: Group, units: dict[str, float]) -> Cell:
         flop=_memory(group.get_groups("ff"), "clocked_on", "next_state", functions),
         latch=_memory(group.get_groups("latch"), "enable", "data_in", functions) if not kind else None,
         gate=gate,
-        dont_use=_text(group.get_attribute("dont_use", "false")) == "true",
+        dont_use=text_of(group.get_attribute("dont_use", "false")) == "true",
     )
 
 
 def _memory(groups: Iterable[Any], clock: str, data: str, functions: dict[str, str]) -> Flop | None:
     """Return what an ff or latch group says."""
     for group in groups:
-        state, inverse = _text(group.args[0]), _text(group.args[1])
-        on = _plain(_text(group.get_attribute(clock, "")))
+        state, inverse = text_of(group.args[0]), text_of(group.args[1])
+        on = _plain(text_of(group.get_attribute(clock, "")))
         wanted = {state: False, inverse: True, f"!{state}": True, f"!{inverse}": False}
         return Flop(
             clock=on.strip("!'"),
-            data=_plain(_text(group.get_attribute(data, ""))),
+            data=_plain(text_of(group.get_attribute(data, ""))),
             outputs={pin: wanted[_plain(text)] for pin, text in functions.items() if _plain(text) in wanted},
             rising="!" not in on and "'" not in on,
-            clear=_plain(_text(group.get_attribute("clear", ""))),
-            preset=_plain(_text(group.get_attribute("preset", ""))),
+            clear=_plain(text_of(group.get_attribute("clear", ""))),
+            preset=_plain(text_of(group.get_attribute("preset", ""))),
         )
     return None
-
-
-def _text(value: Any) -> str:
-    """Return the text of a value of the parser, without quotes."""
-    if isinstance(value, list):
-        value = value[0] if value else ""
-    return str(getattr(value, "value", value)).strip('"')
-
-
-def _number(value: Any) -> float:
-    return float(getattr(value, "value", value))

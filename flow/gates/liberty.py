@@ -3,26 +3,13 @@
 from __future__ import annotations
 
 import functools
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from flow.asic.library import Library, parse, read
+from flow.asic.library import Library, parse, read, text_of
 from model.errors import InputError
-
-UNITS = {"f": 1e-15, "p": 1e-12, "n": 1e-9, "u": 1e-6, "m": 1e-3, "": 1.0, "k": 1e3}
-
-
-def text_of(value: Any) -> str:
-    """Return an attribute as text without quotes; empty where it is absent."""
-    return "" if value is None else str(value).strip('"').strip()
-
-
-def number_of(value: Any, default: float = 0.0) -> float:
-    """Return an attribute as a number."""
-    return default if value is None else float(text_of(value))
 
 
 @dataclass(frozen=True)
@@ -44,27 +31,31 @@ class LibraryCell:
         """Groups of its pins by their names."""
         return {text_of(pin.args[0]): pin for pin in self.group.get_groups("pin")}
 
+    @functools.cached_property
+    def _directions(self) -> dict[str, str]:
+        return {name: text_of(pin["direction"]) for name, pin in self.pins.items()}
+
     def of_direction(self, direction: str) -> list[str]:
         """Return the names of its pins of a direction."""
-        return [name for name, pin in self.pins.items() if text_of(pin["direction"]) == direction]
+        return [name for name, found in self._directions.items() if found == direction]
 
-    @property
+    @functools.cached_property
     def state(self) -> Any:
         """Its ``ff`` or ``latch`` group, or None."""
         found = [group for kind in ("ff", "latch") for group in self.group.get_groups(kind)]
         return found[0] if found else None
 
-    @property
+    @functools.cached_property
     def is_flop(self) -> bool:
         """Whether it has an ``ff`` group."""
         return bool(self.group.get_groups("ff"))
 
-    @property
+    @functools.cached_property
     def clock_gate(self) -> str:
         """Kind of an integrated clock gate, ``latch_posedge``; empty for other cells."""
         return text_of(self.group["clock_gating_integrated_cell"])
 
-    @property
+    @functools.cached_property
     def clock_pins(self) -> list[str]:
         """Inputs that carry a clock: that of a flop or latch, and of a clock gate."""
         return [name for name in self.of_direction("input") if text_of(self.pins[name]["clock"]) == "true"]
@@ -110,33 +101,6 @@ class CellLibrary:
         """Groups of table templates by their names."""
         kinds = ("lu_table_template", "power_lut_template")
         return {text_of(group.args[0]): group for kind in kinds for group in self.group.get_groups(kind)}
-
-    def unit(self, attribute: str, default: str) -> float:
-        """Return a unit of the library in SI units, ``leakage_power_unit``."""
-        found = re.fullmatch(r"([\d.]+)([a-z]?)[a-zA-Z]+", text_of(self.group[attribute]) or default)
-        assert found, attribute
-        return float(found[1]) * UNITS[found[2] if found[2] in UNITS else ""]
-
-    @property
-    def supply_v(self) -> float:
-        """Nominal supply in volts."""
-        return number_of(self.group["nom_voltage"]) * self.unit("voltage_unit", "1V")
-
-    @property
-    def time_s(self) -> float:
-        """Unit of time in seconds."""
-        return self.unit("time_unit", "1ns")
-
-    @property
-    def capacitance_f(self) -> float:
-        """Unit of capacitance in farads."""
-        value = self.group["capacitive_load_unit"] or [1, "pf"]
-        return float(text_of(value[0])) * UNITS[text_of(value[1]).lower()[0]]
-
-    @property
-    def leakage_w(self) -> float:
-        """Unit of leakage in watts."""
-        return self.unit("leakage_power_unit", "1nW")
 
     def used(self, kinds: set[str]) -> Iterator[LibraryCell]:
         """Yield the cells of some names, in order of these."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from flow.gates.liberty import CellLibrary, LibraryCell, text_of, verilog_of
+from flow.asic.library import text_of
+from flow.gates.liberty import CellLibrary, LibraryCell, verilog_of
 from model.errors import InputError
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -14,6 +15,8 @@ from model.errors import InputError
 
 HALF_NS = 4
 """Half a clock of the harness, in units of its time."""
+DUMP = "activity.vcd"
+"""File that a simulation dumps into."""
 
 
 @dataclass(frozen=True)
@@ -30,10 +33,32 @@ class Activity:
     clocks: int
     values: dict[str, NDArray[np.bool_]]
 
+    @functools.cached_property
+    def _toggles(self) -> dict[str, int]:
+        return {net: int(np.count_nonzero(bits[1:] != bits[:-1])) for net, bits in self.values.items()}
+
     def toggles(self, net: str) -> float:
         """Return the toggles of a net per clock."""
-        bits = self.values[net]
-        return float(np.count_nonzero(bits[1:] != bits[:-1])) / self.clocks
+        return self._toggles[net] / self.clocks
+
+
+def take_dump(folder: Path, lead: int, clocks: int, nets: Iterable[str]) -> Activity:
+    """Return what nets did in a simulation, and delete its dump, which is large.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the simulation ran.
+    lead : int
+        Time from the beginning of the dump to the first rising edge of the window.
+    clocks : int
+        Length of the window.
+    nets : iterable of str
+    """
+    path = folder / DUMP
+    activity = read_vcd(path, first_time(path) + lead, clocks, nets)
+    path.unlink()
+    return activity
 
 
 def read_vcd(path: Path, start: int, clocks: int, nets: Iterable[str]) -> Activity:

@@ -9,12 +9,10 @@ from cocotb_tests.bench.readout import EventMonitor, StimulusDriver
 from cocotb_tests.session.simulator import HARNESS, shape
 from flow.gates import icarus
 from flow.gates.netlist import FlatNetlist
-from flow.power.activity import HALF_NS, Activity, first_time, read_vcd
+from flow.power.activity import DUMP, HALF_NS, Activity, take_dump
 from flow.power.scenarios import Scenario
 from model.config import ReadoutConfig
 from model.events.compare import first_difference
-
-DUMP = "activity.vcd"
 
 PLAYER = """`timescale 1ns / 1ns
 module play;
@@ -81,11 +79,7 @@ def play(
     errors = int(icarus.run(texts, "play", folder).split()[-1])
     events = EventMonitor(config, folder).read()
     _hold_to_model(scenario, events, errors)
-    path = folder / DUMP
-    start = first_time(path) + HALF_NS + 1
-    activity = read_vcd(path, start, scenario.clocks, netlist.nets)
-    path.unlink()
-    return activity, scenario.inside(events)
+    return take_dump(folder, HALF_NS + 1, scenario.clocks, netlist.nets), scenario.inside(events)
 
 
 def _defined(macros: dict[str, str], netlist: FlatNetlist) -> str:

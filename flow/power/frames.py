@@ -8,7 +8,7 @@ import numpy as np
 
 from flow.gates import icarus
 from flow.gates.netlist import FlatNetlist
-from flow.power.activity import HALF_NS, Activity, first_time, read_vcd
+from flow.power.activity import DUMP, HALF_NS, Activity, take_dump
 from flow.power.bench import Mismatch
 from flow.power.scenarios import IDLE, TEXTURE, texture_samples
 from model.frame import FrameModel, Inputs, Outputs
@@ -17,7 +17,6 @@ from model.frame_words import adc_code
 
 FRAMES = 2
 IDLE_CLOCKS = 400
-DUMP = "activity.vcd"
 
 
 def play(config: FrameConfig, netlist: FlatNetlist, cells: str, folder: Path) -> dict[str, tuple[Activity, int]]:
@@ -44,10 +43,7 @@ def _run(config: FrameConfig, netlist: FlatNetlist, cells: str, folder: Path, fr
     said = icarus.run([netlist.verilog(), cells, _bench(netlist, clocks, widths)], "play", folder)
     if int(said.split()[-1]):
         raise Mismatch(f"the netlist differs from the frame readout's model in {said.split()[-1]} clocks")
-    path = folder / DUMP
-    activity = read_vcd(path, first_time(path) + HALF_NS, clocks, netlist.nets)
-    path.unlink()
-    return activity
+    return take_dump(folder, HALF_NS, clocks, netlist.nets)
 
 
 def _traces(config: FrameConfig, frames: int, clocks: int) -> tuple[list[Inputs], list[Outputs]]:

@@ -105,7 +105,7 @@ class LibertyWay:
         return sum(self.tables[cell.kind].leakage_w for cell in self.netlist.cells)
 
     def _switching(self, net: str, activity: Activity) -> float:
-        return 0.5 * self.load_f.get(net, 0.0) * self.library.supply_v**2 * activity.toggles(net)
+        return 0.5 * self.load_f.get(net, 0.0) * self.library.known.voltage_v**2 * activity.toggles(net)
 
     def _power(self, cell: Cell, activity: Activity, clock_hz: float) -> tuple[float, float, float]:
         tables = self.tables[cell.kind]
@@ -125,7 +125,8 @@ class LibertyWay:
         known = _with_outputs(tables, bits)
         total, share = 0.0, 0.0
         for when, power in tables.states:
-            part = float(np.mean(condition(when)(known)))
+            held = condition(when)(known)
+            part = np.count_nonzero(held) / held.size
             total += part * power
             share += part
         return total / share if share > 0.999 else total + (1 - share) * tables.leakage_w

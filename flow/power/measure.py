@@ -193,7 +193,7 @@ def _summary(
         "clock_hz": config.clock_hz,
         "area_um2": sum(library.known.cells[cell.kind].area_um2 for cell in flat.cells),
         "process": library.known.name,
-        "supply_v": library.supply_v,
+        "supply_v": library.known.voltage_v,
         "pitch_um": pitch_um,
         "leakage_w": idle.leakage_w,
         "clock_power_w_per_hz": (idle.power_w - idle.leakage_w) / config.clock_hz,

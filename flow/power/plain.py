@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flow.gates.liberty import CellLibrary, LibraryCell, text_of
+from flow.asic.library import text_of
+from flow.gates.liberty import CellLibrary, LibraryCell
 
 LEFT_OUT = ("wire_load", "wire_load_selection", "wire_load_table")
 

@@ -8,14 +8,13 @@ they toggle or not.
 from __future__ import annotations
 
 import functools
-import shutil
-import subprocess
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from flow.asic import opensta
 from flow.gates.liberty import CellLibrary
 from flow.gates.netlist import Cell, FlatNetlist
 from flow.power.activity import Activity
@@ -125,7 +124,7 @@ class StaWay:
         (folder / "netlist.v").write_text(self.netlist.verilog())
         (folder / "cells.lib").write_text(plain(self.library, {cell.kind for cell in self.netlist.cells}))
         lines = [SET_UP.format(library="cells.lib", netlist="netlist.v", top=self.netlist.top, period=PERIOD_NS)]
-        unit = self.library.capacitance_f
+        unit = self.library.known.units["capacitance"]
         lines += [f"set_load {value / unit:.6g} [get_nets {{{net}}}]" for net, value in self.wires_f.items() if value]
         lines += [f"report still.txt {STILL}", "report all.txt 1"]
         for number, name in enumerate(("data", "rest")):
@@ -238,13 +237,9 @@ def run(lines: list[str], folder: Path) -> None:
     InputError
         If the program is missing, or does not accept the netlist.
     """
-    if shutil.which("sta") is None:
-        raise InputError("sta not found; install with: apt-get install opensta")
-    (folder / "script.tcl").write_text("\n".join([*lines, "exit", ""]))
-    command = ["sta", "-no_init", "-no_splash", "-exit", "script.tcl"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    said = (done.stdout + done.stderr).splitlines()
-    if wrong := [line for line in said if line.startswith("Error")] or (said[-1:] if done.returncode else []):
+    text, status = opensta.run("\n".join(lines), folder)
+    said = text.splitlines()
+    if wrong := [line for line in said if line.startswith("Error")] or (said[-1:] if status else []):
         raise InputError(f"OpenSTA does not accept the netlist: {wrong[0]}; give netlist and cell library of one run")
 
 

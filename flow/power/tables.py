@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flow.gates.liberty import CellLibrary, LibraryCell, number_of, text_of, verilog_of
+from flow.asic.library import number_of, text_of
+from flow.gates.liberty import CellLibrary, LibraryCell, verilog_of
 
 Bits = NDArray[np.bool_]
 ENERGY_UNIT = "capacitance times square of voltage"
@@ -108,10 +109,10 @@ class CellTables:
     @classmethod
     def read(cls, library: CellLibrary, cell: LibraryCell) -> CellTables:
         """Return the tables of a cell."""
-        joule = library.capacitance_f * library.unit("voltage_unit", "1V") ** 2
-        group = cell.group
+        units, group = library.known.units, cell.group
+        joule = units["capacitance"] * units["voltage"] ** 2
         states = [
-            (text_of(g["when"]), number_of(g["value"]) * library.leakage_w) for g in group.get_groups("leakage_power")
+            (text_of(g["when"]), number_of(g["value"]) * units["leakage"]) for g in group.get_groups("leakage_power")
         ]
         energies, arcs, capacitance = {}, {}, {}
         for name, pin in cell.pins.items():
@@ -119,9 +120,9 @@ class CellTables:
             arcs[name] = [arc for g in pin.get_groups("timing") for arc in _arcs(library, g)]
             if text_of(pin["direction"]) == "input":
                 default = number_of(library.group["default_input_pin_cap"])
-                capacitance[name] = number_of(pin["capacitance"], default) * library.capacitance_f
+                capacitance[name] = number_of(pin["capacitance"], default) * units["capacitance"]
         plain = [power for when, power in states if not when]
-        leakage = number_of(group["cell_leakage_power"]) * library.leakage_w
+        leakage = number_of(group["cell_leakage_power"]) * units["leakage"]
         if group["cell_leakage_power"] is None and states:
             leakage = plain[0] if plain else sum(power for _, power in states) / len(states)
         return cls(cell, leakage, [s for s in states if s[0]], energies, arcs, capacitance)
@@ -140,7 +141,7 @@ def _energy(library: CellLibrary, group: Any, joule: float) -> Energy:
 def _arcs(library: CellLibrary, group: Any) -> list[Arc]:
     kind = text_of(group["timing_type"])
     tables = {
-        edge: _table(library, found[0], library.time_s)
+        edge: _table(library, found[0], library.known.units["time"])
         for edge in (RISE, FALL)
         if (found := group.get_groups(f"{edge}_transition"))
     }
@@ -165,7 +166,7 @@ def _table(library: CellLibrary, group: Any, unit: float) -> Table:
         if variable and index is not None and values.size > 1:
             by_load = "capacitance" in variable
             variables.append("load" if by_load else "slew")
-            grids.append(_numbers(index).ravel() * (library.capacitance_f if by_load else library.time_s))
+            grids.append(_numbers(index).ravel() * library.known.units["capacitance" if by_load else "time"])
     one = np.zeros(1)
     if not variables:
         return Table(one, one, values.reshape(-1)[:1].reshape(1, 1))

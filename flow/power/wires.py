@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 from flow.gates.netlist import FlatNetlist
 
+PITCH_UM = 200.0
+"""Of the taxels: what one may take is its square."""
 FARAD_PER_UM = 0.2e-15
 """Of a wire at minimum width in the middle layers of a 0.13 to 0.18 um process."""
 WITHIN_UM = 20.0

@@ -48,6 +48,13 @@ def test_cells_are_found_by_what_they_are(tmp_path: Path) -> None:
     assert library.cells["HOOT"].inputs == {"A": pytest.approx(2e-15)}
 
 
+def test_the_supply_is_in_volts_where_only_the_operating_conditions_have_it_in_mv(tmp_path: Path) -> None:
+    path = tmp_path / "other.lib"
+    text = quill.library().replace("nom_voltage : 1.2;", "").replace('voltage_unit : "1V"', 'voltage_unit : "1mV"')
+    path.write_text(text.replace("voltage : 1.2;", "voltage : 1200;"))
+    assert read(path).voltage_v == pytest.approx(1.2)
+
+
 def test_registers_that_share_an_enable_share_a_gate_with_test_enable(tmp_path: Path) -> None:
     made = netlist(CONFIG, quills(tmp_path))
     cells = Counter(INSTANCE.findall(made.text))

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from cocotb_tests.bench.readout import EventMonitor
-from flow.asic import timing
+from flow.asic import opensta, timing
 from flow.asic.equivalence import design_of
 from flow.asic.library import read
 from flow.asic.report import Report, constant_outputs, measured, run
@@ -20,6 +20,7 @@ from flow.asic.synthesis import netlist
 from flow.power.results import why_not
 from model.config import ReadoutConfig
 from model.errors import InputError
+from model.power.synthesis import SynthesisReport
 from tests.flow import quill
 
 NEEDS_STA = pytest.mark.skipif(shutil.which("sta") is None, reason="OpenSTA is not installed: apt-get install opensta")
@@ -62,6 +63,7 @@ def test_a_run_leaves_a_report_and_says_what_matters(tmp_path: Path) -> None:
     events = report["gate_level_events"]
     assert events["netlist"] == events["rtl"] == sum(s["events"] for s in report["power"].values()) > 100
     assert "power_not_measured" not in report
+    assert SynthesisReport.from_dict(report).power_w(8, 0.0) == pytest.approx(8 * idle)
     assert fmax["slow"] < fmax["typical"]
     assert report["equivalence"]["proved"] == report["equivalence"]["of"] > report["flops"] >= report["gated_flops"] > 0
     assert sum(block["area_um2"] for block in report["blocks"].values()) == pytest.approx(4 * area)
@@ -171,4 +173,4 @@ def test_bad_input_is_one_sentence_and_leaves_nothing(tmp_path: Path, monkeypatc
     assert not out.exists()
     monkeypatch.setattr(shutil, "which", lambda _: None)
     with pytest.raises(InputError, match=r"^OpenSTA not found; install with: apt-get install opensta$"):
-        timing.check_program()
+        opensta.check_program()
