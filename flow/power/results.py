@@ -12,20 +12,12 @@ from flow.gates.icarus import NO_PROGRAM
 from flow.gates.liberty import CellLibrary
 from flow.power.measure import measure
 from flow.power.scenarios import scenarios
+from flow.power.wires import PITCH_UM
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.files import write_json
 from model.frame_config import FrameConfig
 
-IN_REPORT = (
-    "idle_w_per_taxel",
-    "leakage_w_per_taxel",
-    "energy_per_event_j",
-    "energy_per_lone_event_j",
-    "energy_per_texture_event_j",
-    "gate_level_events",
-)
-PITCH_UM = 200.0
 FRAME_RATE_HZ = 200.0
 """Of the frames whose power is kept: a little over twice the 97 Hz below which textures have 99 % of their power."""
 
@@ -43,7 +35,9 @@ def why_not(config: ReadoutConfig | FrameConfig) -> str:
 
 
 def energies(config: ReadoutConfig | FrameConfig, text: str, library: Path) -> dict[str, Any]:
-    """Return what the report of a netlist says of its power: at the cells, and with estimated wires.
+    """Return what the report of a netlist says of its power, as the power model reads it: without wires.
+
+    ``power`` holds the stretches, ``with_wires`` all of it with estimated wires, blocks left out.
 
     Parameters
     ----------
@@ -60,11 +54,9 @@ def energies(config: ReadoutConfig | FrameConfig, text: str, library: Path) -> d
         If the two ways of computing power lie too far apart.
     """
     bare, wired = measure(config, text, CellLibrary.read(library), (0.0, PITCH_UM))
-    chosen: dict[str, Any] = {name: bare[name] for name in IN_REPORT if name in bare}
-    return chosen | {
-        "power": bare["scenarios"],
-        "with_wires": {name: wired[name] for name in IN_REPORT[:-1] if name in wired},
-    }
+    for stretch in wired["scenarios"].values():
+        del stretch["blocks"]
+    return bare | {"power": bare.pop("scenarios"), "with_wires": wired}
 
 
 def designs(config: ReadoutConfig) -> dict[str, ReadoutConfig | FrameConfig]:

@@ -149,16 +149,18 @@ def test_the_report_of_a_netlist_gets_its_energies(made: Made, monkeypatch: pyte
         config: ReadoutConfig, text: str, library: CellLibrary, pitches: tuple[float, ...]
     ) -> list[dict[str, Any]]:
         asked["pitches"] = pitches
-        return [dict.fromkeys((*results_names, "scenarios"), pitch) | content for pitch in pitches]
+        return [content | {"idle_w_per_taxel": pitch, "scenarios": {IDLE: {"blocks": {}}}} for pitch in pitches]
 
     from flow.power import results as module
 
-    results_names = module.IN_REPORT
     monkeypatch.setattr(module, "measure", once)
     said = energies(CONFIG, "", made.library.known.path)
     assert asked["pitches"] == (0.0, 200.0)
-    assert set(results_names) <= set(said)
-    assert said["with_wires"]["idle_w_per_taxel"] == 200.0
+    assert said == content | {
+        "idle_w_per_taxel": 0.0,
+        "power": {IDLE: {"blocks": {}}},
+        "with_wires": content | {"idle_w_per_taxel": 200.0, "scenarios": {IDLE: {}}},
+    }
 
 
 def test_five_percent_is_what_is_allowed() -> None:
