@@ -1,0 +1,100 @@
+"""The integer classifier, bin by bin and neuron by neuron, in plain integers."""
+
+
+def limited(value, bits):
+    """A sum that stops at the ends of `bits` signed bits."""
+    return max(-(2 ** (bits - 1)), min(2 ** (bits - 1) - 1, value))
+
+
+class Neuron:
+    """A neuron: potential, threshold, floor, reset, leak.
+
+    Parameters
+    ----------
+    bits : bits of the potential; each single addition stops at their ends
+    bias : added once a bin
+    threshold : it fires above
+    floor : what the potential is held above, or None
+    leak_shift : the share 2**-leak_shift of the potential is lost from bin to bin; 0: all of it; None: nothing
+    subtract : the threshold is subtracted by a spike; else the potential becomes 0
+    fires : False: a neuron whose potential is read, not its spikes
+    """
+
+    def __init__(self, bits, bias, threshold, floor, leak_shift, subtract, fires=True):
+        self.bits, self.bias, self.threshold, self.floor = bits, bias, threshold, floor
+        self.leak_shift, self.subtract, self.fires = leak_shift, subtract, fires
+        self.restart()
+
+    def restart(self):
+        """Forget everything; the first bin starts from the bias alone."""
+        self.potential = limited(self.bias, self.bits)
+
+    def add(self, weight):
+        """Add one weight."""
+        self.potential = limited(self.potential + weight, self.bits)
+
+    def end_bin(self):
+        """Floor, comparison, reset, then leak and bias for the next bin.
+
+        Returns
+        -------
+        (potential as compared, whether it fires)
+        """
+        value = self.potential if self.floor is None else max(self.potential, self.floor)
+        fires = self.fires and value > self.threshold
+        left = value
+        if fires:
+            left = value - self.threshold if self.subtract else 0
+        if self.leak_shift is not None:
+            left -= left >> self.leak_shift
+        self.potential = limited(left + self.bias, self.bits)
+        return value, fires
+
+
+class Network:
+    """Hidden neurons with recurrence, outputs whose spikes (or potentials) are the evidence.
+
+    Parameters
+    ----------
+    w_in, w_rec, w_out : lists of rows of weights; shifts are applied already
+    hidden, outputs : lists of `Neuron`
+    evidence_bits : bits of the evidence, which stops at their ends
+    """
+
+    def __init__(self, w_in, w_rec, w_out, hidden, outputs, evidence_bits):
+        self.w_in, self.w_rec, self.w_out = w_in, w_rec, w_out
+        self.hidden, self.outputs = hidden, outputs
+        self.evidence_bits = evidence_bits
+        self.restart()
+
+    def restart(self):
+        """Begin a new scan."""
+        for neuron in self.hidden + self.outputs:
+            neuron.restart()
+        self.fired = []
+        self.evidence = [0] * len(self.outputs)
+
+    def run_bin(self, channels):
+        """One bin with its events in the order in which they were taken.
+
+        Returns
+        -------
+        (class, evidence, potentials of the hidden neurons, which of them fired, potentials of the outputs)
+        """
+        for channel in channels:
+            for n, neuron in enumerate(self.hidden):
+                neuron.add(self.w_in[channel][n])
+        for source in self.fired:
+            for n, neuron in enumerate(self.hidden):
+                neuron.add(self.w_rec[source][n])
+        ends = [neuron.end_bin() for neuron in self.hidden]
+        self.fired = [n for n, (_, fires) in enumerate(ends) if fires]
+        for source in self.fired:
+            for c, neuron in enumerate(self.outputs):
+                neuron.add(self.w_out[source][c])
+        out_ends = [neuron.end_bin() for neuron in self.outputs]
+        for c, (potential, fires) in enumerate(out_ends):
+            gain = int(fires) if self.outputs[c].fires else potential
+            self.evidence[c] = limited(self.evidence[c] + gain, self.evidence_bits)
+        best = self.evidence.index(max(self.evidence))
+        return best, list(self.evidence), [v for v, _ in ends], list(self.fired), [v for v, _ in out_ends]

@@ -1,0 +1,112 @@
+"""The frame readout: multiplexer, one ADC, words."""
+
+
+class FrameReadout:
+    """Scans taxel after taxel; its codes are packed into words without gaps.
+
+    In each clock look at `outputs`, then call `clock` with the inputs of the same clock.
+
+    Parameters
+    ----------
+    rows, columns : size of the array
+    resolution : N, bits of a code
+    word_bits : bits of a word
+    settle_clocks : S, from a new multiplexer setting to the start of the conversion
+    """
+
+    def __init__(self, rows, columns, resolution, word_bits=16, settle_clocks=1):
+        self.rows, self.columns = rows, columns
+        self.resolution = resolution
+        self.word_bits = word_bits
+        self.settle_clocks = settle_clocks
+        self.words = []
+        self.reset()
+
+    def reset(self):
+        """Return to the state behind a reset; words that have left stay."""
+        self.taxel = None  # the taxel at the multiplexer
+        self.settled = 0  # clocks that it has stood there
+        self.converting = False
+        self.code = None  # a code on its way to the packer: (value, last of its frame)
+        self.bits = []  # bits that fill no word yet, the lowest first
+        self.flush = False  # the bits behind the last code are filled up
+        self.begins = True  # the next word is the first of a frame
+        self.word = None  # (data, sync) that is offered
+        self.shown = (0, 0)  # data and sync change only with a new word
+        self.overrun = False
+
+    def starts(self):
+        """Whether `adc_start` is high in this clock."""
+        return (
+            self.taxel is not None and not self.converting and self.settled >= self.settle_clocks and self.code is None
+        )
+
+    def outputs(self):
+        """The outputs in this clock, by the names of the ports."""
+        row, column = divmod(self.taxel, self.columns) if self.taxel is not None else (None, None)
+        return {
+            "row_select": 0 if row is None else 1 << row,
+            "column_select": 0 if column is None else 1 << column,
+            "adc_start": self.starts(),
+            "word_valid": self.word is not None,
+            "word_data": self.shown[0],
+            "word_sync": self.shown[1],
+            "frame_overrun": self.overrun,
+        }
+
+    def clock(self, *, frame_start=False, adc_done=False, adc_code=0, word_ready=True, rst=False):
+        """One rising edge with the inputs of this clock."""
+        if rst:
+            self.reset()
+            return
+        code_leaves = self._clock_packer(word_ready)
+        self._clock_scan(frame_start, adc_done, adc_code, code_leaves)
+
+    def _clock_packer(self, word_ready):
+        """Words leave, codes become words; returns whether the waiting code was taken."""
+        if self.word is not None and word_ready:
+            self.words.append(self.word)
+            self.word = None
+        if self.word is not None:
+            return False
+        if self.flush:
+            self._offer(self.bits + [0] * (self.word_bits - len(self.bits)))
+            self.bits = []
+            self.flush = False
+            self.begins = True
+            return False
+        if self.code is None:
+            return False
+        value, last = self.code
+        self.bits += [(value >> i) & 1 for i in range(self.resolution)]
+        if len(self.bits) >= self.word_bits:
+            self._offer(self.bits[: self.word_bits])
+            self.bits = self.bits[self.word_bits :]
+            self.begins = last and not self.bits
+        self.flush = last and bool(self.bits)
+        return True
+
+    def _offer(self, bits):
+        self.word = (sum(bit << i for i, bit in enumerate(bits)), int(self.begins))
+        self.shown = self.word
+        self.begins = False
+
+    def _clock_scan(self, frame_start, adc_done, adc_code, code_leaves):
+        starts = self.starts()
+        self.overrun = bool(frame_start and self.taxel is not None)
+        if code_leaves:
+            self.code = None
+        if self.taxel is None:
+            if frame_start:
+                self.taxel = 0
+                self.settled = 0
+            return
+        self.settled += 1
+        if starts:
+            self.converting = True
+        elif self.converting and adc_done:
+            self.converting = False
+            last = self.taxel == self.rows * self.columns - 1
+            self.code = (adc_code & (2**self.resolution - 1), last)
+            self.taxel = None if last else self.taxel + 1
+            self.settled = 0

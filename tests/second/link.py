@@ -1,0 +1,49 @@
+"""The four-phase link: address, one clock later REQ, ACK through two flops, REQ down, ACK down."""
+
+
+class FourPhaseLink:
+    """Takes an event while at rest and ACK, as seen behind two flops, is low.
+
+    Attributes
+    ----------
+    state : "rest", "address" (stable, REQ still low), "request" (REQ high), "release" (REQ low, ACK not yet)
+    event : what stands on the address wires
+    flops : ACK one clock and two clocks ago
+    """
+
+    def __init__(self):
+        self.reset()
+
+    def reset(self):
+        """Return to the state behind a reset."""
+        self.state = "rest"
+        self.event = None
+        self.flops = [0, 0]
+
+    def request(self):
+        """REQ in this clock."""
+        return 1 if self.state == "request" else 0
+
+    def ready(self):
+        """Whether an event is taken from the arbiter in this clock."""
+        return self.state == "rest"
+
+    def clock(self, offered, acknowledge):
+        """One rising edge.
+
+        Parameters
+        ----------
+        offered : the arbiter's event, or None
+        acknowledge : the wire ACK in this clock, 0 or 1
+        """
+        seen = self.flops[1]
+        if self.state == "rest" and offered is not None:
+            self.event = offered
+            self.state = "address"
+        elif self.state == "address" and not seen:
+            self.state = "request"
+        elif self.state == "request" and seen:
+            self.state = "release"
+        elif self.state == "release" and not seen:
+            self.state = "rest"
+        self.flops = [acknowledge, self.flops[0]]
