@@ -180,12 +180,18 @@ class Prepared:
         Its length, and the requests that wait at its end.
     folder : str
         Where its files lie.
+    draw : dict, optional
+        The fields of the ``Draw`` that it is of; no scenario then, and nothing need happen in it.
+    reproduce : str
+        The command that shows its mismatch again, where it has one of its own.
     """
 
     name: str
     clocks: int
     outstanding: int
     folder: str
+    draw: dict[str, Any] | None = None
+    reproduce: str = ""
 
     @property
     def expected(self) -> Events:

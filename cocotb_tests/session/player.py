@@ -122,18 +122,21 @@ def told_to_the_caller() -> Iterator[None]:
 
 async def _play_scenarios(bench: Bench, job: Job, config: ReadoutConfig) -> AsyncIterator[dict[str, Any]]:
     """Play the scenarios of a job; yield what is to be told of each."""
-    bench.scoreboard.reproduce = job.reproduce
     for number, prepared in enumerate(job.scenarios):
         run = Prepared(**prepared)
+        bench.scoreboard.reproduce = run.reproduce or job.reproduce
 
-        def again(number: int = number) -> Stimulus:
+        def again(number: int = number, draw: dict[str, Any] | None = run.draw) -> Stimulus:
+            from cocotb_tests.bench.draw import Draw
             from cocotb_tests.bench.stimuli import scenarios
 
+            if draw is not None:
+                return Draw(**draw).stimulus
             assert job.seed is not None
             return list(scenarios(config, job.seed))[number].stimulus
 
         events = await bench.check_prepared(run, again)
-        if not len(events):
+        if not len(events) and run.draw is None:
             raise Mismatch(f"{run.name}: no event at all, so nothing was compared; reproduce: {job.reproduce}")
         yield {"name": run.name, "clocks": run.clocks, "events": len(events), "outstanding": run.outstanding}
 

@@ -15,7 +15,7 @@ class Neuron:
     bias : added once a bin
     threshold : it fires above
     floor : what the potential is held above, or None
-    leak_shift : the share 2**-leak_shift of the potential is lost from bin to bin; 0: all of it; None: nothing
+    leak_shift : the share 2**-leak_shift of the potential is lost from bin to bin; 0: nothing is lost
     subtract : the threshold is subtracted by a spike; else the potential becomes 0
     fires : False: a neuron whose potential is read, not its spikes
     """
@@ -45,7 +45,7 @@ class Neuron:
         left = value
         if fires:
             left = value - self.threshold if self.subtract else 0
-        if self.leak_shift is not None:
+        if self.leak_shift:
             left -= left >> self.leak_shift
         self.potential = limited(left + self.bias, self.bits)
         return value, fires

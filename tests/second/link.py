@@ -2,11 +2,11 @@
 
 
 class FourPhaseLink:
-    """Takes an event while at rest and ACK, as seen behind two flops, is low.
+    """Takes an event while at rest and ACK, as seen behind two flops, is low; after reset it counts as high.
 
     Attributes
     ----------
-    state : "rest", "address" (stable, REQ still low), "request" (REQ high), "release" (REQ low, ACK not yet)
+    state : "rest" (REQ low), "address" (stable, REQ still low), "request" (REQ high)
     event : what stands on the address wires
     flops : ACK one clock and two clocks ago
     """
@@ -18,7 +18,7 @@ class FourPhaseLink:
         """Return to the state behind a reset."""
         self.state = "rest"
         self.event = None
-        self.flops = [0, 0]
+        self.flops = [1, 1]
 
     def request(self):
         """REQ in this clock."""
@@ -26,7 +26,7 @@ class FourPhaseLink:
 
     def ready(self):
         """Whether an event is taken from the arbiter in this clock."""
-        return self.state == "rest"
+        return self.state == "rest" and not self.flops[1]
 
     def clock(self, offered, acknowledge):
         """One rising edge.
@@ -37,13 +37,11 @@ class FourPhaseLink:
         acknowledge : the wire ACK in this clock, 0 or 1
         """
         seen = self.flops[1]
-        if self.state == "rest" and offered is not None:
+        if self.ready() and offered is not None:
             self.event = offered
             self.state = "address"
-        elif self.state == "address" and not seen:
+        elif self.state == "address":
             self.state = "request"
         elif self.state == "request" and seen:
-            self.state = "release"
-        elif self.state == "release" and not seen:
             self.state = "rest"
         self.flops = [acknowledge, self.flops[0]]

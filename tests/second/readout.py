@@ -66,15 +66,15 @@ class Readout:
             self.reset()
             return
         digital = self.settings.frontend == "digital"
-        tick = self.new_samples if digital else sample_valid
-        taken = self._clock_arbiter(ready, ack)
+        tick = self.new_samples
+        taken = self._clock_arbiter(ready, ack, enable)
         self._clock_taxels(tick, taken, sample if sample_valid and digital else None, enable, decisions)
         if tick:
             self.ticks += 1
         self.new_samples = sample_valid
         self.time += 1
 
-    def _clock_arbiter(self, ready, ack):
+    def _clock_arbiter(self, ready, ack, enable):
         """Move events on; returns the requests that the arbiter takes."""
         offered = self.arbiter.output()
         if self.link:
@@ -83,11 +83,15 @@ class Readout:
             self.link.clock(offered, ack)
             if self.link.request() and not rises:
                 row, column, polarity = self.link.event
-                self.events.append((self.time + 1, column, row, polarity))
+                self.events.append((self.time, column, row, polarity))
         elif offered and ready:
             row, column, polarity = offered
             self.events.append((self.time, column, row, polarity))
-        requests = [[taxel.request for taxel in row] for row in self.taxels]
+        columns = self.settings.columns
+        requests = [
+            [taxel.request if enable is None or enable[r * columns + c] else None for c, taxel in enumerate(row)]
+            for r, row in enumerate(self.taxels)
+        ]
         return self.arbiter.clock(requests, ready)
 
     def _clock_taxels(self, tick, taken, sample, enable, decisions):

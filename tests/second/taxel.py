@@ -49,12 +49,11 @@ class Taxel:
         if not enabled:
             self.reset()
             return
-        free = self.request is None or taken
-        if taken:
+        if self.request is None or taken:
             self.request = None
-        above, below = decisions if decisions is not None else self.compare()
-        look = free and (self.settings.decide_every == "clock" or tick)
-        self.decide(look and above, look and below, tick, leak)
+            above, below = decisions if decisions is not None else self.compare()
+            look = self.settings.decide_every == "clock" or tick
+            self.decide(look and above, look and below, tick, leak)
         if sample is not None:
             self.sample = sample
 
@@ -107,10 +106,7 @@ class CwLcsTaxel(Taxel):
 
 
 class NlcsTaxel(Taxel):
-    """A leaky neuron: up by D where x - u > D; u leaks at its row's decay ticks.
-
-    "While a request waits, comparators and reference hold still": taken by its word, so no leak then.
-    """
+    """A leaky neuron: up by D where x - u > D; u leaks at its row's decay ticks."""
 
     def reset(self):
         super().reset()
@@ -126,15 +122,9 @@ class NlcsTaxel(Taxel):
     def compare(self):
         return self.sample * self.unit - self.reference > self.settings.step * self.unit, False
 
-    def clock(self, *, enabled, taken, sample, tick, leak, decisions):
-        waits = self.request is not None and not taken
-        super().clock(
-            enabled=enabled, taken=taken, sample=sample, tick=tick, leak=leak and not waits, decisions=decisions
-        )
-
     def decide(self, above, below, tick, leak):
         old = self.reference
-        if above and old + self.settings.step * self.unit <= self.settings.top * self.unit:
+        if above and old + self.settings.step * self.unit < (self.settings.top + 1) * self.unit:
             self.reference += self.settings.step * self.unit
             self.request = 1
         if leak:

@@ -1,0 +1,165 @@
+"""Configurations and stimuli drawn at random: the same seed gives the same run, and any part of it may be set.
+
+Every part has a stream of numbers of its own, so that a part that is set, as when a failure is made small, leaves the
+others as they are.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cocotb_tests.bench.stimuli import READY, ack_delays
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.readout import ANALOG_RANGE, Stimulus
+
+MOST_TAXELS = 64
+SINKS = tuple(READY)
+SIGNALS = ("noise", "walk", "square", "hold", "near", "rare")
+GAPS = (1, 3, 12, 70, 300)
+"""Most clocks from one sample tick to the next."""
+
+Set = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Draw:
+    """A run drawn at random; a shorter one is the beginning of a longer one.
+
+    Attributes
+    ----------
+    seed : int
+    clocks : int
+    set : mapping
+        Parts that are not drawn: fields of the configuration, ``signal``, ``gap``, ``sink``, ``masks`` (how often
+        the mask changes in a thousand clocks).
+    most_taxels : int
+    """
+
+    seed: int
+    clocks: int = 400
+    set: Set = field(default_factory=dict)
+    most_taxels: int = MOST_TAXELS
+
+    def rng(self, part: str) -> np.random.Generator:
+        """Return the random numbers of a part."""
+        return np.random.default_rng([self.seed, zlib.crc32(part.encode())])
+
+    def _drawn(self, part: str, values: Any) -> Any:
+        """Return what is set for a part, or one of some values."""
+        if part in self.set:
+            return self.set[part]
+        value = self.rng(part).choice(values)
+        return value.item() if isinstance(value, np.generic) else value
+
+    @property
+    def config(self) -> ReadoutConfig:
+        """The configuration."""
+        sides = [1, 1, 2, 3, 4, 5, 7, 8, 16, 33]
+        rows = self._drawn("rows", [side for side in sides if side <= self.most_taxels])
+        columns = self._drawn("columns", [side for side in sides if rows * side <= self.most_taxels])
+        encoding = self._drawn("encoding", ["lcs", "cw-lcs", "nlcs"])
+        bits = self._drawn("sample_bits", [3, 4, 5, 6, 8, 12, 12, 16])
+        fields = {
+            "rows": rows,
+            "columns": columns,
+            "encoding": encoding,
+            "sample_bits": bits,
+            "resolution": self._drawn("resolution", np.arange(1, bits - 1)),
+            "decide_every": self._drawn("decide_every", ["clock", "clock", "sample"]),
+            "closing_shift": self._drawn("closing_shift", np.arange(6)),
+            "window_period": self._drawn("window_period", [1, 2, 3, 5, 16, 64]),
+            "leak_shift": self._drawn("leak_shift", np.arange(1, 9)),
+            "leak_period": self._drawn("leak_period", [1, 2, 3, 7, 20, 63]),
+            "fraction_bits": self._drawn("fraction_bits", np.arange(11)),
+            "link": self._drawn("link", ["stream", "four_phase"]),
+            "frontend": self._drawn("frontend", ["digital", "analog"]),
+            "reset": self._drawn("reset", ["sync", "async"]),
+        }
+        config = ReadoutConfig.from_dict(fields)
+        low = 0 if encoding == "nlcs" else -config.full_scale
+        levels = np.arange(low, config.full_scale, config.grid)
+        at_zero = np.zeros(len(levels), np.int64)
+        return config.replace(reference_reset=self._drawn("reference_reset", np.concatenate([levels, at_zero])))
+
+    @property
+    def stimulus(self) -> Stimulus:
+        """What happens at the inputs."""
+        config, clocks = self.config, self.clocks
+        gap = self._drawn("gap", GAPS)
+        signal = self._drawn("signal", SIGNALS)
+        sink = self._drawn("sink", SINKS)
+        masks = self._drawn("masks", [0, 0, 3, 100])
+        if signal not in SIGNALS or sink not in SINKS or gap < 1 or masks < 0:
+            raise InputError(
+                f"signal is one of {', '.join(SIGNALS)}, sink of {', '.join(SINKS)}, "
+                f"gap at least 1 and masks at least 0, not {signal}, {sink}, {gap}, {masks}"
+            )
+        at = np.cumsum(self.rng("ticks").integers(1, gap + 1, clocks)) - 1
+        at = at[at < clocks]
+        changes = np.flatnonzero(self.rng("changes").random(clocks) < masks / 1000)
+        enable_clock = np.unique(np.concatenate([[0], changes])).astype(np.int64)
+        enable = self.rng("mask").random((len(enable_clock), config.taxels)) < 0.7
+        enable |= masks == 0
+        return Stimulus(
+            samples=self._samples(config, signal, len(at)),
+            sample_clock=at.astype(np.int64),
+            clocks=clocks,
+            enable_clock=enable_clock,
+            enable=enable,
+            ready=READY[sink](self.rng("sink")),
+            ack_delay=ack_delays(sink, self.rng("sink")),
+        )
+
+    def _samples(self, config: ReadoutConfig, signal: str, ticks: int) -> NDArray[np.int32]:
+        """Return codes of all ticks and taxels; an analog signal may leave the scale, and lies off it by an offset."""
+        scale = config.full_scale * (ANALOG_RANGE if config.frontend == "analog" else 1)
+        samples = _MAKERS[signal](config, ticks, self.rng("samples"))
+        if config.frontend == "analog":
+            offset = self.rng("offset").integers(-config.step, config.step + 1)
+            samples = samples * int(self.rng("range").choice([1, 2, ANALOG_RANGE])) + offset
+        return np.clip(samples, -scale, scale - 1).astype(np.int32)
+
+
+def _noise(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> NDArray[np.integer]:
+    return rng.integers(-config.full_scale, config.full_scale, (ticks, config.taxels), dtype=np.int32)
+
+
+def _walk(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> NDArray[np.integer]:
+    """Return walks by steps of up to two D, folded at the ends of the scale."""
+    steps = rng.integers(-2 * config.step, 2 * config.step + 1, (ticks, config.taxels), dtype=np.int32)
+    turn = 4 * config.full_scale
+    place = np.cumsum(steps, axis=0, dtype=np.int64) % turn
+    return np.abs(place - turn // 2) - config.full_scale
+
+
+def _square(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> NDArray[np.integer]:
+    high = (np.arange(ticks) // int(rng.integers(1, 40))) % 2 == 0
+    return np.where(high, config.full_scale - 1, -config.full_scale)[:, None].repeat(config.taxels, axis=1)
+
+
+def _hold(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> NDArray[np.integer]:
+    return np.repeat(_noise(config, ticks // 50 + 1, rng), 50, axis=0)[:ticks]
+
+
+def _near(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> NDArray[np.integer]:
+    """Return codes beside the thresholds around the reference's reset value."""
+    steps, beside = np.divmod(rng.integers(0, 15, (ticks, config.taxels)), 3)
+    return config.reference_reset + config.step * (steps - 2) + beside - 1
+
+
+def _rare(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> NDArray[np.integer]:
+    """Return a skin at rest, of which now and then one taxel moves."""
+    moves = np.where(rng.random((ticks, config.taxels)) < 0.3 / config.taxels, 1, 0)
+    return np.cumsum(moves, axis=0) * 3 * config.step % config.full_scale
+
+
+_MAKERS: dict[str, Callable[[ReadoutConfig, int, np.random.Generator], NDArray[np.integer]]] = dict(
+    zip(SIGNALS, (_noise, _walk, _square, _hold, _near, _rare), strict=True)
+)

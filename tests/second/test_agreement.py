@@ -1,0 +1,169 @@
+"""The first model and the second agree in every event, clock, order and polarity, and in their registers at the end.
+
+Configurations and stimuli are drawn anew in every run (conftest.py prints the seed).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cocotb_tests.bench.draw import Draw
+from model.classifier.config import ClassifierConfig, highest, lowest
+from model.classifier.network import IntegerNetwork, State
+from model.config import ReadoutConfig
+from model.events.compare import first_difference
+from model.frame import FrameStimulus
+from model.frame import simulate as simulate_frames
+from model.frame_config import FrameConfig
+from model.readout import Stimulus, simulate, state_at
+
+from .agreement import network_of, play, play_frames
+
+RUNS = 20
+"""Runs of one test; each has a seed of its own."""
+
+
+def differs(config: ReadoutConfig, stimulus: Stimulus, readout: Any = None) -> str:
+    """Return the first difference in events or registers, or nothing, and the number of events."""
+    expected = simulate(config, stimulus)
+    events, readout = play(config, stimulus, readout)
+    found = first_difference(expected, events)
+    if found is not None:
+        return found.describe(("first", "second"))
+    state = state_at(config, stimulus, stimulus.clocks)
+    taxels = [taxel for row in readout.taxels for taxel in row]
+    pairs = {
+        "reference": (state.reference, [taxel.reference for taxel in taxels]),
+        "pending": (state.pending, [taxel.request is not None for taxel in taxels]),
+        "half-width": (state.half_width, [taxel.half_width() for taxel in taxels]),
+        "latch": ([state.latch_columns], [sum(1 << column for _, column, _ in readout.arbiter.queue)]),
+    }
+    if config.frontend == "digital":
+        pairs["sample"] = (state.sample, [taxel.sample for taxel in taxels])
+    for name, (a, b) in pairs.items():
+        if np.ravel(a).tolist() != np.ravel(b).tolist():
+            return f"{name} at the end: first {np.ravel(a).tolist()}, second {np.ravel(b).tolist()}"
+    return ""
+
+
+def draws(holdout: int, part: int, **fields: Any) -> list[Draw]:
+    return [
+        Draw(1000 * holdout + RUNS * part + n, **({"most_taxels": 16, "clocks": 300} | fields)) for n in range(RUNS)
+    ]
+
+
+@pytest.mark.parametrize("part", range(6))
+def test_both_give_the_same_events_and_registers(part: int, holdout: int) -> None:
+    events = 0
+    for draw in draws(holdout, part):
+        assert not (found := differs(draw.config, draw.stimulus)), f"{draw}: {found}"
+        events += len(simulate(draw.config, draw.stimulus))
+    assert events > 0
+
+
+def test_both_take_what_comparators_say_whatever_the_signal(holdout: int) -> None:
+    for draw in draws(holdout, 6, set={"frontend": "analog"}):
+        decisions = draw.rng("decisions").integers(0, 4, (draw.clocks, draw.config.taxels), dtype=np.uint8)
+        decisions &= 3 if draw.config.has_polarity else 1
+        given = dataclasses.replace(draw.stimulus, decisions=decisions)
+        assert not (found := differs(draw.config, given)), f"{draw}: {found}"
+
+
+def test_a_reset_in_any_clock_leaves_nothing_behind(holdout: int) -> None:
+    for draw in draws(holdout, 7):
+        first = draw.stimulus
+        cut = dataclasses.replace(first, clocks=1 + int(draw.rng("cut").integers(draw.clocks)))
+        _, readout = play(draw.config, cut)
+        readout.clock(sample_valid=True, sample=[1] * draw.config.taxels, rst=True)
+        assert not (found := differs(draw.config, first, readout)), f"{draw}: {found}"
+
+
+def test_a_shorter_draw_is_the_beginning_of_a_longer_one(holdout: int) -> None:
+    for draw in draws(holdout, 8):
+        events = [simulate(draw.config, dataclasses.replace(draw, clocks=clocks).stimulus) for clocks in (200, 600)]
+        before = events[1][events[1]["t"] < 199]
+        assert before.tolist() == events[0][events[0]["t"] < 199].tolist(), draw
+
+
+def frame_draw(rng: np.random.Generator) -> tuple[FrameConfig, FrameStimulus]:
+    bits = int(rng.integers(3, 13))
+    readout = ReadoutConfig(
+        rows=int(rng.integers(1, 5)),
+        columns=int(rng.integers(1, 5)),
+        sample_bits=bits,
+        resolution=int(rng.integers(1, bits - 1)),
+    )
+    config = FrameConfig(
+        readout=readout,
+        word_bits=int(rng.integers(readout.resolution, 33)),
+        settle_clocks=int(rng.integers(1, 4)),
+    )
+    clocks = 400
+    at = np.unique(np.concatenate([[0], rng.integers(0, clocks, 30)]))
+    return config, FrameStimulus(
+        samples=rng.integers(-readout.full_scale, readout.full_scale, (len(at), readout.taxels)),
+        sample_clock=at,
+        frame_clock=np.unique(rng.integers(0, clocks, int(rng.integers(1, 40)))),
+        clocks=clocks,
+        conversion=rng.integers(1, 6, 16),
+        ready=(rng.random(64) < rng.choice([0.2, 0.7, 1.0])).astype(np.uint8),
+    )
+
+
+def test_frames_have_the_same_words_starts_and_overruns(holdout: int) -> None:
+    for seed in range(holdout, holdout + RUNS):
+        config, stimulus = frame_draw(np.random.default_rng(seed))
+        words, starts, missed = play_frames(config, stimulus)
+        run = simulate_frames(config, stimulus)
+        assert words == run.words.tolist(), seed
+        assert starts == [tuple(start) for start in run.starts.tolist()], seed
+        assert missed == run.overruns.tolist(), seed
+        assert words
+
+
+def network_draw(rng: np.random.Generator) -> IntegerNetwork:
+    def one(*values: Any) -> Any:
+        value = rng.choice(np.array(values, object))
+        return value
+
+    config = ClassifierConfig(
+        inputs=one(1, 3, 8), hidden=one(1, 5, 12), classes=one(1, 2, 6), in_bits=one(2, 4, 8), rec_bits=one(2, 4, 8),
+        out_bits=one(2, 4, 8), bias_bits=one(2, 9), in_shift=one(0, 2), rec_shift=one(0, 3), bias_shift=one(0, 1),
+        out_shift=one(0, 2), out_bias_shift=one(0, 1), membrane_bits=one(7, 9, 20), output_bits=one(7, 9, 20),
+        evidence_bits=one(4, 8, 24), threshold=one(1, 20, 60), out_threshold=one(1, 20, 60), floor=one(None, 0, -30),
+        out_floor=one(None, 0, -30), neuron_reset=one("zero", "subtract"), leak_shift=one(0, 1, 4),
+        out_leak_shift=one(0, 1, 4), readout=one("spikes", "membrane"),
+    )  # fmt: skip
+
+    def weights(bits: int, *shape: int) -> Any:
+        return rng.integers(lowest(bits), highest(bits) + 1, shape)
+
+    return IntegerNetwork(
+        config,
+        weights(config.in_bits, config.inputs, config.hidden),
+        weights(config.rec_bits, config.hidden, config.hidden),
+        weights(config.out_bits, config.hidden, config.classes),
+        weights(config.bias_bits, config.hidden),
+        weights(config.bias_bits, config.classes),
+    )
+
+
+def test_classifiers_have_the_same_potentials_spikes_evidence_and_class(holdout: int) -> None:
+    for seed in range(holdout, holdout + 4 * RUNS):
+        rng = np.random.default_rng(seed)
+        first = network_draw(rng)
+        second, state = network_of(first), State(first)
+        for _ in range(12):
+            channels = rng.integers(0, first.config.inputs, int(rng.integers(0, 9))).tolist()
+            state.add_events(channels)
+            of_first = state.end_single_bin()
+            winner, evidence, hidden, fired, outputs = second.run_bin(channels)
+            assert hidden == of_first.potential.tolist(), (seed, first.config)
+            assert fired == np.flatnonzero(of_first.spikes).tolist(), seed
+            assert outputs == of_first.output.tolist(), (seed, first.config)
+            assert evidence == of_first.evidence.tolist(), seed
+            assert winner == of_first.winner, seed
