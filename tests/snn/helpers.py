@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import typer
+from PIL import Image
 
 from model.cli.app import run
 from snn.data.scans import ScanData
@@ -26,6 +28,16 @@ def easy_data(images: int = 30, steps: int = 15, channels: int = 8) -> ScanData:
     values = generator.poisson(rates[:, None, :], (images, steps, channels)).astype(np.int16)
     names = tuple(f"scan-{number}" for number in range(images))
     return ScanData(values, labels, np.arange(images), names, CLASSES, channels // 2, 0.004, 1000.0)
+
+
+def two_textures(folder: Path) -> None:
+    """Write images of a rough and a smooth class, four each."""
+    generator = np.random.default_rng(0)
+    for name in ("rough", "smooth"):
+        (folder / name).mkdir(parents=True)
+        for number in range(4):
+            pixels = generator.integers(0, 256 if name == "rough" else 64, (40, 160), np.uint8)
+            Image.fromarray(pixels).save(folder / name / f"{number}.png")
 
 
 def small_network(**fields: Any) -> NetworkConfig:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from PIL import Image
 
 from model.cli.app import make_app
 from model.config import ReadoutConfig
@@ -33,7 +32,7 @@ from snn.data.disturb import (
 )
 from snn.data.record import record
 from snn.experiments.robustness import cases, summarise
-from tests.snn.helpers import caller
+from tests.snn.helpers import caller, two_textures
 
 CONFIG = ReadoutConfig(rows=3, columns=4, resolution=4)
 SCAN = preset("physical")
@@ -154,12 +153,7 @@ def test_cells_are_kept_resumed_and_paired(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    generator = np.random.default_rng(0)
-    for name in ("rough", "smooth"):
-        (tmp_path / "textures" / name).mkdir(parents=True)
-        for number in range(4):
-            pixels = generator.integers(0, 256 if name == "rough" else 64, (40, 160), np.uint8)
-            Image.fromarray(pixels).save(tmp_path / "textures" / name / f"{number}.png")
+    two_textures(tmp_path / "textures")
     small = "--dataset textures --folds 2 --epochs 1 --set hidden=8"
     for name, options in (("a", ""), ("b", "--disturbed 1")):
         assert call(f"train {small} {options} -o {name}/fold-0", capsys)[0] == 0

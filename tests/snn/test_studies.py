@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from model.config import ReadoutConfig
 from model.power.equations import CORRECTIONS, PowerModel
@@ -24,7 +23,7 @@ from snn.studies.noise import Noisy, Rates, noisy_scans, power_of
 from snn.studies.paired import paired
 from snn.studies.rest import bits_per_second
 from snn.studies.timing import _errors, timing_points
-from tests.snn.helpers import caller
+from tests.snn.helpers import caller, two_textures
 
 call = caller(app)
 SMALL = ReadoutConfig(rows=2, columns=3, resolution=4)
@@ -133,12 +132,7 @@ def test_both_commands_write_what_they_print(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    generator = np.random.default_rng(0)
-    for name in ("rough", "smooth"):
-        (tmp_path / "textures" / name).mkdir(parents=True)
-        for number in range(4):
-            pixels = generator.integers(0, 256 if name == "rough" else 64, (40, 160), np.uint8)
-            Image.fromarray(pixels).save(tmp_path / "textures" / name / f"{number}.png")
+    two_textures(tmp_path / "textures")
     small = "--dataset textures --folds 2 --epochs 1 --set hidden=8"
     for name, options in (("a", ""), ("b", "--frames frame-onoff:250:8")):
         assert call(f"train {small} {options} -o nets/{name}/fold-0", capsys)[0] == 0
