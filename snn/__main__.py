@@ -10,11 +10,10 @@ from snn.commands.cache import cache
 from snn.commands.counts import counts
 from snn.commands.exchange import convert, export, import_, quantise
 from snn.commands.figures import fig8, fig9
-from snn.commands.merits import merits
-from snn.commands.noise_power import noise_power
 from snn.commands.pair import pair
 from snn.commands.predict import predict
 from snn.commands.robustness import robustness
+from snn.commands.studies import merits, noise_power, precision
 from snn.commands.sweep import sweep
 from snn.commands.train import crossval, train
 
@@ -30,6 +29,7 @@ COMMANDS = (
     robustness,
     noise_power,
     merits,
+    precision,
     fig8,
     fig9,
     export,

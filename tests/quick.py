@@ -52,6 +52,7 @@ COMMANDS = {
     "snn robustness": "tests/snn/test_robustness.py::test_cells_are_kept_resumed_and_paired",
     "snn noise-power": "tests/snn/test_studies.py::test_power_is_that_of_the_model_at_these_rates",
     "snn merits": "tests/snn/test_studies.py::test_events_know_times_to_a_sample_and_frames_to_a_period",
+    "snn precision": "tests/snn/test_precision.py::test_variants_are_read_as_they_are_written",
     "snn sweep": "tests/snn/test_sweep.py::test_bad_options_get_one_sentence",  # pair runs a real one
     "snn pair": "tests/snn/test_pairs.py::test_a_sweep_keeps_every_prediction",
     "snn predict": "tests/snn/test_predict.py::test_an_intact_replay_passes",

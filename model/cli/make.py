@@ -138,6 +138,11 @@ TARGETS = {
         "snn merits",
         SNN,
     ),
+    "precision": Target(
+        "trained networks as whole numbers of few bits: accuracy by memory and additions [WEIGHTS=out/train OUT=]",
+        "snn precision",
+        SNN,
+    ),
     "power": Target("power of the three readouts [MODE= RESOLUTION= NOISE= TAU= CROSSOVER=1]", "model power"),
     "fig6": Target("power at three noise targets in both modes, data and picture [OUT= SYNTHESIS=]", "model fig6"),
     "fig7": Target("noise at which spikes and frames cost the same [OUT= SYNTHESIS=]", "model fig7"),

@@ -84,6 +84,7 @@ GOOD: dict[str, tuple[str, ...]] = {
     "snn robustness": ("good/nothing", "-o", "new"),
     "snn noise-power": ("good/nothing", "-o", "new"),
     "snn merits": ("good/nothing", "-o", "new"),
+    "snn precision": ("good/nothing", "-o", "new"),
     "snn quantise": ("good/train/weights.npz", "-o", "new.npz"),
     "snn cache": (),
     "snn convert": ("good/events.npz", "-o", "new.npy"),

@@ -1,0 +1,177 @@
+"""What rounding costs: trained networks as whole numbers of few bits, each test image by the integer model itself.
+
+What the hardware does is what is counted here (docs/results/classifier.md#in-whole-numbers): the integer network is the
+golden model of the RTL, with every rounding and every end of a width.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.classifier.network import IntegerNetwork
+from model.errors import InputError
+from model.files import read_json, write_json
+from snn.data.scans import ScanData
+from snn.exchange.integer import Precision, quantise
+from snn.experiments.intervals import bootstrap, wilson
+from snn.experiments.points import as_word
+from snn.experiments.robustness import Subject
+
+FLOAT = "float"
+"""Name of the network as it was trained, among the variants."""
+
+_VARIANT = re.compile(r"([2-8])(?::t(\d+))?(?::m(\d+))?")
+
+
+def parse_variants(text: str) -> dict[str, Precision]:
+    """Return what ``8,4:t6,4:m12`` says: bits of all weights, least bits of the threshold, bits of a hidden potential.
+
+    Raises
+    ------
+    InputError
+        If it is nothing of this kind, or says one twice.
+    """
+    found: dict[str, Precision] = {}
+    for name in (part.strip() for part in text.split(",")):
+        match = _VARIANT.fullmatch(name)
+        if match is None or name in found:
+            raise InputError(
+                f"--variants takes BITS[:tTHRESHOLD_BITS][:mMEMBRANE_BITS] with 2..8 bits, each once, as 8,4:t6,4:m12, "
+                f"not {name!r}"
+            )
+        bits, threshold, membrane = (None if one is None else int(one) for one in match.groups())
+        assert bits is not None
+        weights = dict.fromkeys(("in_bits", "rec_bits", "out_bits"), bits)
+        others = {} if threshold is None else {"threshold_bits": threshold}
+        found[name] = Precision(**weights, **others, membrane_bits=membrane)
+    return found
+
+
+def in_precisions(
+    subjects: Sequence[Subject], variants: dict[str, Precision], out: Path, progress: Callable[[], object]
+) -> list[dict[str, Any]]:
+    """Return what every network says in every precision; a file for each network, those found are read.
+
+    Raises
+    ------
+    InputError
+        If a file is of other weights or variants.
+    """
+    found, scans = [], _Scans()
+    for subject in subjects:
+        path = out / f"{subject.network}-fold-{subject.fold}-seed-{subject.seed}.json"
+        key = {"weights": subject.digest, "variants": list(variants), "images": subject.images.tolist()}
+        if path.exists():
+            cell = read_json(path, "the results of a network", dict)
+            if {name: cell.get(name) for name in key} != key:
+                raise InputError(f"{path} is of other weights, variants or images; remove it or choose another --out")
+        else:
+            about = {name: getattr(subject, name) for name in ("network", "fold", "seed")}
+            cell = about | key | _cell(subject, scans.of(subject), variants)
+            out.mkdir(parents=True, exist_ok=True)
+            write_json(path, cell)
+        found.append(cell)
+        progress()
+    return found
+
+
+class _Scans:
+    """The scans that were asked for last: most networks take the same."""
+
+    def __init__(self) -> None:
+        self._name = ""
+        self._data: ScanData | None = None
+
+    def of(self, subject: Subject) -> ScanData:
+        name = subject.recorded_as.rpartition(", [")[0]  # without the numbers of the images
+        if self._data is None or name != self._name:
+            self._name, self._data = name, subject.experiment.data()
+        return self._data
+
+
+def _cell(subject: Subject, data: ScanData, variants: dict[str, Precision]) -> dict[str, Any]:
+    """Return the answers of a network in all precisions, and what each of these takes."""
+    from snn.train import predicted_classes
+
+    scans = data.scans_of(subject.images, first_row_only=True)
+    of_image = dict(zip(data.images[scans].tolist(), scans.tolist(), strict=True))
+    counts = data.values[[of_image[int(image)] for image in subject.images]]
+    said = predicted_classes(subject.weights.network, data, subject.images).tolist()
+    answers: dict[str, Any] = {FLOAT: {"predicted": said}}
+    for name, precision in variants.items():
+        made = quantise(subject.weights, precision).network
+        evidence, rate = made.run_counts(counts)
+        config = made.config
+        answers[name] = {
+            "predicted": evidence.argmax(1).tolist(),
+            "memory_bits": config.memory_bits,
+            "membrane_bits": config.membrane_bits,
+            "threshold": config.threshold,
+            "operations_hz": _operations_hz(made, counts, rate, data.step_s),
+        }
+    return {
+        "hidden": int(subject.weights.network.get_parameter("w_rec").shape[0]),
+        "labels": data.image_labels[subject.images].tolist(),
+        "answers": answers,
+    }
+
+
+def _operations_hz(made: IntegerNetwork, counts: NDArray[Any], rate: float, bin_s: float) -> float:
+    """Return the additions a second: a row for each event and each spike, leak and bias of each bin."""
+    config = made.config
+    events = counts.sum() / (counts.shape[0] * counts.shape[1])
+    neurons = config.hidden + config.classes
+    return float((events * config.hidden + rate * config.hidden * neurons + neurons) / bin_s)
+
+
+def points_of(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return a point for every network and variant: accuracy with its intervals, what it takes, and all answers.
+
+    ``within`` is the part of the images that have the answer of the float network.
+    """
+    found = []
+    for network in dict.fromkeys(cell["network"] for cell in cells):
+        own = [cell for cell in cells if cell["network"] == network]
+        for variant in own[0]["answers"]:
+            right = _right(own, variant)
+            same = [np.equal(c["answers"][variant]["predicted"], c["answers"][FLOAT]["predicted"]) for c in own]
+            takes = [{k: v for k, v in c["answers"][variant].items() if k != "predicted"} for c in own]
+            found.append(
+                {
+                    "network": network,
+                    "hidden": own[0]["hidden"],
+                    "variant": variant,
+                    "accuracy": float(right.mean()),
+                    "wilson_95": wilson(float(right.mean()) * len(right), len(right)),
+                    "bootstrap_95": bootstrap(right),
+                    "within": float(np.concatenate(same).mean()),
+                    "images": len(right),
+                    "seeds": right.shape[1],
+                    **{name: max(one[name] for one in takes) for name in takes[0]},
+                    "answers": [
+                        {name: cell[name] for name in ("fold", "seed", "images")}
+                        | {"labels": as_word(cell["labels"])}
+                        | {"predicted": as_word(cell["answers"][variant]["predicted"])}
+                        for cell in own
+                    ],
+                }
+            )
+    return found
+
+
+def _right(cells: Sequence[dict[str, Any]], variant: str) -> NDArray[np.float64]:
+    """Return who is right, shape (images, seeds), of the images that every seed has tested."""
+    by_seed: dict[int, dict[int, bool]] = {}
+    for cell in cells:
+        right = np.equal(cell["answers"][variant]["predicted"], cell["labels"])
+        by_seed.setdefault(cell["seed"], {}).update(zip(cell["images"], right.tolist(), strict=True))
+    images = sorted(set.intersection(*(set(seed) for seed in by_seed.values())))
+    if not images:
+        raise InputError(f"the seeds of {cells[0]['network']} have no test image in common; train whole folds")
+    return np.array([[seed[image] for seed in by_seed.values()] for image in images], float)

@@ -1,0 +1,95 @@
+"""Networks of few bits: what is asked for, what is counted, and that the answers are those of the integer model."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from model.errors import InputError
+from snn.__main__ import app
+from snn.exchange.integer import Precision, quantise
+from snn.exchange.weights import load_weights
+from snn.experiments.evaluate import integer_classes
+from snn.experiments.robustness import Subject
+from snn.studies.precision import _operations_hz, parse_variants, points_of
+from tests.snn.helpers import caller, two_textures
+
+call = caller(app)
+
+
+def test_variants_are_read_as_they_are_written() -> None:
+    found = parse_variants("8, 4:t6,3:t5:m12")
+    weights = {name: (p.in_bits, p.rec_bits, p.out_bits) for name, p in found.items()}
+    assert weights == {"8": (8, 8, 8), "4:t6": (4, 4, 4), "3:t5:m12": (3, 3, 3)}
+    assert [(p.threshold_bits, p.membrane_bits) for p in found.values()] == [(8, None), (6, None), (5, 12)]
+
+
+@pytest.mark.parametrize("text", ["9", "8,8", "4:m", "4:m12:t6", "", "4t6"])
+def test_other_variants_are_refused(text: str) -> None:
+    with pytest.raises(InputError, match="--variants takes BITS"):
+        parse_variants(text)
+
+
+def cell(seed: int, images: list[int], said: str, network: str = "a") -> dict[str, Any]:
+    answers = {
+        "float": {"predicted": [0] * len(images)},
+        "4": {"predicted": [int(one) for one in said], "memory_bits": 800 + seed, "operations_hz": 5.0},
+    }
+    about = {"network": network, "fold": 0, "seed": seed, "images": images, "hidden": 8}
+    return about | {"labels": [0] * len(images), "answers": answers}
+
+
+def test_an_image_counts_once_with_all_its_seeds() -> None:
+    cells = [cell(0, [0, 1], "00"), cell(0, [2], "1"), cell(1, [0, 1, 2], "011"), cell(0, [0], "0", "b")]
+    of_float, four, *others = points_of(cells)
+    assert of_float["accuracy"] == 1
+    assert (four["images"], four["seeds"], four["accuracy"], four["within"]) == (3, 2, 0.5, 0.5)
+    assert four["memory_bits"] == 801
+    assert [(point["network"], point["images"]) for point in others] == [("b", 1), ("b", 1)]
+    with pytest.raises(InputError, match="no test image in common"):
+        points_of([cell(0, [0], "0"), cell(1, [1], "0")])
+
+
+def test_answers_are_those_of_the_integer_model_and_are_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    two_textures(tmp_path / "textures")
+    small = "--dataset textures --folds 2 --epochs 2 --recipe paper --set hidden=8"
+    assert call(f"train {small} -o nets/a/fold-0", capsys)[0] == 0
+    code, text = call("precision nets --variants 8,2:m12 -o out", capsys)
+    assert code == 0, text
+    content = json.loads(Path("out/precision.json").read_text())
+    assert content["command"] == "python -m snn precision nets --variants 8,2:m12"
+    assert [point["variant"] for point in content["points"]] == ["float", "8", "2:m12"]
+    assert Path("out/precision.png").stat().st_size > 10_000
+
+    subject = Subject.load(Path("nets/a/fold-0/weights.npz"), scenes=False)
+    precision = Precision(in_bits=2, rec_bits=2, out_bits=2, membrane_bits=12)
+    network = quantise(load_weights(Path("nets/a/fold-0/weights.npz")), precision).network
+    data = subject.experiment.data()
+    point = content["points"][2]
+    assert point["answers"][0]["predicted"] == "".join(map(str, integer_classes(network, data, subject.images)))
+    assert (point["memory_bits"], point["membrane_bits"]) == (network.config.memory_bits, 12)
+
+    before = (tmp_path / "out" / "a-fold-0-seed-0.json").stat().st_mtime_ns
+    assert call("precision nets --variants 8,2:m12 -o out", capsys)[0] == 0
+    assert (tmp_path / "out" / "a-fold-0-seed-0.json").stat().st_mtime_ns == before
+    code, text = call("precision nets --variants 8 -o out", capsys)
+    assert (code, text.count("\n")) == (2, 1)
+    assert "a-fold-0-seed-0.json is of other weights, variants or images; remove it" in text
+
+
+def test_additions_are_rows_of_events_and_of_spikes() -> None:
+    class Made:
+        class config:
+            hidden, classes = 10, 2
+
+    counts = np.zeros((2, 5, 3))
+    counts[:, 0] = 1  # three events of each scan, in five bins of 0.1 s
+    found = _operations_hz(Made, counts, 0.1, 0.1)  # type: ignore[arg-type]
+    assert found == pytest.approx((0.6 * 10 + 0.1 * 10 * 12 + 12) / 0.1)
