@@ -686,6 +686,63 @@ def stages() -> str:
     return markdown(head, rows)
 
 
+def _not_yet() -> str:
+    return "Not run yet.\n"
+
+
+@table
+def faults() -> str:
+    """What came of the upsets, by block and course."""
+    kept = evidence("faults")
+    if kept is None:
+        return _not_yet()
+    outcomes = ("nothing", "own events", "others moved", "others changed", "never recovers")
+    rows = []
+    for block in dict.fromkeys(line["block"] for line in kept["blocks"]):
+        for course in ("calm", "loaded"):
+            lines = [one for one in kept["blocks"] if (one["block"], one["trial"].split(", ")[-1]) == (block, course)]
+            if not lines:
+                continue
+            total = sum(line["upsets"] for line in lines)
+            shares = [f"{sum(line[name] for line in lines) / total:.1%}" for name in outcomes[:-1]]
+            never = str(sum(line[outcomes[-1]] for line in lines))
+            worst = f"{max(line['lost'] for line in lines)}, {max(line['added'] for line in lines)}"
+            rows.append([block.replace("_", " "), course, f"{total:,}", *shares, worst, never])
+    head = ["upset in", "course", "upsets", *outcomes[:-1], "most lost, added", outcomes[-1]]
+    said = f"`{kept['command']}`, {kept['commit']}, {kept['date']}: {kept['result']}.\n"
+    return f"{markdown(head, rows)}\n{said}"
+
+
+@table
+def hostile() -> str:
+    """Hostile surroundings, what is stated of them, and in how many runs it was so."""
+    kept = evidence("faults")
+    if kept is None:
+        return _not_yet()
+    rows = []
+    for name in dict.fromkeys(line["case"] for line in kept["cases"]):
+        lines = [line for line in kept["cases"] if line["case"] == name]
+        good, runs = (sum(line[key] for line in lines) for key in ("as stated", "runs"))
+        rows.append([name, lines[0]["stated"], str(len(lines)), f"{good} of {runs}"])
+    return markdown(["surroundings", "what happens", "readouts", "runs as stated"], rows)
+
+
+@table
+def parity() -> str:
+    """How much of a taxel a single flop is, in netlists of real cells."""
+    rows = []
+    for name, text in (
+        ("lcs-digital", "LCS, digital"),
+        ("lcs-analog", "LCS, analog"),
+        ("nlcs-digital", "N-LCS, digital"),
+    ):
+        netlist = read(f"docs/data/asic/{name}-8x8-ihp.json")
+        taxels = netlist["configuration"]["rows"] * netlist["configuration"]["columns"]
+        flops = netlist["flops"] / taxels
+        rows.append([text, f"{flops:.1f}", f"{netlist['sequential_area_share'] / flops:.1%}"])
+    return markdown(["8 x 8 taxels, IHP 130 nm", "flops per taxel", "one flop, of a taxel's area"], rows)
+
+
 def filled(text: str) -> str:
     """Return a document with every table made anew."""
     return BLOCK.sub(lambda found: f"{found[1]}\n{TABLES[found[2]]()}\n{found[3]}", text)

@@ -67,6 +67,38 @@ def formal(
 
 
 @app.command()
+def faults(
+    small: Annotated[bool, typer.Option(help="only a few readouts, and few upsets of each flop")] = False,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON")] = None,
+) -> None:
+    """Turn every flop over, one at a time, and meet hostile surroundings; exit code 1 if more breaks than is stated."""
+    from flow.faults.plan import surroundings, trials
+    from flow.faults.run import closing_line, meet, run, write
+
+    lines: list[dict[str, Any]] = []
+    met: list[dict[str, Any]] = []
+    problems: list[str] = []
+    for trial in trials(small):
+        found, wrong = run(trial)
+        lines += found
+        problems += wrong
+        print(f"{trial.name:<62}{sum(line['upsets'] for line in found):>8} upsets{len(wrong):>4} problems", flush=True)
+    for config in surroundings(small):
+        for line in meet(config):
+            met.append(line)
+            print(
+                f"{line['readout']:<36}{line['case']:<32}{line['as stated']:>4} of {line['runs']} as stated", flush=True
+            )
+    for problem in problems:
+        print(problem)
+    if out:
+        write(out, f"make faults{' SMALL=1' if small else ''}", lines, met, problems)
+    print(closing_line(lines, met, problems))
+    if problems or any(line["as stated"] < line["runs"] for line in met):
+        raise typer.Exit(1)
+
+
+@app.command()
 @with_config
 def properties(
     config: ReadoutConfig,

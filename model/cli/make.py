@@ -103,6 +103,10 @@ TARGETS = {
         "prove what the RTL promises, block by block [BLOCK= SMALL=1 MUTANTS=1 OUT=]",
         "flow formal",
     ),
+    "faults": Target(
+        "upset every flop, one at a time, and meet hostile surroundings [SMALL=1 OUT=]",
+        "flow faults",
+    ),
     "properties": Target(
         "the properties as SystemVerilog, bound to the Verilog of make verilog [OUT=]",
         "flow properties",

@@ -1,0 +1,131 @@
+"""A readout and what is around it: comparators where they are macros, and a receiver of the four-phase link."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from amaranth.back import rtlil
+from amaranth.hdl import (
+    Cat,
+    ClockSignal,
+    Const,
+    Elaboratable,
+    Fragment,
+    Instance,
+    Module,
+    Mux,
+    ResetSignal,
+    Signal,
+    Value,
+    signed,
+)
+from amaranth.lib import wiring
+
+from flow.faults.gates import Gates, gates_of
+from model.config import ReadoutConfig
+from rtl.block import Block, Netlist
+
+TOP, DUT = "bench", "dut"
+
+
+class Bench(Elaboratable):
+    """The block under test, and as ports what its surroundings leave open.
+
+    Parameters
+    ----------
+    block : Block
+    slow : int
+        Clocks that the receiver of a four-phase link takes to raise ACK, and to lower it. Its inputs ``ack_high`` and
+        ``ack_turned`` hold ACK high, and turn it over.
+
+    Attributes
+    ----------
+    inputs, outputs : list of Signal
+    """
+
+    def __init__(self, block: Block[Any], slow: int = 0) -> None:
+        self.block, self.slow = block, slow
+        self.inputs: list[Signal] = []
+        self.outputs: list[Signal] = []
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        wires: dict[str, Any] = {"i_clk": ClockSignal(), "i_rst": ResetSignal()}
+        inner: dict[str, Value] = {}
+        for name, member in self.block.signature.members.items():
+            inward = member.flow is wiring.In
+            port = Signal(len(Value.cast(getattr(self.block, name))), name=f"{name}_inside" if inward else name)
+            wires[f"{'i' if inward else 'o'}_{name}"] = inner[name] = port
+            if not inward:
+                self.outputs.append(port)
+        setattr(m.submodules, DUT, Instance(self.block.module_name, **wires))
+        driven = self._receiver(m, inner) | self._comparators(m, inner)
+        for name, member in self.block.signature.members.items():
+            if member.flow is wiring.In and name not in driven:
+                m.d.comb += inner[name].eq(self._input(name, len(inner[name])))
+        return m
+
+    def _input(self, name: str, width: int) -> Signal:
+        self.inputs.append(Signal(width, name=name))
+        return self.inputs[-1]
+
+    def _receiver(self, m: Module, inner: dict[str, Value]) -> set[str]:
+        """Add a receiver: ACK follows REQ, and a handshake that has begun goes to its end whatever REQ does."""
+        if "aer_ack" not in inner:
+            return set()
+        ack = Signal()
+        if self.slow:
+            wait = Signal(range(self.slow))
+            raised = Signal()
+            due = wait == self.slow - 1
+            busy = (inner["aer_req"] != raised) | wait.any()
+            with m.If(busy):
+                m.d.sync += [wait.eq(Mux(due, 0, wait + 1)), raised.eq(raised ^ due)]
+            m.d.comb += ack.eq(raised)
+        else:
+            m.d.comb += ack.eq(inner["aer_req"])
+        high, turned = self._input("ack_high", 1), self._input("ack_turned", 1)
+        m.d.comb += inner["aer_ack"].eq((ack | high) ^ turned)
+        return {"aer_ack"}
+
+    def _comparators(self, m: Module, inner: dict[str, Value]) -> set[str]:
+        """Add ideal comparators, which look at the signal that the last sample tick brought."""
+        config = self.block.config
+        if not isinstance(config, ReadoutConfig) or "above" not in inner:
+            return set()
+        bits, count = config.sample_bits, config.taxels
+        given, valid = self._input("sample", bits * count), self._input("sample_valid", 1)
+        held = Signal(bits * count)
+        with m.If(valid):
+            m.d.sync += held.eq(given)
+        above, below = [], []
+        for taxel in range(count):
+            x = held[taxel * bits : (taxel + 1) * bits].as_signed()
+            u = inner["reference_code"][taxel * bits : (taxel + 1) * bits].as_signed()
+            h: Value = Const(config.step)
+            if config.closes:
+                width = config.half_width_bits
+                h = inner["half_width"][taxel * width : (taxel + 1) * width]
+            difference = Signal(signed(bits + 2), name=f"difference_{taxel}")
+            m.d.comb += difference.eq(x - u)
+            above.append(difference >= h + (0 if config.has_polarity else 1))
+            below.append(difference < -h)
+        m.d.comb += inner["above"].eq(Cat(above))
+        done = {"above"}
+        if "below" in inner:
+            m.d.comb += inner["below"].eq(Cat(below))
+            done.add("below")
+        if "sample_valid" in inner:
+            m.d.comb += inner["sample_valid"].eq(valid)
+            done.add("sample_valid")
+        return done
+
+
+def bench_gates(block: Block[Any], slow: int = 0) -> Gates:
+    """Return a block with its surroundings as gates; its flops' names begin with ``dut.``."""
+    made = Netlist(async_reset=False)
+    made.add(block)
+    bench = Bench(block, slow)
+    fragment = Fragment.get(bench, None)
+    ports = [*bench.inputs, *bench.outputs]
+    return gates_of(made.text + "\n" + rtlil.convert(fragment, name=TOP, ports=ports, emit_src=False), TOP)

@@ -1,0 +1,87 @@
+"""Which readouts are upset, and what is stated about each of their blocks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from model.config import ReadoutConfig
+
+FEW = ReadoutConfig(rows=2, columns=2, sample_bits=6, resolution=2, leak_period=3, leak_shift=3, fraction_bits=3)
+"""Few bits, so that the ends of the scale and of every counter are near."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A readout whose flops are turned, one in each run.
+
+    Parameters
+    ----------
+    config : ReadoutConfig
+    calm : bool
+        Which course is played, see ``flow.faults.course``.
+    slow : int
+        Clocks that the receiver of a four-phase link takes for an edge of ACK.
+    stride : int
+        Clocks from one upset of a flop to the next.
+    """
+
+    config: ReadoutConfig
+    calm: bool
+    slow: int = 0
+    stride: int = 1
+
+    @property
+    def name(self) -> str:
+        """What distinguishes it, for a table."""
+        c = self.config
+        words = [f"{c.rows} x {c.columns}", c.encoding, c.link, c.frontend, f"{c.sample_bits} bits"]
+        words += ["by the tick"] * (c.decide_every == "sample") + [f"ACK after {self.slow}"] * bool(self.slow)
+        return ", ".join([*words, "calm" if self.calm else "loaded"])
+
+
+def trials(small: bool = False) -> list[Trial]:
+    """Return all trials, or for the gate one of each encoder and link, every seventh clock."""
+    closing = FEW.replace(encoding="cw-lcs", window_period=3)
+    leaky, handshake = FEW.replace(encoding="nlcs"), FEW.replace(link="four_phase")
+    if small:
+        found = [Trial(FEW, True, stride=7), Trial(closing, True, stride=19), Trial(leaky, True, stride=19)]
+        return [*found, Trial(handshake, False, stride=13)]
+    sides = {"rows": 3, "columns": 3}
+    stream = [
+        FEW.replace(**sides),
+        closing.replace(**sides),
+        leaky.replace(**sides),
+        FEW.replace(frontend="analog"),
+        closing.replace(frontend="analog", decide_every="sample"),
+        leaky.replace(frontend="analog", decide_every="sample"),
+        FEW.replace(sample_bits=12, resolution=6),
+    ]
+    found = [Trial(config, calm, stride=2 if config.rows == 3 else 1) for config in stream for calm in (True, False)]
+    for calm in (True, False):
+        found += [Trial(handshake, calm, 0, 3), Trial(handshake, calm, 3, 7)]
+        found += [Trial(closing.replace(link="four_phase"), calm, 0, 7)]
+    return found
+
+
+def surroundings(small: bool = False) -> list[ReadoutConfig]:
+    """Return the readouts that meet hostile surroundings."""
+    closing, leaky = FEW.replace(encoding="cw-lcs", window_period=3), FEW.replace(encoding="nlcs")
+    found = [FEW, closing, leaky, FEW.replace(frontend="analog"), FEW.replace(link="four_phase")]
+    return found[-1:] if small else found
+
+
+def most_changed(config: ReadoutConfig, block: str) -> int:
+    """Return how many events of others an upset in a block may take away, and how many it may add, in a calm array.
+
+    A taxel has none but its own. The arbiter holds a burst of one row, the link one event. The tick and the counter of
+    the leak are common to all taxels: each may answer by an event more or less.
+    """
+    return {"taxel": 0, "window": 0, "arbiter": config.columns, "link": 1}.get(block, config.taxels)
+
+
+def longest_clocks(config: ReadoutConfig, block: str, gap: int) -> int | None:
+    """Return for how many clocks an upset of arbiter or link may be seen in a calm array, None for other blocks.
+
+    ``gap`` are the clocks from one sample tick to the next: the third of them finds all as it would be.
+    """
+    return 3 * gap if block in ("arbiter", "link") else None

@@ -1,0 +1,108 @@
+"""All trials one after the other: what came of every upset, counted, and held to what is stated."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from flow.faults.cases import cases
+from flow.faults.course import gap_of
+from flow.faults.outcomes import CLASSES, Upset, upsets
+from flow.faults.plan import Trial, longest_clocks, most_changed
+from model.config import ReadoutConfig
+from model.files import origin, write_json
+
+
+@dataclass
+class Tally:
+    """What came of the upsets of one block in one trial.
+
+    Attributes
+    ----------
+    outcomes : Counter of str
+    flops : set of str
+    own_clocks, other_clocks, lost, added : int
+        The most of any upset, see ``Upset``.
+    """
+
+    outcomes: Counter[str] = field(default_factory=Counter)
+    flops: set[str] = field(default_factory=set)
+    own_clocks: int = -1
+    other_clocks: int = -1
+    lost: int = 0
+    added: int = 0
+
+    def add(self, upset: Upset) -> None:
+        """Count an upset."""
+        self.outcomes[upset.outcome] += 1
+        self.flops.add(upset.flop)
+        for name in ("own_clocks", "other_clocks", "lost", "added"):
+            setattr(self, name, max(getattr(self, name), getattr(upset, name)))
+
+
+def problems_of(trial: Trial, upset: Upset) -> str:
+    """Return in what an upset goes beyond what is stated; empty if in nothing."""
+    if upset.outcome == CLASSES[-1]:
+        return "never recovers"
+    if not trial.calm:
+        return ""
+    most = most_changed(trial.config, upset.block)
+    if max(upset.lost, upset.added) > most:
+        return f"{upset.lost} events of others lost and {upset.added} added, {most} stated"
+    longest = longest_clocks(trial.config, upset.block, gap_of(trial.config, True, trial.slow))
+    if longest is not None and upset.other_clocks > longest:
+        return f"seen for {upset.other_clocks} clocks, {longest} stated"
+    return ""
+
+
+def run(trial: Trial) -> tuple[list[dict[str, Any]], list[str]]:
+    """Run a trial; return a line for every block, and what went beyond what is stated."""
+    tallies: dict[str, Tally] = {}
+    problems: list[str] = []
+    for upset in upsets(trial.config, trial.calm, trial.slow, trial.stride):
+        tallies.setdefault(upset.block, Tally()).add(upset)
+        if wrong := problems_of(trial, upset):
+            problems.append(f"{trial.name}: {upset.flop} turned at clock {upset.clock}: {wrong}")
+    return [_line(trial, block, tally) for block, tally in sorted(tallies.items())], problems
+
+
+def _line(trial: Trial, block: str, tally: Tally) -> dict[str, Any]:
+    """Return what is kept of a block of a trial."""
+    return {
+        "block": block,
+        "trial": trial.name,
+        "flops": len(tally.flops),
+        "upsets": sum(tally.outcomes.values()),
+        **{name: tally.outcomes[name] for name in CLASSES},
+        "own clocks": tally.own_clocks,
+        "other clocks": tally.other_clocks,
+        "lost": tally.lost,
+        "added": tally.added,
+    }
+
+
+def meet(config: ReadoutConfig) -> Iterator[dict[str, Any]]:
+    """Put a readout into hostile surroundings; yield a line for every case."""
+    for case in cases(config):
+        good, runs = case.holds(config)
+        said = f"{config.rows} x {config.columns}, {config.encoding}, {config.link}, {config.frontend}"
+        yield {"case": case.name, "stated": case.stated, "readout": said, "runs": runs, "as stated": good}
+
+
+def closing_line(lines: list[dict[str, Any]], met: list[dict[str, Any]], problems: list[str]) -> str:
+    """Return the last line of ``make faults``."""
+    total, never = (sum(line[name] for line in lines) for name in ("upsets", CLASSES[-1]))
+    runs, good = (sum(line[name] for line in met) for name in ("runs", "as stated"))
+    wrong = len(problems) + runs - good
+    return f"faults: {total} upsets, {never} of them for good, {runs} hostile runs, {wrong} beyond what is stated"
+
+
+def write(
+    path: Path, command: str, lines: list[dict[str, Any]], met: list[dict[str, Any]], problems: list[str]
+) -> None:
+    """Write all results as JSON."""
+    result = {"result": closing_line(lines, met, problems), "blocks": lines, "cases": met, "problems": problems}
+    write_json(path, {**origin(command), **result})
