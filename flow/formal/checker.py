@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, ClassVar, TypeVar
 
-from amaranth.hdl import Module, Signal, Value
+from amaranth.hdl import Array, Cat, Const, Module, Signal, Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
@@ -124,6 +124,32 @@ def within(bits: Value, others: Value) -> Value:
 def implies(condition: Any, then: Any) -> Value:
     """Return whether ``then`` holds where ``condition`` does; both are one bit."""
     return ~Value.cast(condition).bool() | Value.cast(then).bool()
+
+
+def bit_of(word: Any, index: Signal) -> Any:
+    """Return a bit of a word, 0 beyond its end."""
+    return Array([*word, *[Const(0, 1)] * ((1 << len(index)) - len(word))])[index]
+
+
+def cyclic(m: Module, asks: Any, taken: Any) -> tuple[Signal, Any]:
+    """Return who was taken last, and whether who is taken now leaves out one that asks on the way from there, in turn.
+
+    Parameters
+    ----------
+    m : Module
+    asks, taken : Value(n)
+        A bit each; at most one is taken.
+    """
+    number = len(taken)
+    last = Signal(number, init=1 << (number - 1))
+    with m.If(taken.any()):
+        m.d.sync += last.eq(taken)
+    jumps: Any = Const(0)
+    for start in range(number):
+        for way in range(1, number + 1):
+            between = Cat(asks[(start + step) % number] for step in range(1, way))
+            jumps |= last[start] & taken[(start + way) % number] & between.any()
+    return last, jumps
 
 
 def inputs(checker: Checker[Any]) -> Iterable[str]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, ClassVar
 
-from amaranth.hdl import Array, Cat, Const, Module, Signal
+from amaranth.hdl import Cat, Const, Module, Signal
 from amaranth.lib.wiring import In
 
-from flow.formal.checker import Checker, Property, at_most_one, before, implies, within
+from flow.formal.checker import Checker, Property, at_most_one, before, bit_of, cyclic, implies, within
 from model.config import ReadoutConfig
 from rtl.arbiter import Arbiter
 
@@ -122,17 +122,9 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         self.promise(m, "payload_stable", implies(waits, self.event_valid & same), waits)
 
     def _order(self, m: Module) -> None:
-        rows = self.config.rows
         asked, granted = self.row_request.any(), self.granted.any()
         # Rows from the one behind the last granted on, in cyclic order, up to the granted one: none of them asks.
-        last = Signal(rows, init=1 << (rows - 1))
-        with m.If(granted):
-            m.d.sync += last.eq(self.granted)
-        jumps: Any = Const(0)
-        for start in range(rows):
-            for way in range(1, rows + 1):
-                between = Cat(self.row_request[(start + step) % rows] for step in range(1, way))
-                jumps |= last[start] & self.granted[(start + way) % rows] & between.any()
+        last, jumps = cyclic(m, self.row_request, self.granted)
         wraps = granted & (self.granted <= last)
         self.promise(m, "row_order", ~jumps, wraps & asked)
         if self.config.columns > 1:
@@ -147,8 +139,8 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         """Follow the requests of one taxel from the clock in which they are raised to their event."""
         columns = self.config.columns
         bound = (self.config.rows + 1) * columns
-        requests, grants = _bit(self.request, self.watch), Cat(grant.replicate(columns) for grant in self.granted)
-        takes = requests & _bit(grants, self.watch)
+        requests, grants = bit_of(self.request, self.watch), Cat(grant.replicate(columns) for grant in self.granted)
+        takes = requests & bit_of(grants, self.watch)
         leaves = self.event_valid & self.event_ready
         named = self.event_valid & self._names(self.watch)
         mine = leaves & named
@@ -179,22 +171,22 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         if self.config.has_polarity:
             polarity = Signal()
             with m.If(takes):
-                m.d.sync += polarity.eq(_bit(self.polarity, self.watch))
+                m.d.sync += polarity.eq(bit_of(self.polarity, self.watch))
             self.promise(m, "polarity_kept", implies(named & latched, self.event_polarity == polarity), named)
 
     def _fairness(self, m: Module) -> None:
         if self.config.rows == 1:
             return
         grants = Cat(grant.replicate(self.config.columns) for grant in self.granted)
-        takes, rival = (_bit(self.request & grants, taxel) for taxel in (self.watch, self.rival))
+        takes, rival = (bit_of(self.request & grants, taxel) for taxel in (self.watch, self.rival))
         # The rival has asked all the time since the watched taxel was granted, and was not granted.
         owed = Signal()
-        asks = _bit(self.request, self.rival) & ~rival
+        asks = bit_of(self.request, self.rival) & ~rival
         with m.If(takes):
             m.d.sync += owed.eq(asks)
         with m.Elif(owed):
             m.d.sync += owed.eq(asks)
-        self.promise(m, "fairness", ~(owed & takes & _bit(self.request, self.rival) & ~rival), owed & rival)
+        self.promise(m, "fairness", ~(owed & takes & bit_of(self.request, self.rival) & ~rival), owed & rival)
 
     def _names(self, taxel: Signal) -> Any:
         """Return whether the event's address is that of a taxel."""
@@ -207,8 +199,3 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         row = self.event_row if self.has("event_row") else Const(0)
         column = self.event_col if self.has("event_col") else Const(0)
         return ~self.event_valid | ((row < self.config.rows) & (column < self.config.columns))
-
-
-def _bit(word: Any, index: Signal) -> Any:
-    """Return a bit of a word, 0 beyond its end."""
-    return Array([*word, *[Const(0, 1)] * ((1 << len(index)) - len(word))])[index]

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from amaranth.hdl import Array, Cat, Const, Module, Mux, Signal
 from amaranth.lib.wiring import In
 
-from flow.formal.checker import Checker, Property, at_most_one, before, implies, within
+from flow.formal.checker import Checker, Property, at_most_one, before, bit_of, cyclic, implies, within
 from model.tiles.config import TilesConfig
 from rtl.tiles.merge import Merge
 
@@ -83,26 +83,15 @@ class MergeChecker(Checker[TilesConfig]):
         stalls = before(m, self.event_valid & ~self.event_ready, "stalls")
         same = offered == before(m, offered, "offered") if len(offered) else Const(1)
         self.promise(m, "payload_stable", implies(stalls, self.event_valid & same), stalls)
-        self._order(m, taken)
+        last, jumps = cyclic(m, self.tile_valid, taken)
+        self.promise(m, "tile_order", ~jumps, taken.any() & (taken <= last))
         self._watched(m, taken, leaves, kept & stays, offers)
         return self.finish(m)
-
-    def _order(self, m: Module, taken: Any) -> None:
-        tiles = self.config.tiles
-        last = Signal(tiles, init=1 << (tiles - 1))
-        with m.If(taken.any()):
-            m.d.sync += last.eq(taken)
-        jumps: Any = Const(0)
-        for start in range(tiles):
-            for way in range(1, tiles + 1):
-                between = Cat(self.tile_valid[(start + step) % tiles] for step in range(1, way))
-                jumps |= last[start] & taken[(start + way) % tiles] & between.any()
-        self.promise(m, "tile_order", ~jumps, taken.any() & (taken <= last))
 
     def _watched(self, m: Module, taken: Any, leaves: Any, kept: Any, offers: list[Any]) -> None:
         """Follow the events of one tile: those that the merge holds, the oldest first, and the one that is offered."""
         tiles = self.config.tiles
-        given = _bit(taken, self.watch)
+        given = bit_of(taken, self.watch)
         mine = leaves & self._names(self.watch)
         inside = Signal(range(DEPTH + 2))
         m.d.sync += inside.eq(inside + given - mine)
@@ -122,7 +111,7 @@ class MergeChecker(Checker[TilesConfig]):
 
         # Events that left since the watched tile's was offered, the one that leaves now not counted.
         bound = tiles + DEPTH
-        waits = _bit(self.tile_valid & ~self.tile_ready, self.watch)
+        waits = bit_of(self.tile_valid & ~self.tile_ready, self.watch)
         waited, kept_count = Signal(range(bound + 1)), Signal(range(bound + 1))
         after = Signal(range(bound + 1))
         m.d.comb += after.eq(waited + (leaves & (waited != bound)))
@@ -136,8 +125,8 @@ class MergeChecker(Checker[TilesConfig]):
         self.promise(m, "no_starvation", implies(kept, ~late), mine & (inside == 1) & (kept_count == bound - 1))
 
         if tiles > 1:
-            other = _bit(taken, self.rival)
-            asks = _bit(self.tile_valid, self.rival) & ~other
+            other = bit_of(taken, self.rival)
+            asks = bit_of(self.tile_valid, self.rival) & ~other
             owed = Signal()
             with m.If(given):
                 m.d.sync += owed.eq(asks)
@@ -159,8 +148,3 @@ class MergeChecker(Checker[TilesConfig]):
     def _names(self, tile: Signal) -> Any:
         """Return whether the event that is offered is that of a tile."""
         return self._tile() == tile
-
-
-def _bit(word: Any, index: Signal) -> Any:
-    """Return a bit of a word, 0 beyond its end."""
-    return Array([*word, *[Const(0, 1)] * ((1 << len(index)) - len(word))])[index]
