@@ -7,6 +7,7 @@ from model.cli.app import leave_without, make_app, run
 try:
     from cocotb_tests.commands.replay import replay
     from cocotb_tests.commands.sim import sim
+    from cocotb_tests.commands.soak import soak
     from cocotb_tests.commands.touch import touch
 except ModuleNotFoundError as error:
     if __name__ != "__main__":
@@ -17,6 +18,7 @@ app = make_app("Co-simulation of the spiking e-skin readout: RTL against golden 
 app.command()(sim)
 app.command()(replay)
 app.command()(touch)
+app.command()(soak)
 
 
 def main() -> None:

@@ -743,6 +743,35 @@ def parity() -> str:
     return markdown(["8 x 8 taxels, IHP 130 nm", "flops per taxel", "one flop, of a taxel's area"], rows)
 
 
+@table
+def soak() -> str:
+    """What was soaked."""
+    kept = evidence("soak")
+    if kept is None:
+        return _not_yet()
+    head = ["clocks", "events", "configurations", "runs", "taxels, at most", "hours", "mismatches"]
+    row = [f"{kept[name]:,}" for name in ("clocks", "events", "configurations", "runs", "most_taxels")]
+    row += [f"{kept['seconds'] / 3600:.1f}", str(kept["mismatches"])]
+    by = "; ".join(", ".join(f"{name} {count}" for name, count in counts.items()) for counts in kept["by"].values())
+    said = f"`{kept['command']}`, {kept['commit']}, {kept['date']}. Configurations: {by}.\n"
+    return f"{markdown(head, [row])}\n{said}"
+
+
+@table
+def load() -> str:
+    """Four arbiters under the same loads."""
+    kept = read("benchmarks/results/load.json")
+    rows = []
+    for line in kept["results"]:
+        name = f"{line['load']}, {line['asked']:.0%}" if line["arbiter"].endswith("(ours)") else ""
+        numbers = [f"{line['throughput']:.3f}", f"{line['mean_wait']:.1f}", f"{line['wait_99']:.0f}"]
+        numbers += [f"{line['worst_wait']:,}", f"{line['jain']:.3f}"]
+        rows.append([name, line["arbiter"], *numbers, "{:,.1f} to {:,.1f}".format(*line["by_address"])])
+    head = ["load", "arbiter", "events per clock", "mean wait", "99 %", "worst", "Jain", "mean wait by address"]
+    said = f"`{kept['command']}`, {kept['commit']}, {kept['date']}.\n"
+    return f"{markdown(head, rows)}\n{said}"
+
+
 def filled(text: str) -> str:
     """Return a document with every table made anew."""
     return BLOCK.sub(lambda found: f"{found[1]}\n{TABLES[found[2]]()}\n{found[3]}", text)

@@ -46,6 +46,7 @@ COMMANDS = {
     "flow faults": "tests/flow/test_faults.py::test_what_goes_beyond_what_is_stated_is_a_problem",
     "flow formal": "tests/flow/test_formal.py::test_the_command_ends_with_its_one_line",
     "cocotb_tests sim": "cocotb_tests/test_commands.py::test_sim_ends_with_its_one_line",
+    "cocotb_tests soak": "cocotb_tests/test_soak.py::test_mistakes_are_one_sentence",
     "cocotb_tests touch": "cocotb_tests/test_touch.py::test_mistakes_are_one_sentence",  # a run takes half a minute
     "cocotb_tests replay": "cocotb_tests/test_commands.py::test_replay_finds_a_dataset_by_a_relative_place",
     "snn train": "tests/snn/test_hostile.py::test_train_names_the_data_it_used",

@@ -77,7 +77,7 @@ LAYERS = {
         "commands",
         "__main__",
     ),
-    "cocotb_tests": ("bench", "session", "touch", "commands", "__main__", "conftest test_"),
+    "cocotb_tests": ("bench", "session", "touch soak", "commands", "__main__", "conftest test_"),
 }
 """Rooms of each package from the ground up. A file imports from its own layer and from those below it."""
 

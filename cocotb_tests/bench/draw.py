@@ -6,6 +6,7 @@ others as they are.
 
 from __future__ import annotations
 
+import dataclasses
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -25,6 +26,8 @@ SIGNALS = ("noise", "walk", "square", "hold", "near", "rare")
 GAPS = (1, 3, 12, 70, 300)
 """Most clocks from one sample tick to the next."""
 
+FIELDS = frozenset(field.name for field in dataclasses.fields(ReadoutConfig))
+PARTS = ("signal", "gap", "sink", "masks")
 Set = Mapping[str, Any]
 
 
@@ -36,6 +39,8 @@ class Draw:
     ----------
     seed : int
     clocks : int
+    run : int
+        Of the runs of one configuration.
     set : mapping
         Parts that are not drawn: fields of the configuration, ``signal``, ``gap``, ``sink``, ``masks`` (how often
         the mask changes in a thousand clocks).
@@ -44,18 +49,20 @@ class Draw:
 
     seed: int
     clocks: int = 400
+    run: int = 0
     set: Set = field(default_factory=dict)
     most_taxels: int = MOST_TAXELS
 
     def rng(self, part: str) -> np.random.Generator:
-        """Return the random numbers of a part."""
-        return np.random.default_rng([self.seed, zlib.crc32(part.encode())])
+        """Return the random numbers of a part of the stimulus."""
+        return np.random.default_rng([self.seed, self.run, zlib.crc32(part.encode())])
 
     def _drawn(self, part: str, values: Any) -> Any:
-        """Return what is set for a part, or one of some values."""
+        """Return what is set for a part, or one of some values: of the configuration for all runs, or of this one."""
         if part in self.set:
             return self.set[part]
-        value = self.rng(part).choice(values)
+        rng = np.random.default_rng([self.seed, zlib.crc32(part.encode())]) if part in FIELDS else self.rng(part)
+        value = rng.choice(values)
         return value.item() if isinstance(value, np.generic) else value
 
     @property
@@ -63,7 +70,7 @@ class Draw:
         """The configuration."""
         sides = [1, 1, 2, 3, 4, 5, 7, 8, 16, 33]
         rows = self._drawn("rows", [side for side in sides if side <= self.most_taxels])
-        columns = self._drawn("columns", [side for side in sides if rows * side <= self.most_taxels])
+        columns = self._drawn("columns", [side for side in sides if rows * side <= max(rows, self.most_taxels)])
         encoding = self._drawn("encoding", ["lcs", "cw-lcs", "nlcs"])
         bits = self._drawn("sample_bits", [3, 4, 5, 6, 8, 12, 12, 16])
         fields = {
@@ -89,6 +96,11 @@ class Draw:
         return config.replace(reference_reset=self._drawn("reference_reset", np.concatenate([levels, at_zero])))
 
     @property
+    def mean_gap(self) -> float:
+        """Mean clocks from one sample tick to the next."""
+        return (self._drawn("gap", GAPS) + 1) / 2
+
+    @property
     def stimulus(self) -> Stimulus:
         """What happens at the inputs."""
         config, clocks = self.config, self.clocks
@@ -96,10 +108,11 @@ class Draw:
         signal = self._drawn("signal", SIGNALS)
         sink = self._drawn("sink", SINKS)
         masks = self._drawn("masks", [0, 0, 3, 100])
-        if signal not in SIGNALS or sink not in SINKS or gap < 1 or masks < 0:
+        whole = isinstance(gap, int) and isinstance(masks, int)
+        if signal not in SIGNALS or sink not in SINKS or not whole or gap < 1 or masks < 0:
             raise InputError(
-                f"signal is one of {', '.join(SIGNALS)}, sink of {', '.join(SINKS)}, "
-                f"gap at least 1 and masks at least 0, not {signal}, {sink}, {gap}, {masks}"
+                f"signal must be one of {', '.join(SIGNALS)}, sink one of {', '.join(SINKS)}, gap a number from 1 on "
+                f"and masks one from 0 on, not {signal}, {sink}, {gap}, {masks}"
             )
         at = np.cumsum(self.rng("ticks").integers(1, gap + 1, clocks)) - 1
         at = at[at < clocks]

@@ -63,6 +63,10 @@ _VERILOG_IS_MADE_OF = [
 ]
 
 
+SOURCES = digest(_VERILOG_IS_MADE_OF)
+"""A name for all that the Verilog is made of."""
+
+
 def verilog_text(config: Config) -> str:
     """Return the Verilog of a configuration, generated unless the same sources and tools have done so before.
 

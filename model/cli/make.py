@@ -83,6 +83,11 @@ TARGETS = {
         "cocotb_tests touch",
         SIM,
     ),
+    "soak": Target(
+        "random configurations through RTL and model, resumable; a failure becomes one command [HOURS= CLOCKS= OUT=]",
+        "cocotb_tests soak",
+        SIM,
+    ),
     "verilog": Target(
         "write Verilog, constraints, port list, core, datasheet [READOUT=spiking|frame REGISTERS=spi REPORT= OUT=]",
         "rtl verilog",

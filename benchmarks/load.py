@@ -1,0 +1,228 @@
+"""Four arbiters under the same loads: throughput, waits, fairness between addresses.
+
+``python benchmarks/load.py --json benchmarks/results/load.json`` prints the table of docs/results/load.md.
+
+Ours is ``model.arbiter``, the one that the RTL equals. The others are written for comparison: a tree with fixed
+priority (the lowest index first), a flat round robin over all taxels, and a binary AER tree whose nodes of two toggle
+(the side that was served last yields). They are idealised: each chooses among all requests within a clock, whatever its
+depth and wires. In each a taxel has one request at most, a request is seen in the clock after it is raised, what is
+chosen leaves one clock later, and its taxel may raise the next request with the clock of the choice.
+
+A load is a list of clocks, for each taxel, at which it has one more event to send. A wait is counted from the first
+clock in which a request is high to the transfer; requests that never left count with what they had waited at the end.
+``jain`` is (sum s)^2 / (n sum s^2) of the served shares s of the taxels that had anything to send: 1 where all got the
+same share. ``by_address`` is the mean wait of the address that waits least, and of the one that waits longest.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from encoder import JsonFile
+from numba import njit
+from numpy.typing import NDArray
+
+from cocotb_tests.bench.textures import scan
+from model import arbiter
+from model.arbiter import ROW_DTYPE, new_state
+from model.config import ReadoutConfig
+from model.files import origin, write_json
+from model.taxel import encode_timed, uncontended_events
+
+SIDE = 16
+ARBITERS = ("rows round robin (ours)", "fixed priority", "flat round robin", "binary AER tree")
+OURS, FIXED, FLAT, TREE = range(4)
+
+
+@njit
+def choose(kind: int, pending: Any, last: int, toggles: Any) -> int:
+    """Return the taxel that an arbiter of one event a clock takes, or -1.
+
+    Parameters
+    ----------
+    kind : int
+    pending : ndarray of bool, shape (taxels,)
+    last : int
+        The taxel taken last.
+    toggles : ndarray of int64, shape (taxels,)
+        For every node of the tree, from 1 on, the side that goes first; changed in place.
+    """
+    n = len(pending)
+    if kind != TREE:
+        start = 0 if kind == FIXED else last + 1
+        for i in range(n):
+            taxel = (start + i) % n
+            if pending[taxel]:
+                return taxel
+        return -1
+    asks = np.zeros(2 * n, np.bool_)
+    asks[n:] = pending
+    for node in range(n - 1, 0, -1):
+        asks[node] = asks[2 * node] or asks[2 * node + 1]
+    if not asks[1]:
+        return -1
+    node = 1
+    while node < n:
+        side = toggles[node] if asks[2 * node + toggles[node]] else 1 - toggles[node]
+        toggles[node] = 1 - side
+        node = 2 * node + side
+    return node - n
+
+
+@njit
+def serve(kind: int, due: Any, first: Any, clocks: int, state: Any, rows: Any) -> Any:
+    """Return for every event of a load the clock in which its request is first high, and that of its transfer.
+
+    Parameters
+    ----------
+    kind : int
+        Of ``ARBITERS``.
+    due : ndarray of int64, shape (events,)
+        Clocks at which the taxels have an event, rising, taxel after taxel.
+    first : ndarray of int64, shape (taxels + 1,)
+        Where the events of each taxel begin.
+    clocks : int
+    state, rows : ndarray
+        Of ``model.arbiter``, after reset.
+
+    Returns
+    -------
+    ndarray of int64, shape (2, events)
+        -1 where it did not come to that.
+    """
+    n = len(first) - 1
+    columns = n // len(rows)
+    log = np.full((2, len(due)), -1, np.int64)
+    sent = first[:-1].copy()  # the event that a taxel sends next, or that waits
+    pending = np.zeros(n, np.bool_)
+    latched = np.full(n, -1, np.int64)
+    last, leaving = -1, -1
+    toggles = np.zeros(n, np.int64)
+    for t in range(clocks):
+        taken = -1
+        if kind == OURS:
+            if arbiter.offers(state):
+                log[1, latched[arbiter.take(state, columns) >> 1]] = t
+            row = arbiter.grant(state, rows)
+            for column in range(columns if row >= 0 else 0):
+                taxel = row * columns + column
+                if pending[taxel]:
+                    latched[taxel], pending[taxel] = sent[taxel], False
+                    sent[taxel] += 1
+        else:
+            if leaving >= 0:
+                log[1, leaving] = t
+            taken = choose(kind, pending, last, toggles)
+            leaving = -1
+            if taken >= 0:
+                leaving, last, pending[taken] = sent[taken], taken, False
+                sent[taken] += 1
+        for taxel in range(n):
+            if not pending[taxel] and sent[taxel] < first[taxel + 1] and due[sent[taxel]] <= t:
+                pending[taxel] = True
+                log[0, sent[taxel]] = t + 1
+                if kind == OURS:
+                    row, column = taxel // columns, np.uint64(taxel % columns)
+                    rows[row].pending |= arbiter.ONE << column
+                    arbiter.request(state, row)
+    return log
+
+
+Load = tuple[str, float, list[NDArray[np.int64]]]
+
+
+def loads(side: int, clocks: int, seed: int) -> list[Load]:
+    """Return loads: name, share of the link's events that is asked for, and for every taxel when it has an event."""
+    rng = np.random.default_rng(seed)
+    n = side * side
+
+    def random(rates: NDArray[np.float64]) -> list[NDArray[np.int64]]:
+        return [np.flatnonzero(rng.random(clocks) < rate) for rate in rates]
+
+    row, column = np.divmod(np.arange(n), side)
+    hot = (abs(row - side // 2) < side // 8 + 1) & (abs(column - side // 2) < side // 8 + 1)
+    found: list[Load] = [recorded(side, clocks, share) for share in (0.5, 0.9)]
+    found += [("uniform", share, random(np.full(n, share / n))) for share in (0.5, 0.9, 1.2)]
+    for share in (0.9, 1.2):
+        rates = np.where(hot, 0.8 * share / hot.sum(), 0.2 * share / (~hot).sum())
+        found.append(("hot spot", share, random(rates)))
+    for share in (0.9, 1.2):
+        found.append(("all at once", share, [np.arange(0, clocks, int(n / share))] * n))
+    return found
+
+
+def recorded(side: int, clocks: int, share: float) -> Load:
+    """Return the events of a scan over an embedded photograph, LCS of 6 bits, so fast that they ask for a share."""
+    config = ReadoutConfig(rows=side, columns=side, clocks_per_sample=2**20)
+    counts, late = encode_timed(config, scan(side, side, config.sample_bits, 0))
+    events = uncontended_events(config, counts, late)
+    tick, number = np.divmod(events["t"], config.clocks_per_sample)
+    begin = len(counts) // 4  # the sensor has settled
+    clocks_per_sample = (tick >= begin).sum() / ((len(counts) - begin) * share)
+    at = ((tick - begin) * clocks_per_sample).astype(np.int64) + number - 3
+    taxel = events["y"].astype(np.int64) * side + events["x"]
+    kept = (tick >= begin) & (at < clocks)
+    return "recorded scan", share, [np.sort(at[kept & (taxel == i)]) for i in range(side * side)]
+
+
+def run(load: Load, kind: int, side: int, clocks: int) -> dict[str, Any]:
+    """Return what an arbiter makes of a load."""
+    name, share, lists = load
+    due = np.concatenate(lists)
+    first = np.concatenate([[0], np.cumsum([len(times) for times in lists])])
+    raised, left = serve(kind, due, first, clocks, new_state(), np.zeros(side, ROW_DTYPE))
+    address = np.repeat(np.arange(side * side), np.diff(first))
+    gone, asked = left >= 0, raised >= 0
+    wait = np.where(gone, left, clocks) - raised
+    served = np.array([gone[address == i].sum() for i in range(side * side)])
+    demand = np.diff(first)
+    shares = served[demand > 0] / demand[demand > 0]
+    means = np.array([wait[asked & (address == i)].mean() for i in np.flatnonzero(demand)])
+    return {
+        "load": name,
+        "asked": share,
+        "arbiter": ARBITERS[kind],
+        "events": int(gone.sum()),
+        "throughput": gone.sum() / clocks,
+        "mean_wait": wait[asked].mean(),
+        "wait_99": float(np.percentile(wait[asked], 99)),
+        "worst_wait": int(wait[asked].max()),
+        "jain": shares.sum() ** 2 / (len(shares) * (shares**2).sum()),
+        "least_share": shares.min(),
+        "by_address": [round(float(means.min()), 2), round(float(means.max()), 2)],
+    }
+
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def main(
+    json_file: JsonFile = None,
+    clocks: Annotated[int, typer.Option(min=1000, help="clocks of every load")] = 50_000,
+    side: Annotated[int, typer.Option(min=4, max=64, help="rows, and columns, a power of two")] = SIDE,
+    seed: Annotated[int, typer.Option(help="of the random loads")] = 0,
+) -> None:
+    """Compare four arbiters under the same loads."""
+    results = []
+    print("| load | arbiter | events per clock | mean | 99 % | worst | Jain | mean by address |")
+    print("|---" * 8 + "|")
+    for load in loads(side, clocks, seed):
+        for kind in range(len(ARBITERS)):
+            found = run(load, kind, side, clocks)
+            results.append({name: round(v, 4) if isinstance(v, float) else v for name, v in found.items()})
+            print(
+                f"| {found['load']}, {found['asked']:.0%} | {found['arbiter']} | {found['throughput']:.3f} "
+                f"| {found['mean_wait']:.1f} | {found['wait_99']:.0f} | {found['worst_wait']} | {found['jain']:.3f} "
+                f"| {found['by_address'][0]:.1f} to {found['by_address'][1]:.1f} |"
+            )
+    if json_file is not None:
+        command = f"python benchmarks/load.py --clocks {clocks} --side {side} --seed {seed}"
+        report = {"benchmark": "load", "rows": side, "columns": side, "clocks": clocks, "seed": seed}
+        write_json(json_file, origin(command) | report | {"bound": (side + 1) * side + 2, "results": results})
+
+
+if __name__ == "__main__":
+    app()
