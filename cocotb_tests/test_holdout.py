@@ -17,7 +17,6 @@ from tests.second.agreement import play as play_second
 def test_all_three_agree_on_configurations_never_seen_before(part: int, holdout: int) -> None:
     draw = Draw(2 * holdout + part, clocks=500, most_taxels=20)
     runs = [dataclasses.replace(draw, run=run) for run in range(4)]
-    print(f"hold-out {draw.seed}: {draw.config}")
     tally = play(runs, "icarus")
     assert (tally.runs, tally.clocks) == (4, 2000)
     events = 0

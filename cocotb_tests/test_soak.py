@@ -83,6 +83,16 @@ def test_shrinking_leaves_what_the_failure_needs() -> None:
     assert (config.encoding, config.frontend, best.set["masks"], best.set["sink"]) == ("lcs", "digital", 0, "always")
 
 
+def test_the_command_of_a_small_draw_draws_the_same() -> None:
+    draw = Draw(3, clocks=50, run=2, most_taxels=10, set={"sink": "slow"})
+    words = dict(word.split("=", 1) for word in shlex.split(play.command(draw, "icarus"))[2:])
+    assert words.pop("SET") == f"sink=slow rows={draw.config.rows} columns={draw.config.columns}"
+    assert words == {"ONLY": "3", "RUN": "2", "CLOCKS": "50", "SIM": "icarus"}
+    same = Draw(3, 50, 2, {"sink": "slow", "rows": draw.config.rows, "columns": draw.config.columns})
+    assert same.config == draw.config
+    assert (same.stimulus.samples == draw.stimulus.samples).all()
+
+
 def test_a_run_fits_the_memory_and_a_configuration_has_all_its_clocks() -> None:
     for seed in range(30):
         draws = draws_of(Plan(1, 0, 5_000_000, "verilator", Path()), seed)

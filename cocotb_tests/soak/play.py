@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cocotb_tests.bench.draw import Draw
+from cocotb_tests.bench.draw import MOST_TAXELS, Draw
 from cocotb_tests.bench.readout import Prepared, StimulusDriver
 from cocotb_tests.session.player import Job
 from cocotb_tests.session.runners import Simulator
@@ -25,8 +25,11 @@ from model.readout import simulate
 def command(draw: Draw, simulator: Simulator) -> str:
     """Return what plays a draw alone."""
     words = ["make soak", f"ONLY={draw.seed}", f"RUN={draw.run}", f"CLOCKS={draw.clocks}", f"SIM={simulator}"]
-    if draw.set:
-        words.append(f'SET="{" ".join(f"{name}={value}" for name, value in draw.set.items())}"')
+    parts = dict(draw.set)
+    if draw.most_taxels != MOST_TAXELS:
+        parts |= {"rows": draw.config.rows, "columns": draw.config.columns}
+    if parts:
+        words.append(f'SET="{" ".join(f"{name}={value}" for name, value in parts.items())}"')
     return " ".join(words)
 
 
