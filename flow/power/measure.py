@@ -195,6 +195,7 @@ def _summary(
         "process": library.known.name,
         "supply_v": library.known.voltage_v,
         "pitch_um": pitch_um,
+        **({"leak": "digital"} if readout.encoding == "nlcs" else {}),
         "leakage_w": idle.leakage_w,
         "clock_power_w_per_hz": (idle.power_w - idle.leakage_w) / config.clock_hz,
         **{name: value for name, value in energies.items() if value is not None},

@@ -308,20 +308,26 @@ class PowerModel:
         p, rate = self.parameters, rates.population_hz
         gain = p.supply_v / self._lsb_rms_v(resolution)
         current = gain * self._comparator_bandwidth_hz(rate) * p.overdrive_v * 2 * math.pi * p.comparator_load_f
-        code = 2.0 ** (resolution - 1)
         return {
             "comparator_static": 2 * current * p.supply_v,
             "comparator_dynamic": 2 * p.comparator_dynamic_f * p.supply_v**2 * rate,
-            "dac": code * p.dac_unit_f * p.supply_v**2 * (1 - code / 2.0**resolution) * rate,
+            "dac": self._dac(resolution, rate),
             **self._periphery("lcs", rate),
         }
+
+    def _dac(self, resolution: FloatArray, rate: FloatArray) -> FloatArray:
+        """Return the power of the capacitors that make references, at mid-scale, moved by every event."""
+        p, code = self.parameters, 2.0 ** (resolution - 1)
+        return np.asarray(code * p.dac_unit_f * p.supply_v**2 * (1 - code / 2.0**resolution) * rate)
 
     def _nlcs(self, resolution: FloatArray, rates: TaxelRates) -> dict[str, FloatArray]:
         """Return the parts of the N-LCS converter.
 
         All currents follow 1/R_eq, which is in proportion to the comparator's bandwidth and so to an event rate:
-        the original gives every taxel that of the whole population, correction ``comparators`` its own.
+        the original gives every taxel that of the whole population, correction ``comparators`` its own. Where the
+        netlist of a report holds the reference and lets it leak, a DAC stands in the place of the decay filter.
         """
+        report = self.gates.get("nlcs") if "digital" in self.corrections else None
         p, rate = self.parameters, rates.population_hz
         per_hz = 2 * math.pi * self._comparator_bandwidth_hz(np.ones_like(rate)) * p.comparator_load_f
         siemens_per_hz = per_hz * p.supply_v / self._lsb_rms_v(resolution)  # 1/R_eq per event/s
@@ -333,11 +339,15 @@ class PowerModel:
         threshold_a = full_scale_a / 2.0**resolution
         pulse_s = p.pulse_current_a * p.pulse_width_s / p.pulse_step_a  # charge per step of current
         events_a = 2 * (p.swing_v * siemens_per_hz / 2.0**resolution) * pulse_s * rate_product
+        if report and report.leak == "digital":
+            reference = {"dac": self._dac(resolution, rates.population_hz)}
+        else:
+            reference = {"decay_filter": p.supply_v * (events_a + full_scale_a)}
         return {
             "v_to_i": p.supply_v * p.mean_signal * full_scale_a,
             "comparator_static": p.supply_v * threshold_a,
             "comparator_dynamic": p.comparator_dynamic_f * p.supply_v**2 * rate,
-            "decay_filter": p.supply_v * (events_a + full_scale_a),
+            **reference,
             **self._periphery("nlcs", rate),
         }
 

@@ -15,6 +15,8 @@ from model.files import read_json
 Design = Literal["nlcs", "lcs", "frame"]
 """The readouts of which there can be a report, by the names of the power model."""
 
+Leak = Literal["analog", "digital"]
+
 
 @dataclass(frozen=True, kw_only=True)
 class SynthesisReport:
@@ -42,6 +44,9 @@ class SynthesisReport:
         Technology, for the tables.
     supply_v : float
         Supply at which the report was made; powers are used as they are reported.
+    leak : "analog" or "digital"
+        Where the reference of N-LCS leaks: in the published analog filter, or in the netlist, which holds it as a
+        number. The power model then charges a DAC for it instead of the filter.
     """
 
     readout: Design
@@ -55,6 +60,7 @@ class SynthesisReport:
     energy_per_lone_event_j: float = 0.0
     process: str = ""
     supply_v: float = 1.0
+    leak: Leak = "analog"
 
     def __post_init__(self) -> None:
         for name, hint in get_type_hints(type(self)).items():

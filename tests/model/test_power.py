@@ -317,6 +317,22 @@ def test_a_lone_event_may_cost_more_and_more_events_never_draw_less():
     assert float(model.breakdown("frame", 6, 1e-3).converter_parts["logic"]) == pytest.approx(expected)
 
 
+def test_a_reference_that_leaks_in_the_netlist_pays_for_no_decay_filter():
+    analog = dataclasses.replace(REPORT, readout="nlcs")
+    found = {}
+    for leak in ("analog", "digital"):
+        gates = {"nlcs": dataclasses.replace(analog, leak=leak)}
+        found[leak] = PowerModel(corrections=frozenset({"digital"}), gates=gates).breakdown("nlcs", 6, 1e-3)
+        off = PowerModel(gates=gates).breakdown("nlcs", 6, 1e-3)  # nothing of a report without the correction
+        assert off.converter_parts.keys() == PAPER.breakdown("nlcs", 6, 1e-3).converter_parts.keys()
+    assert set(found["analog"].converter_parts) ^ set(found["digital"].converter_parts) == {"decay_filter", "dac"}
+    rate, code = 3009.6 * 4, 32
+    unit = PowerParameters().dac_unit_f
+    assert float(found["digital"].converter_parts["dac"]) == pytest.approx(code * unit * 0.5 * rate)
+    with pytest.raises(InputError, match=r"^leak must be one of analog, digital, not 'none'$"):
+        dataclasses.replace(analog, leak="none")
+
+
 def test_arrays_of_other_shapes():
     square, flat = PowerParameters(rows=8, columns=8), PowerParameters(rows=1, columns=64)
     assert (square.address_bits, square.lines, flat.address_bits, flat.lines) == (6, 16, 6, 65)
