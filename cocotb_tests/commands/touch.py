@@ -14,7 +14,7 @@ from model.cli.app import printable
 from model.cli.crew_options import Scheduler, Workers, open_crew
 from model.cli.progress import bars
 from model.commands.recordings import OwnData, check_alone
-from model.files import atomic_write
+from model.files import atomic_write, origin
 from model.textures.dataset import EMBEDDED
 
 if TYPE_CHECKING:
@@ -67,10 +67,10 @@ def _conclude(plan: Plan, now: dict[str, Any]) -> None:
     if summary["missing"] or not summary["events"]:
         print(f"FAILED: {summary['missing']} results are missing, {summary['events']} events")
         raise typer.Exit(1)
-    summary["played_now"] = now
+    summary = origin(plan.again) | summary | {"played_now": now}
     with atomic_write(plan.folder / "summary.json") as file:
         file.write((json.dumps(summary, indent=1) + "\n").encode())
-    picture = draw(plan, plan.folder / "touch.png")
+    picture = draw(plan, summary, plan.folder / "touch.png")
     if summary["float_known"]:
         print(f"the float networks: {summary['right_float']} of {summary['float_known']} right")
     print(

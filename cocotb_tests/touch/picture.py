@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from cocotb_tests.bench.chip import ChipRun
 from cocotb_tests.touch.plan import Plan
+from model.classifier.chip_config import ChipConfig
 from model.events.recording import Recording
 from model.figures.scan_to_class import Played, plot_scan
 from model.files import read_arrays
 from model.textures.presets import preset
 
 
-def draw(plan: Plan, path: Path) -> Path | None:
-    """Draw the first scan with a known class, from texture to class; all below its signals came out of the RTL."""
+def draw(plan: Plan, summary: dict[str, Any], path: Path) -> Path | None:
+    """Draw the first scan with a known class, from texture to class; all below its signals came out of the RTL.
+
+    The numbers of each step above the panels are of all that was played.
+    """
     for name in plan.names:
         arrays = read_arrays(plan.folder / f"{name}.npz", "a result of touch", "play it again")
         said = json.loads(str(arrays["metadata"]))
@@ -45,7 +50,32 @@ def draw(plan: Plan, path: Path) -> Path | None:
         spikes=spikes,
         evidence=(arrays["evidence"] * unit).astype(np.float32),
         class_names=tuple(said["classes"]),
-        meaning="events, spikes and evidence as the RTL gave them",
+        meaning="as the RTL gave it",
+        right=summary["right"],
+        tests=summary["labelled"],
+        numbers=numbers(chip, summary),
     )
     plot_scan(played, path)
     return path
+
+
+def numbers(chip: ChipConfig, summary: dict[str, Any]) -> dict[str, str]:
+    """Return what each step from touch to class takes, in words, from the sums over all that was played."""
+    readout, classifier = chip.readout, chip.classifier
+    seconds = summary["clocks"] / readout.clock_hz
+    samples_bps = readout.taxels * readout.sample_rate_hz * readout.sample_bits
+    rate_hz = summary["events"] / seconds
+    waited = summary["stalls"] / summary["clocks"]
+    return {
+        "signals": f"{readout.taxels} x {readout.sample_bits} b, {readout.sample_rate_hz:g} Hz: {_bps(samples_bps)}",
+        "events": f"all: {rate_hz:,.0f} a second x {readout.event_bits} b = {_bps(rate_hz * readout.event_bits)}, "
+        f"{waited:.1%} of the clocks waiting",
+        "hidden": f"all: {summary['additions'] / seconds / 1e6:.2g} M additions a second, "
+        f"{classifier.memory_bits / 8000:.1f} kB of weights of {classifier.rec_bits} b",
+        "evidence": f"class at most {summary['latency_clocks']} clocks, "
+        f"{1e3 * summary['latency_clocks'] / readout.clock_hz:.2g} ms, after a step",
+    }
+
+
+def _bps(rate: float) -> str:
+    return f"{rate / 1e6:.3g} Mb/s" if rate >= 1e6 else f"{rate / 1e3:.3g} kb/s"

@@ -294,12 +294,15 @@ def summarise(plan: Plan) -> dict[str, Any]:
     there = [said for said in found.values() if said]
     known = [said for said in there if said["true"] is not None]
     sums = {key: sum(said[key] for said in there) for key in ("clocks", "events", "bins", "hidden_spikes", "stalls")}
+    chip = plan.networks[plan.names[0]].chip
     return {
         "dataset": plan.material.name,
         "preset": plan.material.preset or None,
         "images": len(there),
         "missing": len(found) - len(there),
         **sums,
+        "additions": chip.classifier.additions(sums["events"], sums["hidden_spikes"], sums["bins"]),
+        "chip": chip.to_dict(),
         "overruns": sum(said["overruns"] for said in there),
         "mismatches": 0,
         "labelled": len(known),

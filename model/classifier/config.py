@@ -166,6 +166,11 @@ class ClassifierConfig:
         """Bits of both memories."""
         return self.weight_words * self.lanes * self.weight_bits + self.neuron_words * self.neuron_bits
 
+    def additions(self, events: float, spikes: float, bins: float) -> float:
+        """Return how many numbers are added: a row for each event and each hidden spike, a bias for each bin."""
+        neurons = self.hidden + self.classes
+        return events * self.hidden + (spikes + bins) * neurons
+
     @property
     def channel_bits(self) -> int:
         """Bits of the channel of an event; 0 for one input."""

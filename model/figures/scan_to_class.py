@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -61,6 +62,8 @@ class Played:
         What the evidence is, in words.
     right, tests : int
         How many of so many test images the network classified rightly; 0 of 0 where that is not known.
+    numbers : mapping of str to str
+        What else is said above the panels ``signals``, ``events``, ``hidden`` and ``evidence``.
     """
 
     name: str
@@ -79,6 +82,7 @@ class Played:
     meaning: str
     right: int = 0
     tests: int = 0
+    numbers: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def predicted(self) -> str:
@@ -201,7 +205,7 @@ def _draw_signals(panel: Axes, played: Played) -> None:
     panel.legend(handles[:kinds], labels[:kinds], loc="lower right", bbox_to_anchor=(1, 1), ncols=2, frameon=False,
                  fontsize=8, handletextpad=0.1, markerscale=2.5, borderaxespad=0.1)  # fmt: skip
     dress(panel, "pressure signals and their events")
-    panel.set_title(f"lanes {gap:.2g} full scales apart", fontsize=8, color=GREY, pad=4)
+    _above(panel, played, "signals", f"lanes {gap:.2g} full scales apart")
 
 
 def _draw_zoom(panel: Axes, played: Played) -> None:
@@ -262,7 +266,7 @@ def _draw_events(panel: Axes, played: Played) -> None:
     panel.set_ylim(config.taxels - 0.5, -0.5)
     panel.set_ylabel("taxel", fontsize=8.5)
     dress(panel, "address events")
-    panel.set_title(f"{len(events):,} events of {config.taxels} taxels", fontsize=8, color=GREY, pad=4)
+    _above(panel, played, "events", f"{len(events):,} events of {config.taxels} taxels")
 
 
 def _draw_hidden(panel: Axes, played: Played) -> None:
@@ -277,8 +281,8 @@ def _draw_hidden(panel: Axes, played: Played) -> None:
             panel.text(500 * played.start_s, played.spikes.shape[1] / 2, "events do not\ncount yet", fontsize=8,
                        color=GREY, ha="center", va="center")  # fmt: skip
     dress(panel, "hidden neurons")
-    panel.set_title(f"{played.spikes.sum():,.0f} spikes of {played.spikes.shape[1]} neurons, steps of "
-                    f"{1e3 * played.step_s:g} ms", fontsize=8, color=GREY, pad=4)  # fmt: skip
+    steps = f"steps of {1e3 * played.step_s:g} ms"
+    _above(panel, played, "hidden", f"{played.spikes.sum():,.0f} spikes of {played.spikes.shape[1]} neurons, {steps}")
 
 
 def _draw_evidence(panel: Axes, played: Played) -> None:
@@ -289,7 +293,7 @@ def _draw_evidence(panel: Axes, played: Played) -> None:
         panel.plot(played.ends_ms, played.evidence[:, label], color=_colour(label), lw=2.4 if won else 1.1,
                    zorder=3 if won else 2, label=name)  # fmt: skip
     dress(panel, "evidence for each class")
-    panel.set_title(played.meaning, fontsize=8, color=GREY, pad=4)
+    _above(panel, played, "evidence", played.meaning)
     panel.set_ylabel("logit", fontsize=8.5)
     top = float(played.evidence[-1, winner])
     low, high = panel.get_ylim()
@@ -318,6 +322,12 @@ def _draw_final(panel: Axes, played: Played) -> None:
         panel.text(share + 1, label, f"{share:.0f} %{mark}", va="center", fontsize=8)
     dress(panel, "SoftMax at the end (%)")
     panel.grid(visible=False)
+
+
+def _above(panel: Axes, played: Played, name: str, text: str) -> None:
+    """Write above a panel what it shows, and its numbers, if there are any."""
+    text = "; ".join([text, *([played.numbers[name]] if name in played.numbers else [])])
+    panel.set_title(text, fontsize=8, color=GREY, pad=4)
 
 
 def _colour(label: int) -> str:

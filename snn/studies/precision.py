@@ -123,11 +123,9 @@ def _cell(subject: Subject, data: ScanData, variants: dict[str, Precision]) -> d
 
 
 def _operations_hz(made: IntegerNetwork, counts: NDArray[Any], rate: float, bin_s: float) -> float:
-    """Return the additions a second: a row for each event and each spike, leak and bias of each bin."""
-    config = made.config
+    """Return the additions a second, from the events of scans of shape (scans, bins, inputs)."""
     events = counts.sum() / (counts.shape[0] * counts.shape[1])
-    neurons = config.hidden + config.classes
-    return float((events * config.hidden + rate * config.hidden * neurons + neurons) / bin_s)
+    return float(made.config.additions(events, rate * made.config.hidden, 1) / bin_s)
 
 
 def points_of(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

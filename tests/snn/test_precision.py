@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from model.classifier.config import ClassifierConfig
+from model.classifier.network import IntegerNetwork
 from model.errors import InputError
 from snn.__main__ import app
 from snn.exchange.integer import Precision, quantise
@@ -85,11 +87,10 @@ def test_answers_are_those_of_the_integer_model_and_are_kept(
 
 
 def test_additions_are_rows_of_events_and_of_spikes() -> None:
-    class Made:
-        class config:
-            hidden, classes = 10, 2
-
+    config = ClassifierConfig(inputs=3, hidden=10, classes=2)
+    made = IntegerNetwork(
+        config, *(np.zeros(shape, int) for shape in ((3, 10), (10, 10), (10, 2))), np.zeros(10, int), np.zeros(2, int)
+    )
     counts = np.zeros((2, 5, 3))
     counts[:, 0] = 1  # three events of each scan, in five bins of 0.1 s
-    found = _operations_hz(Made, counts, 0.1, 0.1)  # type: ignore[arg-type]
-    assert found == pytest.approx((0.6 * 10 + 0.1 * 10 * 12 + 12) / 0.1)
+    assert _operations_hz(made, counts, 0.1, 0.1) == pytest.approx((0.6 * 10 + 0.1 * 10 * 12 + 12) / 0.1)
