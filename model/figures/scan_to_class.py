@@ -126,7 +126,7 @@ def draw_scan(played: Played) -> Figure:
     learned = f"test {noun}" if played.tested else f"training {noun}"
     title = f"{played.name} ({learned}): true {true}, predicted {predicted}, {verdict}"
     if played.tests:
-        title += f"; the network is right for {played.right} of {played.tests} test {noun}s"
+        title += f"; {played.right} of {played.tests} test {noun}s are right"
     figure = new_figure(12, 8.4, title)
     grid = figure.add_gridspec(4, 2, width_ratios=(1, 2.9), height_ratios=(1.5, 1.3, 1.5, 1.4))
     draw_source = _draw_array if played.pixels is None else _draw_texture
@@ -205,7 +205,7 @@ def _draw_signals(panel: Axes, played: Played) -> None:
     panel.legend(handles[:kinds], labels[:kinds], loc="lower right", bbox_to_anchor=(1, 1), ncols=2, frameon=False,
                  fontsize=8, handletextpad=0.1, markerscale=2.5, borderaxespad=0.1)  # fmt: skip
     dress(panel, "pressure signals and their events")
-    _above(panel, played, "signals", f"lanes {gap:.2g} full scales apart")
+    _above(panel, played, "signals", f"lanes {gap:.2g} full scales apart", before_legend=True)
 
 
 def _draw_zoom(panel: Axes, played: Played) -> None:
@@ -324,10 +324,12 @@ def _draw_final(panel: Axes, played: Played) -> None:
     panel.grid(visible=False)
 
 
-def _above(panel: Axes, played: Played, name: str, text: str) -> None:
-    """Write above a panel what it shows, and its numbers, if there are any."""
+def _above(panel: Axes, played: Played, name: str, text: str, before_legend: bool = False) -> None:
+    """Write above a panel, at its right end, what it shows, and its numbers, if there are any."""
     text = "; ".join([text, *([played.numbers[name]] if name in played.numbers else [])])
-    panel.set_title(text, fontsize=8, color=GREY, pad=4)
+    title = panel.set_title(text, fontsize=8, color=GREY, pad=4, loc="right")
+    if before_legend:
+        title.set_x(0.845)
 
 
 def _colour(label: int) -> str:
