@@ -88,7 +88,10 @@ class Draw:
             "link": self._drawn("link", ["stream", "four_phase"]),
             "frontend": self._drawn("frontend", ["digital", "analog"]),
             "reset": self._drawn("reset", ["sync", "async"]),
+            "registers": self._drawn("registers", ["none", "none", "spi"]),
         }
+        if "registers" not in self.set and encoding == "nlcs" and fields["leak_period"] < rows:
+            fields["registers"] = "none"  # they can stagger no leak that is shorter than the rows
         config = ReadoutConfig.from_dict(fields)
         low = 0 if encoding == "nlcs" else -config.full_scale
         levels = np.arange(low, config.full_scale, config.grid)

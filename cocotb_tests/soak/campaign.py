@@ -155,8 +155,8 @@ def summary(folder: Path) -> dict[str, Any]:
     total = {name: sum(piece[name] for piece in pieces) for name in ("runs", "clocks", "events")}
     by: dict[str, Counter[str]] = {}
     for piece in pieces:
-        for name in ("encoding", "link", "frontend", "decide_every", "reset"):
-            by.setdefault(name, Counter())[piece["configuration"][name]] += 1
+        for name in ("encoding", "link", "frontend", "decide_every", "reset", "registers"):
+            by.setdefault(name, Counter())[piece["configuration"].get(name, "none")] += 1
     seeds = sorted(piece["seed"] for piece in pieces)
     result = f"{total['clocks']:,} clocks, {total['events']:,} events, {len(pieces)} configurations, "
     return {

@@ -97,6 +97,7 @@ SIMPLER: dict[str, tuple[Any, ...]] = {
     "link": ("stream",),
     "frontend": ("digital",),
     "reset": ("sync",),
+    "registers": ("none",),
     "decide_every": ("clock",),
     "encoding": ("lcs",),
     "rows": (1, 2, 3),
