@@ -8,11 +8,12 @@ import pytest
 
 from .classifier import limited
 from .frame import FrameReadout
+from .merge import Merge
 from .readout import Readout
 from .settings import Settings
 
 HERE = Path(__file__).parent
-MODEL = ["settings", "taxel", "arbiter", "link", "readout", "frame", "classifier"]
+MODEL = ["settings", "taxel", "arbiter", "link", "readout", "merge", "frame", "classifier"]
 
 
 @pytest.mark.parametrize("name", MODEL)
@@ -67,3 +68,14 @@ def test_a_frame_takes_the_clocks_of_the_table():
 
 def test_sums_stop_at_their_ends():
     assert [limited(v, 4) for v in (-9, -8, 7, 8)] == [-8, -8, 7, 7]
+
+
+def test_the_merge_takes_turns_and_waits_for_the_sink():
+    merge = Merge(3)
+    left = []
+    for clock in range(12):
+        ready = clock not in (4, 5, 6)
+        if merge.output() and ready:
+            left.append((clock, merge.output()[0]))
+        merge.clock(["a", None, "c"], ready)
+    assert left == [(1, 0), (2, 2), (3, 0), (7, 2), (8, 0), (9, 2), (10, 0), (11, 2)]

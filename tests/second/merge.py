@@ -1,0 +1,48 @@
+"""The merge of tiles: one stream from many, the first offering tile behind the last taken."""
+
+
+class Merge:
+    """Holds two events at most; takes one from a tile wherever it has room for it at the beginning of the clock.
+
+    Attributes
+    ----------
+    queue : list of (tile, event) that have not left, the oldest first
+    last : the tile that was taken last; after a reset the last of all, so that tile 0 comes first
+    """
+
+    def __init__(self, tiles):
+        self.tiles = tiles
+        self.reset()
+
+    def reset(self):
+        """Return to the state behind a reset."""
+        self.queue = []
+        self.last = self.tiles - 1
+
+    def output(self):
+        """(tile, event) that is offered in this clock, or None."""
+        return self.queue[0] if self.queue else None
+
+    def taken(self, offered):
+        """The tile whose event is taken in this clock, or None.
+
+        Parameters
+        ----------
+        offered : for each tile the event that it offers, or None
+        """
+        if len(self.queue) == 2:
+            return None
+        for distance in range(1, self.tiles + 1):
+            tile = (self.last + distance) % self.tiles
+            if offered[tile] is not None:
+                return tile
+        return None
+
+    def clock(self, offered, ready):
+        """One rising edge; `ready` is the sink's."""
+        tile = self.taken(offered)
+        if self.queue and ready:
+            self.queue.pop(0)
+        if tile is not None:
+            self.queue.append((tile, offered[tile]))
+            self.last = tile
