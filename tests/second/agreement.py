@@ -10,9 +10,11 @@ from model.events.address import EVENT_DTYPE, Events
 from model.frame import FrameStimulus
 from model.frame_config import FrameConfig
 from model.readout import Stimulus
+from model.tiles.config import TilesConfig
 
 from .classifier import Network, Neuron
 from .frame import FrameReadout
+from .merge import Merge
 from .readout import Readout
 from .settings import Settings
 
@@ -83,6 +85,35 @@ def look(config: ReadoutConfig, x: int, reference: int, half_width: int) -> tupl
     if config.encoding == "nlcs":
         return x > reference + half_width, False
     return x - reference >= half_width, x - reference < -half_width
+
+
+def play_skin(config: TilesConfig, stimuli: list[Stimulus]) -> Events:
+    """Return the events of a skin of the second model; its tiles have a digital front end."""
+    tiles = [Readout(Settings.of(config.tile.to_dict())) for _ in stimuli]
+    merge = Merge(config.tiles)
+    first = stimuli[0]
+    masks = [None] * config.tiles
+    tick = change = 0
+    events = []
+    for clock in range(first.clocks):
+        if change < len(first.enable_clock) and first.enable_clock[change] == clock:
+            masks = [stimulus.enable[change].tolist() for stimulus in stimuli]
+            change += 1
+        valid = tick < len(first.sample_clock) and bool(first.sample_clock[tick] == clock)
+        ready = bool(first.ready[clock % len(first.ready)])
+        offered = [tile.arbiter.output() for tile in tiles]
+        if merge.output() and ready:
+            number, (row, column, polarity) = merge.output()
+            down, across = divmod(number, config.tile_columns)
+            x, y = across * config.tile.columns + column, down * config.tile.rows + row
+            events.append((clock, x, y, bool(polarity)))
+        taken = merge.taken(offered)
+        merge.clock(offered, ready)
+        for number, tile in enumerate(tiles):
+            sample = stimuli[number].samples[tick].tolist() if valid else None
+            tile.clock(sample_valid=valid, sample=sample, enable=masks[number], ready=number == taken)
+        tick += valid
+    return np.array(events, EVENT_DTYPE)
 
 
 def play_frames(config: FrameConfig, stimulus: FrameStimulus) -> tuple[list, list, list]:

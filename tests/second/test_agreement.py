@@ -20,8 +20,10 @@ from model.frame import FrameStimulus
 from model.frame import simulate as simulate_frames
 from model.frame_config import FrameConfig
 from model.readout import Stimulus, simulate, state_at
+from model.tiles.config import TilesConfig
+from model.tiles.run import simulate_skin
 
-from .agreement import network_of, play, play_frames
+from .agreement import network_of, play, play_frames, play_skin
 
 RUNS = 20
 """Runs of one test; each has a seed of its own."""
@@ -87,6 +89,21 @@ def test_a_shorter_draw_is_the_beginning_of_a_longer_one(holdout: int) -> None:
         events = [simulate(draw.config, dataclasses.replace(draw, clocks=clocks).stimulus) for clocks in (200, 600)]
         before = events[1][events[1]["t"] < 199]
         assert before.tolist() == events[0][events[0]["t"] < 199].tolist(), draw
+
+
+def test_skins_of_tiles_give_the_same_events(holdout: int) -> None:
+    events = 0
+    for number, draw in enumerate(draws(holdout, 9, most_taxels=6, set={"frontend": "digital", "link": "stream"})):
+        skin = TilesConfig.of(draw.config.replace(registers="none"), 1 + number % 3, 1 + number // 3 % 3)
+        of_tiles = [dataclasses.replace(draw, run=run).stimulus.samples for run in range(skin.tiles)]
+        ticks = min(map(len, of_tiles))
+        first = dataclasses.replace(draw.stimulus, sample_clock=draw.stimulus.sample_clock[:ticks])
+        stimuli = [dataclasses.replace(first, samples=samples[: len(first.sample_clock)]) for samples in of_tiles]
+        expected = simulate_skin(skin, stimuli)
+        found = first_difference(expected, play_skin(skin, stimuli))
+        assert found is None, f"{draw}, {skin.tile_rows} x {skin.tile_columns} tiles: {found}"
+        events += len(expected)
+    assert events > 0
 
 
 def frame_draw(rng: np.random.Generator) -> tuple[FrameConfig, FrameStimulus]:
