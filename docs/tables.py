@@ -452,6 +452,30 @@ def low_power() -> str:
     return markdown([*head, "lone", "by"], rows) + f"\n{said}\n"
 
 
+@table
+def layout() -> str:
+    """Layouts in 130 nm rules, and what was checked."""
+    rows = []
+    for path in sorted((ROOT / "docs/data/layout").glob("*.json")):
+        said = json.loads(path.read_text())
+        config, rules, compared = said["configuration"], said["rules"], said["comparison"]
+        rows.append(
+            [
+                f"{ENCODERS[config['encoding']]}, {config['frontend']}, {config['rows']} x {config['columns']}",
+                f"{said['cells']:,}",
+                f"{said['width_um']:.0f} x {said['height_um']:.0f}",
+                f"{said['width_um'] * said['height_um'] / config['rows'] / config['columns']:,.0f}",
+                f"{100 * said['utilisation']:.0f} %",
+                f"{len(rules['violations'])} in {rules['checked']} rules",
+                f"{compared['transistors']:,} transistors equal" if compared else "not compared",
+                f"{said['equivalence']['proved']} of {said['equivalence']['of']}",
+                f"{sum(said['seconds'].values()):.0f}",
+            ]
+        )
+    head = ["readout", "cells", "um x um", "um^2 a taxel", "cells' share", "violations", "netlist in the layout"]
+    return markdown([*head, "points equal to the RTL", "processor s"], rows)
+
+
 # -- speed -----------------------------------------------------------------------------------------
 
 

@@ -225,6 +225,37 @@ def power(
     show(table)
 
 
+@app.command()
+@with_config
+def layout(
+    config: ReadoutConfig,
+    name: Annotated[str, typer.Option(help="of the run and its folder [made of the configuration]")] = "",
+    compare: Annotated[bool, typer.Option(help="compare the netlist in the layout with the cells' too")] = True,
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder of the run's folder")] = Path("out/layout"),
+) -> None:
+    """Lay a readout out in SkyWater 130 nm rules and check it; exit code 1 if a check fails.
+
+    OUT/NAME gets GDS, DEF, a picture and report.json. Needs KLayout and the packages that make layout installs.
+    """
+    from flow.layout import report, run
+    from flow.layout.cells import WrongCell
+    from flow.layout.environment import Crashed
+
+    if name != Path(name).name or name.startswith("."):
+        raise InputError(f"--name must be the plain name of a folder, not {name!r}")
+    try:
+        found = run.run(config, name, out, compare, lambda stage: print(stage, flush=True))
+    except (WrongCell, Crashed) as wrong:
+        print(wrong)
+        raise typer.Exit(1) from None
+    print(report.write(found, out, report.command_of(config, compare)))
+    for problem in found.problems:
+        print(f"PROBLEM: {problem}")
+    print(found.closing_line())
+    if found.problems:
+        raise typer.Exit(1)
+
+
 def _power_row(result: dict[str, Any]) -> list[str]:
     """Return a line of the table of a result."""
     energies = [result.get(f"energy_per_{name}event_j") for name in ("", "lone_", "texture_")]

@@ -18,7 +18,7 @@ import sys
 from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
-from model.cli.setup import BASE, SetupError, groups, install, missing, python
+from model.cli.setup import BASE, SetupError, groups, install, install_apart, missing, python
 
 EXIT_INPUT_ERROR = 2
 YES, NO = ("1", "yes", "true"), ("", "0", "no", "false")
@@ -47,6 +47,8 @@ class Target:
         Variables that the target sets where the user does not.
     instead : dict of str to str
         Variables with which a default is not set.
+    apart : str
+        Environment of its own that its command runs programs of, a name of ``APART``.
     switches : dict of str to Target
         What runs in its place where a user sets a variable to 1.
     """
@@ -57,6 +59,7 @@ class Target:
     steps: tuple[str, ...] = ()
     defaults: dict[str, str] = field(default_factory=dict)
     instead: dict[str, str] = field(default_factory=dict)
+    apart: str = ""
     switches: dict[str, Target] = field(default_factory=dict)
 
 
@@ -103,6 +106,13 @@ TARGETS = {
         "power of gated netlists from what they do, in two ways [LIB=cells.lib ENCODING= THREE=1 OUT=]",
         "flow power",
         ("sim", "asic"),
+    ),
+    "layout": Target(
+        "lay the readout out in 130 nm rules and check it, 2 x 2 taxels [ROWS= COLUMNS= COMPARE=0 NAME= OUT=]",
+        "flow layout",
+        ("asic",),
+        defaults={"ROWS": "2", "COLUMNS": "2"},
+        apart="layout",
     ),
     "formal": Target(
         "prove what the RTL promises, block by block [BLOCK= SMALL=1 MUTANTS=1 OUT=]",
@@ -322,6 +332,8 @@ def _make(name: str, target: Target, variables: dict[str, str], letters: str) ->
         print("\n".join(shlex.join(line) for line in lines))
         return
     install(wanted)
+    if target.apart:
+        install_apart(target.apart)
     for line in lines:
         _call(line)
 

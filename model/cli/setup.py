@@ -18,6 +18,9 @@ from pathlib import Path
 
 VENV = Path(".venv")
 BASE = "base"
+APART = {"layout": (Path(".venv-layout"), Path("flow/layout/requirements.txt"))}
+"""Environments of their own, for packages that do not go with the others: folder, and pinned requirements."""
+
 PROGRAMS = {"sim": ("g++", "make", "perl")}
 """System programs that a group needs."""
 
@@ -93,6 +96,27 @@ def install(wanted: Iterable[str]) -> None:
             _stamp(group).write_text(_digest(group))
 
 
+def install_apart(name: str) -> None:
+    """Make an environment of ``APART`` and install its packages, once.
+
+    Raises
+    ------
+    SetupError
+        If pip fails.
+    """
+    folder, pinned = APART[name]
+    digest, stamp = hashlib.sha256(pinned.read_bytes()).hexdigest(), folder / ".installed"
+    folder.mkdir(exist_ok=True)
+    with _lock(folder):
+        if stamp.is_file() and stamp.read_text() == digest:
+            return
+        print(f"setting up {folder}, once: pinned packages of the {name}", flush=True)
+        if subprocess.run([sys.executable, "-m", "venv", str(folder)], check=False).returncode:
+            raise SetupError(f"{folder} could not be made; the reason stands above")
+        _pip(["-r", str(pinned)], folder)
+        stamp.write_text(digest)
+
+
 def _stamp(group: str) -> Path:
     return VENV / f".installed-{group}"
 
@@ -116,10 +140,12 @@ def _check_programs(wanted: list[str]) -> None:
         raise SetupError("Python has no venv; install with: apt-get install python3-venv") from None
 
 
-def _pip(what: list[str]) -> None:
+def _pip(what: list[str], apart: Path | None = None) -> None:
     """Install with pip; byte code is left to the first import, which compiles only what is used."""
-    options = ["--disable-pip-version-check", "--no-input", "--no-compile", "-c", "constraints.txt"]
-    command = [python(), "-m", "pip", "install", *options, *what]
+    interpreter = str(apart / "bin" / "python") if apart else python()
+    options = ["--disable-pip-version-check", "--no-input", "--no-compile"]
+    options += [] if apart else ["-c", "constraints.txt"]
+    command = [interpreter, "-m", "pip", "install", *options, *what]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
         for line in process.stdout or ():
             if line.startswith(("Collecting", "Installing", "error", "ERROR")):
@@ -129,8 +155,8 @@ def _pip(what: list[str]) -> None:
 
 
 @contextlib.contextmanager
-def _lock() -> Iterator[None]:
+def _lock(folder: Path = VENV) -> Iterator[None]:
     """Let one make at a time set up."""
-    with open(VENV / ".lock", "w") as file:
+    with open(folder / ".lock", "w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         yield

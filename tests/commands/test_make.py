@@ -241,6 +241,31 @@ def test_a_failed_install_is_no_install(checkout: Path, monkeypatch: pytest.Monk
     assert setup.missing(["base", "snn"]) == ["snn"]
 
 
+def test_an_environment_apart_is_made_once_and_again_when_its_pins_change(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    folder, pinned = setup.APART["layout"]
+    pinned.parent.mkdir(parents=True)
+    pinned.write_text("klayout==0.30.12\n")
+    installed: list[tuple[object, ...]] = []
+    monkeypatch.setattr(setup.subprocess, "run", lambda command, check: subprocess.CompletedProcess(command, 0))
+    monkeypatch.setattr(setup, "_pip", lambda *words: installed.append(words))
+    setup.install_apart("layout")
+    setup.install_apart("layout")
+    assert installed == [(["-r", str(pinned)], folder)]
+    pinned.write_text("klayout==0.30.13\n")
+    setup.install_apart("layout")
+    assert len(installed) == 2
+    assert not (tmp_path / ".venv").exists()
+
+
+def test_a_layout_has_two_rows_and_columns_unless_told(launch: Callable[..., Any]) -> None:
+    assert set(launch("layout")[1][0]) == {"-m", "flow", "layout", "--rows=2", "--columns=2"}
+    said = launch("layout", "ROWS=8", "COMPARE=0")[1][0]
+    assert set(said) == {"-m", "flow", "layout", "--rows=8", "--columns=2", "--no-compare"}
+
+
 def test_every_target_of_a_dataset_takes_own_recordings(launch: Callable[..., Any]) -> None:
     for name in ("train", "crossval", "sweep", "predict", "fig8", "sim", "replay", "study"):
         code, lines, error = launch(name, "DATA=my_skin/")

@@ -1,0 +1,122 @@
+"""The standard cells that a layout may use, each checked against its transistors, and their liberty file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from flow.layout.transistors import SwitchCell, does, stores
+
+
+@dataclass(frozen=True)
+class Gate:
+    """What a cell is taken for: its function as a liberty file writes it, and as a Python function."""
+
+    inputs: tuple[str, ...]
+    output: str
+    text: str
+    function: Callable[..., bool]
+
+
+def _all(count: int, mark: str, *, inverted: bool) -> Gate:
+    """Return an AND or OR of a number of inputs, or its inverse."""
+    inputs = tuple(f"i{n}" for n in range(count))
+    join = all if mark == "&" else any
+    text = mark.join(inputs)
+    return Gate(inputs, "nq" if inverted else "q", f"!({text})" if inverted else text, lambda *i: join(i) != inverted)
+
+
+GATES: dict[str, Gate] = {
+    "inv": Gate(("i",), "nq", "!i", lambda i: not i),
+    "buf": Gate(("i",), "q", "i", lambda i: i),
+    **{f"nand{n}": _all(n, "&", inverted=True) for n in (2, 3, 4)},
+    **{f"and{n}": _all(n, "&", inverted=False) for n in (2, 3, 4)},
+    **{f"nor{n}": _all(n, "|", inverted=True) for n in (2, 3, 4)},
+    **{f"or{n}": _all(n, "|", inverted=False) for n in (2, 3, 4)},
+    "mux2": Gate(("i0", "i1", "cmd"), "q", "(i0&!cmd)|(i1&cmd)", lambda i0, i1, cmd: i1 if cmd else i0),
+    "and21nor": Gate(("i0", "i1", "i2"), "nq", "!((i0&i1)|i2)", lambda i0, i1, i2: not ((i0 and i1) or i2)),
+    "or21nand": Gate(("i0", "i1", "i2"), "nq", "!((i0|i1)&i2)", lambda i0, i1, i2: not ((i0 or i1) and i2)),
+    "xor2": Gate(("i0", "i1"), "q", "i0^i1", lambda i0, i1: i0 != i1),
+    "nexor2": Gate(("i0", "i1"), "q", "!(i0^i1)", lambda i0, i1: i0 == i1),
+}
+"""Functions by the names of the cells, without the drive behind the underscore."""
+
+FLOP = "dff_x1"
+BUFFER = "buf_x2"
+
+LEFT_OUT = ("nexor2_x0",)
+"""Cells that are not what their names say: this one's transistors are an XOR."""
+
+
+class WrongCell(RuntimeError):
+    """A cell whose function is not its transistors'."""
+
+
+def usable(cells: Mapping[str, SwitchCell], left_out: tuple[str, ...] = LEFT_OUT) -> list[str]:
+    """Return the names of the cells that a netlist may use, all of them checked.
+
+    Raises
+    ------
+    WrongCell
+        If the transistors of one are not the function that it is taken for, or the flip-flop is missing.
+    """
+    if FLOP not in cells:
+        raise WrongCell(f"there is no {FLOP} among the generated cells")
+    chosen = [name for name in cells if name.partition("_")[0] in GATES and name not in left_out]
+    for name in chosen:
+        check(cells[name])
+    check(cells[FLOP])
+    return [*chosen, FLOP]
+
+
+def check(cell: SwitchCell) -> None:
+    """Hold a cell to its transistors.
+
+    Raises
+    ------
+    WrongCell
+        If they differ.
+    """
+    if cell.name == FLOP:
+        if not stores(cell, "i", "clk", "q"):
+            raise WrongCell(f"{cell.name}: its transistors are no flip-flop of the rising edge")
+        return
+    gate = GATES[cell.name.partition("_")[0]]
+    if set(cell.pins) != {*gate.inputs, gate.output} or not does(cell, gate.inputs, gate.output, gate.function):
+        raise WrongCell(f"{cell.name}: its transistors are not {gate.output} = {gate.text}")
+
+
+def liberty(names: list[str], areas: Mapping[str, float]) -> str:
+    """Return a liberty file of checked cells: functions and areas in um^2; its delays are all alike.
+
+    Parameters
+    ----------
+    names : list of str
+        Cells, as ``usable`` returns them.
+    areas : mapping of str to float
+    """
+    lines = ['library(cells) { delay_model : "table_lookup"; time_unit : "1ns"; capacitive_load_unit(1, pf);']
+    lines.append('nom_process : 1; nom_voltage : 1.8; nom_temperature : 25; voltage_unit : "1V";')
+    for name in names:
+        lines.append(f"cell({name}) {{ area : {areas[name]:.4f};")
+        if name == FLOP:
+            lines.append('ff(IQ, IQN) { clocked_on : "clk"; next_state : "i"; }')
+            lines += [_input("i"), _input("clk", " clock : true;"), _output("q", "IQ", ("clk",), "rising_edge")]
+        else:
+            gate = GATES[name.partition("_")[0]]
+            lines += [_input(pin) for pin in gate.inputs]
+            lines.append(_output(gate.output, gate.text, gate.inputs, "combinational"))
+        lines.append("}")
+    return "\n".join([*lines, "}\n"])
+
+
+def _input(pin: str, more: str = "") -> str:
+    return f"pin({pin}) {{ direction : input; capacitance : 0.002;{more} }}"
+
+
+def _output(pin: str, function: str, related: tuple[str, ...], kind: str) -> str:
+    """Return an output pin with one delay for every input."""
+    value = '(scalar) { values("0.1"); }'
+    tables = " ".join(f"{name}{value}" for name in ("cell_rise", "cell_fall", "rise_transition", "fall_transition"))
+    arcs = " ".join(f'timing() {{ related_pin : "{name}"; timing_type : {kind}; {tables} }}' for name in related)
+    return f'pin({pin}) {{ direction : output; function : "{function}"; max_capacitance : 0.1; {arcs} }}'

@@ -1,0 +1,160 @@
+"""The two checks of a layout, by KLayout: the rules of the process, and the netlist in it against that of the cells."""
+
+from __future__ import annotations
+
+import json
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from flow.layout import environment
+
+NAMES = """
+# Names of nets are the texts of the top cell alone: those inside the cells are the names of their pins.
+def names(number)
+    texts = RBA::Texts::new
+    index = source.layout.find_layer(number, 0)
+    source.cell_obj.shapes(index).each { |shape| texts.insert(shape.text) if shape.is_text? } if index
+    DRC::DRCLayer::new(self, texts)
+end
+connect(li, names(67))
+connect(m1, names(68))
+connect(m2, names(69))
+connect(m3, names(70))
+# There is no power mesh: the rails of the rows are one net by their name.
+connect_implicit("vdd")
+connect_implicit("vss")
+"""
+COMPARE = """
+align
+ENV["PORTS"].split(",").each { |port| same_nets!(ENV["CELL_NAME"], port, port.upcase) }
+ok = compare
+require "json"
+circuit = netlist.circuit_by_name(ENV["CELL_NAME"])
+differ = []
+xref = lvs_data.xref
+xref.each_circuit_pair do |pair|
+    xref.each_net_pair(pair) do |nets|
+        next if ok || nets.status == RBA::NetlistCrossReference::Match
+        differ << [nets.first, nets.second].map { |net| net ? net.expanded_name : "none" }.join(" / ")
+    end
+end
+File.write(ENV["COUNTS_FILE"], JSON.generate({
+    "equal" => ok, "nets" => circuit.each_net.count, "devices" => circuit.each_device.count,
+    "ports" => ENV["PORTS"].split(",").size, "differ" => differ.first(5)
+}))
+"""
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What the rule check says.
+
+    Attributes
+    ----------
+    checked : int
+        Rules.
+    violations : tuple of str
+        Rule and place of each.
+    """
+
+    checked: int
+    violations: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What the comparison of netlists says.
+
+    Attributes
+    ----------
+    equal : bool
+    nets, devices, ports : int
+        Of the layout, transistors being its devices; ports are those that were held to their names.
+    differ : tuple of str
+        First nets that differ, that of the layout and that of the netlist.
+    """
+
+    equal: bool
+    nets: int
+    devices: int
+    ports: int
+    differ: tuple[str, ...] = ()
+
+
+def rules(gds: Path, top: str, deck: Path, folder: Path) -> None:
+    """Check a layout by a deck of rules; leaves rules.lyrdb in a folder, for ``read_rules``."""
+    report = (folder / "rules.lyrdb").resolve()
+    variables = {"SOURCE_FILE": str(gds.resolve()), "CELL_NAME": top, "REPORT_FILE": str(report)}
+    environment.klayout(deck, variables, folder)
+
+
+def read_rules(report: Path) -> Rules:
+    """Return what a report of ``rules`` says.
+
+    Raises
+    ------
+    Crashed
+        If it names no rule: nothing was checked.
+    """
+    root = ElementTree.parse(report).getroot()
+    checked = len(root.findall("./categories/category"))
+    if not checked:
+        raise environment.Crashed("the rule check checked nothing")
+    violations = []
+    for item in root.findall("./items/item"):
+        place = item.findtext("./values/value", "nowhere")
+        violations.append(f"{item.findtext('category', '').strip(chr(39))} at {place}")
+    return Rules(checked, tuple(violations))
+
+
+def comparing(deck: str) -> str:
+    """Return the deck of the comparison with the names of nets in it, and the ports held to them.
+
+    The exported one knows no names: two inputs that change places would be equal to it.
+
+    Raises
+    ------
+    Crashed
+        If the deck is another one than expected.
+    """
+    head, devices, tail = deck.partition("\n# Resistors\n")
+    body, end, _ = tail.partition("\nalign\n")
+    if not devices or not end:
+        raise environment.Crashed("the exported comparison deck has another form; see flow/layout/requirements.txt")
+    return head + NAMES + devices + body + COMPARE
+
+
+def compare(gds: Path, top: str, spice: str, ports: Sequence[str], deck: str, folder: Path) -> None:
+    """Compare the netlist in a layout with one in SPICE; leaves counts.json and compare.lvsdb in a folder.
+
+    Parameters
+    ----------
+    gds : Path
+    top : str
+        Its cell, and the name of the netlist.
+    spice : str
+    ports : sequence of str
+        Held to their names.
+    deck : str
+        From ``comparing``.
+    folder : Path
+    """
+    (folder / "circuit.spi").write_text(spice)
+    (folder / "compare.lvs").write_text(deck)
+    variables = {
+        "SOURCE_FILE": str(gds.resolve()),
+        "CELL_NAME": top,
+        "SPICE_FILE": str((folder / "circuit.spi").resolve()),
+        "REPORT_FILE": str((folder / "compare.lvsdb").resolve()),
+        "COUNTS_FILE": str((folder / "counts.json").resolve()),
+        "PORTS": ",".join(ports),
+    }
+    environment.klayout(folder / "compare.lvs", variables, folder)
+
+
+def read_comparison(counts: Path) -> Comparison:
+    """Return what ``compare`` left."""
+    said = json.loads(counts.read_text())
+    return Comparison(bool(said["equal"]), said["nets"], said["devices"], said["ports"], tuple(said["differ"]))

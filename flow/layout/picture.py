@@ -1,0 +1,47 @@
+"""Program of the layout's own environment: draw a GDS file.
+
+``python picture.py FILE.gds PICTURE.png``. It imports nothing of the project.
+"""
+
+# mypy: ignore-errors
+
+import sys
+
+from klayout import lay
+
+SIDE = 900
+COLOURS = {
+    (64, 20): 0x3A3F4B,  # n-well
+    (65, 20): 0x3F7F4F,  # diffusion
+    (66, 20): 0xB04A4A,  # poly
+    (67, 20): 0x8A6FB0,  # local interconnect
+    (68, 20): 0x4C8BD0,  # metal 1
+    (69, 20): 0xD08BC4,  # metal 2
+    (70, 20): 0x56B8A8,  # metal 3
+    (71, 20): 0xE0B04A,  # metal 4
+}
+"""Layers that are drawn, from below, and their colours."""
+
+
+def main() -> None:
+    """Draw the layers, metals above the cells."""
+    view = lay.LayoutView()
+    view.set_config("background-color", "#14161a")
+    for hidden in ("grid-visible", "text-visible", "cell-box-visible"):
+        view.set_config(hidden, "false")
+    view.load_layout(sys.argv[1], False)
+    view.max_hier()
+    view.clear_layers()
+    for (layer, datatype), colour in COLOURS.items():
+        shown = lay.LayerProperties()
+        shown.source = f"{layer}/{datatype}@1"
+        shown.fill_color = shown.frame_color = colour
+        shown.dither_pattern = 0 if layer < 69 else 5
+        shown.width = 1
+        view.insert_layer(view.end_layers(), shown)
+    view.zoom_fit()
+    view.save_image(sys.argv[2], SIDE, SIDE)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,92 @@
+"""Program of the layout's own environment: place and route a netlist with Coriolis, in the working folder.
+
+``python place.py TECHNOLOGY NAME MARGIN`` reads NAME.blif and pins.json, and leaves NAME_r.gds, NAME_r_export.def and
+placed.json. It imports nothing of the project.
+"""
+
+# mypy: ignore-errors
+
+import json
+import math
+import sys
+from pathlib import Path
+
+sys.path.insert(0, sys.argv[1])
+
+from coriolis import CRL, Cfg
+from coriolis.helpers import overlay, u
+from coriolis.Hurricane import Cell, DbU, UpdateSession
+from techno import StdCellLib, techno
+
+TOP_LAYER = "m4"
+PIN_UM = 0.46
+"""Width of a pin: one that nothing reads has no wire behind it, and is a legal shape by itself."""
+
+PITCHES_UM = {"m1": 0.46, "m2": 0.51}
+"""Tracks on which pins stand: of metal 1 at the west and east sides, of metal 2 at the others."""
+
+
+NO_DIODES_UM = 1e5
+"""Wires up to this length get no diode against what they collect while they are etched."""
+
+FILLERS = "tie,tie_w2,tie_w4"
+"""Between the cells: contacts of the wells, without transistors, which the netlist would lack."""
+
+
+def pins(IoPin, names, side_um):
+    """Return where the pins stand: in their order around the four sides, spread out."""
+    each = -(-len(names) // 4)
+    found = []
+    for number, side in enumerate((IoPin.WEST, IoPin.EAST, IoPin.SOUTH, IoPin.NORTH)):
+        pitch = PITCHES_UM["m1" if number < 2 else "m2"]
+        part = names[number * each : (number + 1) * each]
+        step = 0.9 * side_um / (len(part) + 1)
+        found += [(side, name, u(round((i + 1) * step / pitch) * pitch), 0, 1) for i, name in enumerate(part)]
+    return found
+
+
+def main() -> None:
+    """Place and route."""
+    techno.setup()
+    StdCellLib.setup()
+    with overlay.CfgCache(priority=Cfg.Parameter.Priority.UserFile) as cfg:
+        cfg.misc.catchCore = False
+        cfg.misc.verboseLevel1 = False
+        cfg.misc.verboseLevel2 = False
+        cfg.etesian.feedNames = FILLERS
+        cfg.etesian.antennaGateMaxWL = u(NO_DIODES_UM)
+        cfg.anabatic.topRoutingLayer = TOP_LAYER
+        cfg.katana.eventsLimit = 4000000
+    CRL.AllianceFramework.get().getEnvironment().setCLOCK("^clk$")
+    from coriolis.plugins.block.block import Block
+    from coriolis.plugins.block.configuration import BlockConf, IoPin
+
+    name, margin = sys.argv[2], float(sys.argv[3])
+    said = json.loads(Path("pins.json").read_text())
+    cell = CRL.Blif.load(name)
+    CRL.restoreNetsDirection(cell, Cell.Flags_TerminalNetlist)
+    conf = BlockConf(cell, ioPins=pins(IoPin, said["pins"], math.sqrt(said["area_um2"] * (1 + margin)) - 6.08))
+    conf.cfg.etesian.spaceMargin = margin
+    conf.cfg.etesian.aspectRatio = 1.0
+    conf.cfg.etesian.uniformDensity = True
+    conf.cfg.anabatic.globalIterations = 20
+    conf.cfg.anabatic.topRoutingLayer = TOP_LAYER
+    conf.cfg.katana.hTracksReservedLocal = 10
+    conf.cfg.katana.vTracksReservedLocal = 10
+    conf.useSpares = conf.useClockTree = conf.useHFNS = False
+    block = Block(conf)
+    routed = bool(block.doPnR())
+    UpdateSession.open()
+    for net in cell.getNets():
+        for pin in net.getPins():
+            pin.setWidth(max(pin.getWidth(), u(PIN_UM)))
+    UpdateSession.close()
+    block.save()
+    CRL.DefExport.drive(cell, 0)
+    box = cell.getAbutmentBox()
+    sides = [DbU.toPhysical(length, DbU.UnitPowerMicro) for length in (box.getWidth(), box.getHeight())]
+    Path("placed.json").write_text(json.dumps({"routed": routed, "width_um": sides[0], "height_um": sides[1]}))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,151 @@
+"""What a layout came to: tries, checks, and the report that is kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from flow.layout import cells, netlist
+from flow.layout.checks import Comparison, Rules
+from flow.layout.environment import REQUIREMENTS
+from model.config import ReadoutConfig
+from model.files import make_folder, origin, write_json
+
+
+@dataclass(frozen=True)
+class Try:
+    """One margin.
+
+    Attributes
+    ----------
+    margin : float
+    problem : str
+        Why it does not do; empty where it does.
+    width_um, height_um : float
+    rules : Rules or None
+        Where all wires were laid.
+    """
+
+    margin: float
+    problem: str
+    width_um: float = 0.0
+    height_um: float = 0.0
+    rules: Rules | None = None
+
+
+@dataclass(frozen=True)
+class Report:
+    """A layout and what was found out about it.
+
+    Attributes
+    ----------
+    name : str
+    config : ReadoutConfig
+    checked : int
+        Cells held to their transistors.
+    circuit : netlist.Circuit
+    cell_area_um2 : float
+    proved, of : int
+        Points of the netlist that equal the RTL's.
+    tries : tuple of Try
+        The last is the layout.
+    comparison : Comparison or None
+        None where it was left out, or there was nothing to compare.
+    seconds : dict of str to float
+    """
+
+    name: str
+    config: ReadoutConfig
+    checked: int
+    circuit: netlist.Circuit = field(repr=False)
+    cell_area_um2: float
+    proved: int
+    of: int
+    tries: tuple[Try, ...]
+    comparison: Comparison | None
+    seconds: dict[str, float]
+
+    @property
+    def problems(self) -> list[str]:
+        """What is wrong, a sentence each."""
+        said = []
+        if self.proved != self.of:
+            said.append(f"{self.of - self.proved} of {self.of} points of the netlist differ from the RTL")
+        if self.tries[-1].problem:
+            said += [f"margin {one.margin:.2f}: {one.problem}" for one in self.tries]
+        if self.comparison and not self.comparison.equal:
+            first = self.comparison.differ[:1] or ("no net",)
+            said.append(f"the layout's netlist differs from the cells': {first[0]} first")
+        return said
+
+    def closing_line(self) -> str:
+        """Return the last line of ``make layout``."""
+        last = self.tries[-1]
+        violations = len(last.rules.violations) if last.rules else 0
+        parts = [f"layout: {self.name}", f"{len(self.circuit.cells)} cells"]
+        if last.rules:
+            parts += [f"{last.width_um:.0f} x {last.height_um:.0f} um", f"{violations} violations"]
+        else:
+            parts.append("not routed")
+        if self.comparison:
+            parts.append("netlist equal" if self.comparison.equal else "netlist differs")
+        else:
+            parts.append("netlist not compared")
+        return ", ".join(parts)
+
+    def to_dict(self, command: str) -> dict[str, Any]:
+        """Return the report as plain data."""
+        last, compared = self.tries[-1], self.comparison
+        area = last.width_um * last.height_um
+        return {
+            "name": self.name,
+            **origin(command),
+            "packages": [line for line in REQUIREMENTS.read_text().splitlines() if line[:1] not in "#"],
+            "configuration": self.config.to_dict(),
+            "cells": len(self.circuit.cells),
+            "kinds": dict(sorted(self.circuit.kinds.items())),
+            "cells_checked": self.checked,
+            "cells_left_out": list(cells.LEFT_OUT),
+            "ports": len(self.circuit.ports),
+            "wires": len(self.circuit.wires),
+            "cell_area_um2": round(self.cell_area_um2, 2),
+            "width_um": round(last.width_um, 2),
+            "height_um": round(last.height_um, 2),
+            "utilisation": round(self.cell_area_um2 / area, 3) if area else None,
+            "equivalence": {"proved": self.proved, "of": self.of},
+            "margins": [{"margin": one.margin, "problem": one.problem} for one in self.tries],
+            "rules": last.rules and {"checked": last.rules.checked, "violations": list(last.rules.violations)},
+            "comparison": compared
+            and {
+                "equal": compared.equal,
+                "nets": compared.nets,
+                "transistors": compared.devices,
+                "ports": compared.ports,
+                "differ": list(compared.differ),
+            },
+            "problems": self.problems,
+            "seconds": self.seconds,
+        }
+
+
+def name_of(config: ReadoutConfig) -> str:
+    """Return the name of a run: encoding, front end and size."""
+    return f"{config.encoding}-{config.frontend}-{config.rows}x{config.columns}-{config.resolution}b"
+
+
+def command_of(config: ReadoutConfig, compare: bool) -> str:
+    """Return the command line of a run: its size and what else differs from the defaults."""
+    plain = ReadoutConfig().to_dict()
+    sides = ("rows", "columns")
+    words = [
+        f"{name.upper()}={value}" for name, value in config.to_dict().items() if name in sides or value != plain[name]
+    ]
+    return " ".join(["make layout", *words, *([] if compare else ["COMPARE=0"])])
+
+
+def write(report: Report, out: Path, command: str) -> Path:
+    """Write report.json beside the layout; return its path."""
+    path = make_folder(out, report.name) / "report.json"
+    write_json(path, report.to_dict(command))
+    return path

@@ -1,0 +1,191 @@
+"""From the RTL of a readout to a checked layout, stage by stage."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from flow.asic import synthesis
+from flow.layout import cells, checks, environment, netlist, transistors
+from flow.layout.checks import Comparison
+from flow.layout.environment import PROGRAMS, REQUIREMENTS, Crashed
+from flow.layout.report import Report, Try, name_of
+from flow.layout.stages import Stages
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.files import atomic_write, make_folder
+from rtl.verilog import rtlil
+
+MARGINS = (0.35, 0.3, 0.4, 0.45, 0.5, 0.6, 0.75)
+"""Free area beside the cells that placement is tried with, as a share of theirs, in this order."""
+
+
+def run(config: ReadoutConfig, name: str, out: Path, compare: bool, on_stage: Callable[[str], None]) -> Report:
+    """Return the report of a layout; OUT/NAME gets GDS, DEF, picture, reports and report.json.
+
+    Parameters
+    ----------
+    config : ReadoutConfig
+    name : str
+        Of the run; one is made of the configuration where it is empty.
+    out : Path
+        Folder of the run's folder.
+    compare : bool
+        Whether the netlist in the layout is compared with the cells'.
+    on_stage : callable
+        Called with what begins.
+
+    Raises
+    ------
+    InputError
+        If a tool is missing or the readout is none for these cells.
+    WrongCell
+        If the function of a cell is not its transistors'.
+    """
+    if config.reset != "sync":
+        raise InputError(f"reset must be sync, not {config.reset!r}: the flip-flop of the layout's cells has no reset")
+    environment.check()
+    name = name or name_of(config)
+    folder = make_folder(out, name)
+    stages = Stages(make_folder(folder, "work"), on_stage)
+    library = _cells(stages)
+    known = transistors.read((library / "cells.spi").read_text())
+    usable = cells.usable(known)
+    on_stage(f"{len(usable)} cells are what their transistors are")
+    areas = json.loads((library / "cells.json").read_text())
+    circuit, proved, of = _netlist(config, cells.liberty(usable, areas), stages)
+    on_stage(f"{len(circuit.cells)} cells, {proved} of {of} points equal to the RTL")
+    area = sum(areas[kind] * number for kind, number in circuit.kinds.items())
+    layout = Layout(circuit, area, library, known, stages)
+    tries, placed = layout.route()
+    on_stage(f"margin {tries[-1].margin:.2f}: {tries[-1].problem or 'routed, no violation'}")
+    comparison = layout.compare(placed) if compare and not tries[-1].problem else None
+    if placed:
+        _deliver(placed, f"{circuit.top}_r", folder, stages)
+    return Report(name, config, len(usable), circuit, area, proved, of, tuple(tries), comparison, stages.seconds)
+
+
+def _cells(stages: Stages) -> Path:
+    """Return the folder with cells, technology and decks."""
+    inputs = ((PROGRAMS / "generate.py").read_text(), REQUIREMENTS.read_text())
+    return stages.made("cells", inputs, lambda part: environment.run("generate", ".", folder=part))
+
+
+def _netlist(config: ReadoutConfig, liberty: str, stages: Stages) -> tuple[netlist.Circuit, int, int]:
+    """Return the readout as cells, and how many of its points are proved."""
+
+    def make(part: Path) -> None:
+        library = part / "cells.lib"
+        library.write_text(liberty)
+        made = netlist.synthesise(config, library)
+        (part / "netlist.v").write_text(made.text)
+        proof = netlist.proof(made)
+        said = {"proved": proof.proved, "of": proof.of, "circuit": asdict(netlist.circuit(made))}
+        (part / "netlist.json").write_text(json.dumps(said))
+
+    inputs = (rtlil(config), liberty, netlist.BUFFERED, netlist.SPLIT, Path(synthesis.__file__).read_text())
+    said = json.loads((stages.made("netlist", inputs, make) / "netlist.json").read_text())
+    return netlist.Circuit.from_dict(said["circuit"]), said["proved"], said["of"]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A circuit on its way to a layout.
+
+    Attributes
+    ----------
+    circuit : netlist.Circuit
+    area_um2 : float
+        Of its cells.
+    library : Path
+        Folder with cells, technology and decks.
+    known : dict of str to transistors.SwitchCell
+    stages : Stages
+    """
+
+    circuit: netlist.Circuit
+    area_um2: float
+    library: Path
+    known: dict[str, transistors.SwitchCell]
+    stages: Stages
+
+    @property
+    def top(self) -> str:
+        """Name of the top cell: Coriolis calls it so once it is routed."""
+        return f"{self.circuit.top}_r"
+
+    def route(self, margins: tuple[float, ...] = MARGINS) -> tuple[list[Try], Path | None]:
+        """Return one try after the other until a layout is routed and breaks no rule, and the folder of the last."""
+        tries: list[Try] = []
+        placed = None
+        for margin in margins:
+            placed = self.place(margin)
+            tries.append(self.judge(margin, placed))
+            if not tries[-1].problem:
+                break
+            self.stages.on_stage(f"margin {margin:.2f}: {tries[-1].problem}")
+        return tries, placed if tries[-1].rules else None
+
+    def place(self, margin: float) -> Path:
+        """Return the folder of a margin, with what Coriolis made of it; a crash is kept too."""
+        blif = self.circuit.blif()
+        said = json.dumps({"pins": self.circuit.ports, "area_um2": self.area_um2})
+
+        def make(part: Path) -> None:
+            (part / f"{self.circuit.top}.blif").write_text(blif)
+            (part / "pins.json").write_text(said)
+            try:
+                environment.run("place", str(self.library.resolve()), self.circuit.top, str(margin), folder=part)
+            except Crashed as crash:  # one margin in some crashes the router
+                (part / "placed.json").write_text(json.dumps({"problem": str(crash)}))
+
+        inputs = (blif, said, (PROGRAMS / "place.py").read_text(), self.library.name)
+        return self.stages.made(f"place-{margin:.2f}", inputs, make)
+
+    def judge(self, margin: float, placed: Path) -> Try:
+        """Return what becomes of a margin."""
+        said = json.loads((placed / "placed.json").read_text())
+        if "problem" in said:
+            return Try(margin, said["problem"])
+        if not said["routed"]:
+            return Try(margin, "a segment is open", said["width_um"], said["height_um"])
+        gds, deck = placed / f"{self.top}.gds", self.library / "drc.drc"
+        checked = self.stages.made(
+            f"rules-{margin:.2f}", (placed.name, deck.read_text()), lambda part: checks.rules(gds, self.top, deck, part)
+        )
+        rules = checks.read_rules(checked / "rules.lyrdb")
+        problem = f"{len(rules.violations)} violations, {rules.violations[0]}" if rules.violations else ""
+        return Try(margin, problem, said["width_um"], said["height_um"], rules)
+
+    def compare(self, placed: Path | None) -> Comparison | None:
+        """Return how the netlist in a layout compares with the circuit."""
+        if placed is None:
+            return None
+        gds, text = placed / f"{self.top}.gds", self.circuit.spice(self.known, self.top)
+        deck = checks.comparing((self.library / "lvs.lvs").read_text())
+        ports = [transistors.SUPPLY, transistors.GROUND, *self.circuit.read_ports]
+
+        def make(part: Path) -> None:
+            checks.compare(gds, self.top, text, ports, deck, part)
+
+        done = self.stages.made("comparison", (placed.name, text, deck), make)
+        return checks.read_comparison(done / "counts.json")
+
+
+def _deliver(placed: Path, top: str, folder: Path, stages: Stages) -> None:
+    """Copy GDS and DEF to the run's folder, with a picture."""
+
+    def draw(part: Path) -> None:
+        environment.run("picture", str((placed / f"{top}.gds").resolve()), "layout.png", folder=part)
+
+    picture = stages.made("picture", (placed.name, (PROGRAMS / "picture.py").read_text()), draw)
+    for source, name in (
+        (placed / f"{top}.gds", "layout.gds"),
+        (placed / f"{top}_export.def", "layout.def"),
+        (picture / "layout.png", "layout.png"),
+    ):
+        with atomic_write(folder / name) as file, source.open("rb") as made:
+            shutil.copyfileobj(made, file)

@@ -1,0 +1,70 @@
+"""Stages of a long run: each has a folder of its own, kept until what went into it changes."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+from model.files import make_folder
+
+
+class Stages:
+    """Folders of the stages of a run.
+
+    Parameters
+    ----------
+    folder : Path
+        Where they lie, made if need be.
+    on_stage : callable
+        Called with what begins, or was kept.
+
+    Attributes
+    ----------
+    seconds : dict of str to float
+        Processor time of each stage when it was run, kept ones too.
+    """
+
+    def __init__(self, folder: Path, on_stage: Callable[[str], None]) -> None:
+        self.folder = folder
+        self.on_stage = on_stage
+        self.seconds: dict[str, float] = {}
+
+    def made(self, stage: str, inputs: tuple[str, ...], make: Callable[[Path], None]) -> Path:
+        """Return the folder of a stage; ``make`` fills it where there is none of these inputs.
+
+        It takes its name when it is whole: an interrupted stage begins anew. Those of the same stage with other inputs
+        are removed.
+
+        Parameters
+        ----------
+        stage : str
+            Plain name.
+        inputs : tuple of str
+            All that its content depends on.
+        make : callable
+        """
+        digest = hashlib.sha256(json.dumps(inputs).encode()).hexdigest()[:12]
+        whole = self.folder / f"{stage}-{digest}"
+        time_file = whole / "seconds.json"
+        if time_file.is_file():
+            self.on_stage(f"{stage}: kept from an earlier run")
+        else:
+            self.on_stage(stage)
+            part = make_folder(self.folder, f".{stage}.part", empty=True)
+            start = _processor_s()
+            make(part)
+            (part / time_file.name).write_text(json.dumps(round(_processor_s() - start, 1)))
+            for old in self.folder.glob(f"{stage}-*"):
+                shutil.rmtree(old)
+            part.rename(whole)
+        self.seconds[stage] = json.loads(time_file.read_text())
+        return whole
+
+
+def _processor_s() -> float:
+    """Return the processor time of this program and of those that it ran: others may use the machine too."""
+    return sum(os.times()[:4])

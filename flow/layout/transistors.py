@@ -1,0 +1,141 @@
+"""What a cell does, found out from its transistors: switches between supply, ground and the nets of the cell."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+SUPPLY, GROUND = "vdd", "vss"
+UNKNOWN = None
+Level = bool | None
+
+
+@dataclass(frozen=True)
+class SwitchCell:
+    """A cell as transistors.
+
+    Attributes
+    ----------
+    name : str
+    ports : tuple of str
+        In the order of its SPICE line, supply and ground among them.
+    switches : tuple of tuple
+        Gate, the two nets that it joins, and whether it does so when the gate is high (n-channel).
+    text : str
+        Its SPICE lines.
+    """
+
+    name: str
+    ports: tuple[str, ...]
+    switches: tuple[tuple[str, str, str, bool], ...]
+    text: str
+
+    @property
+    def pins(self) -> tuple[str, ...]:
+        """Ports without supply and ground."""
+        return tuple(port for port in self.ports if port not in (SUPPLY, GROUND))
+
+
+def read(spice: str) -> dict[str, SwitchCell]:
+    """Return the cells of a SPICE file by their names.
+
+    Parameters
+    ----------
+    spice : str
+        ``.subckt`` blocks of MOS transistors ``M... DRAIN GATE SOURCE BULK MODEL``.
+    """
+    cells = {}
+    for found in re.finditer(r"^\.subckt (\S+) (.*?)\n(.*?)^\.ends.*?$", spice, re.MULTILINE | re.DOTALL):
+        switches = [
+            (words[2], words[1], words[3], "nfet" in words[5])
+            for words in (line.split() for line in found[3].splitlines())
+            if words and words[0].startswith("M")
+        ]
+        cells[found[1]] = SwitchCell(found[1], tuple(found[2].split()), tuple(switches), found[0])
+    return cells
+
+
+def settle(cell: SwitchCell, inputs: Mapping[str, Level], before: Mapping[str, Level]) -> dict[str, Level]:
+    """Return the level of every net once nothing changes any more.
+
+    A net joined to neither supply nor ground keeps its level; one that may be joined to both is unknown.
+
+    Parameters
+    ----------
+    cell : SwitchCell
+    inputs : mapping of str to bool or None
+        Levels of pins that are driven from outside.
+    before : mapping of str to bool or None
+        Levels of the nets before; those that are missing are unknown.
+    """
+    nets = {net for switch in cell.switches for net in switch[:3]}
+    fixed: dict[str, Level] = {SUPPLY: True, GROUND: False, **inputs}
+    levels: dict[str, Level] = {net: before.get(net) for net in nets} | fixed
+    for _ in range(4 * len(nets) + 4):
+        after = {net: fixed[net] if net in fixed else _level(cell, levels, net, fixed) for net in levels}
+        if after == levels:
+            break
+        levels = after
+    return levels
+
+
+def _level(cell: SwitchCell, levels: Mapping[str, Level], net: str, fixed: Mapping[str, Level]) -> Level:
+    """Return the level of a net from what it is joined to."""
+    surely = {fixed[end] for end in _joined(cell, levels, net, fixed, sure=True) if end in fixed}
+    perhaps = {fixed[end] for end in _joined(cell, levels, net, fixed, sure=False) if end in fixed}
+    if not perhaps:
+        return levels[net]
+    if len(perhaps) == 1 and (surely or perhaps == {levels[net]}):
+        return next(iter(perhaps))
+    return UNKNOWN
+
+
+def _joined(
+    cell: SwitchCell, levels: Mapping[str, Level], net: str, fixed: Mapping[str, Level], *, sure: bool
+) -> set[str]:
+    """Return the nets that a net is joined to by transistors that conduct, surely or perhaps."""
+    seen, open_ends = {net}, [net]
+    while open_ends:
+        here = open_ends.pop()
+        for gate, one, other, high in cell.switches:
+            conducts = levels[gate] == high if sure or levels[gate] is not UNKNOWN else True
+            if not conducts or here not in (one, other):
+                continue
+            there = other if here == one else one
+            if there not in seen:
+                seen.add(there)
+                if there not in fixed:
+                    open_ends.append(there)
+    return seen - {net}
+
+
+def table(cell: SwitchCell, inputs: tuple[str, ...], output: str) -> list[Level]:
+    """Return the output for every combination of inputs, the last input changing fastest."""
+    return [
+        settle(cell, dict(zip(inputs, levels, strict=True)), {})[output]
+        for levels in itertools.product((False, True), repeat=len(inputs))
+    ]
+
+
+def does(cell: SwitchCell, inputs: tuple[str, ...], output: str, function: Callable[..., bool]) -> bool:
+    """Return whether the transistors of a cell are a Boolean function of its inputs."""
+    return table(cell, inputs, output) == [
+        bool(function(*levels)) for levels in itertools.product((False, True), repeat=len(inputs))
+    ]
+
+
+def stores(cell: SwitchCell, data: str, clock: str, output: str) -> bool:
+    """Return whether the transistors of a cell are a flip-flop that takes data at the rising edge alone."""
+    levels: Mapping[str, Level] = {}
+    held: Level = UNKNOWN
+    word = False
+    # every pair of old and new data, and data that changes while the clock is low and while it is high
+    for word, early in itertools.product((False, True, True, False, False), (False, True)):
+        for clocked, value in ((False, early), (False, word), (True, word), (True, not word), (False, not word)):
+            held = word if clocked else held
+            levels = settle(cell, {data: value, clock: clocked}, levels)
+            if levels[output] is not held:
+                return False
+    return True

@@ -1,0 +1,333 @@
+"""Layout: cells that are their transistors, and checks that find what is broken; the tools' part where they are."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from flow.__main__ import app
+from flow.layout import cells, checks, environment, netlist, report, run, transistors
+from flow.layout.cells import WrongCell
+from flow.layout.checks import Comparison, Rules
+from flow.layout.environment import Crashed
+from flow.layout.netlist import Circuit
+from flow.layout.report import Report, Try
+from flow.layout.stages import Stages
+from model.config import ReadoutConfig
+from model.errors import InputError
+from tests.flow import switches
+
+KNOWN = transistors.read(switches.LIBRARY)
+AREAS = dict.fromkeys(KNOWN, 10.0)
+
+TOY = Circuit(
+    "toy",
+    ("a", "b", "clk", "unread"),
+    ("z", "y"),
+    {
+        "g0": ("nand2_x0", {"nq": "n1", "i0": "a", "i1": "b"}),
+        "g1": ("xor2_x0", {"i0": "n1", "i1": "a", "q": "n2"}),
+        "g2": ("dff_x1", {"i": "n2", "clk": "clk", "q": "n3"}),
+        "g3": ("buf_x2", {"i": "n3", "q": "z"}),
+        "g4": ("inv_x0", {"i": "n3", "nq": "n4"}),
+        "g5": ("nor2_x0", {"nq": "n5", "i0": "n4", "i1": "b"}),
+        "g6": ("dff_x1", {"i": "n5", "clk": "clk", "q": "n6"}),
+        "g7": ("buf_x2", {"i": "n6", "q": "y"}),
+    },
+)
+
+
+def cell_of(*lines: list[str], name: str = "dff_x1", pins: str = "i clk q") -> transistors.SwitchCell:
+    return transistors.read(switches.cell(name, pins, *lines))[name]
+
+
+def test_every_cell_of_the_library_is_its_transistors() -> None:
+    assert cells.usable(KNOWN) == [name for name in KNOWN if name != "fill_w2"]
+    assert transistors.table(KNOWN["nand3_x0"], ("i0", "i1", "i2"), "nq") == [True] * 7 + [False]
+    assert transistors.table(KNOWN["xor2_x0"], ("i0", "i1"), "q") == [False, True, True, False]
+
+
+def test_an_xor_by_the_name_of_its_inverse_is_found() -> None:
+    known = KNOWN | transistors.read(switches.XOR_BY_ANOTHER_NAME)
+    assert "nexor2_x0" not in cells.usable(known)
+    with pytest.raises(WrongCell, match=r"nexor2_x0: its transistors are not q = !\(i0\^i1\)"):
+        cells.usable(known, left_out=())
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        switches.pull("n", "nq i0 s", "s i1 vss") + switches.pull("p", "nq i0 vdd"),  # nothing pulls up for i1
+        switches.nand("i0", "i1") + switches.pull("n", "nq i0 vss"),  # both pull
+        switches.pull("n", "nq i0 vss", "nq i1 vss") + switches.pull("p", "s i0 vdd", "nq i1 s"),  # a NOR
+    ],
+)
+def test_a_broken_gate_is_found(lines: list[str]) -> None:
+    with pytest.raises(WrongCell, match=r"nand2_x0: its transistors are not nq = !\(i0&i1\)"):
+        cells.check(cell_of(lines, name="nand2_x0", pins="nq i0 i1"))
+
+
+@pytest.mark.parametrize("lines", [switches.FALLING, switches.OPEN, switches.INVERTING])
+def test_what_is_no_flop_of_the_rising_edge_is_found(lines: list[str]) -> None:
+    cells.check(cell_of(switches.FLOP))
+    with pytest.raises(WrongCell, match="dff_x1: its transistors are no flip-flop of the rising edge"):
+        cells.check(cell_of(lines))
+
+
+def test_a_library_without_a_flop_is_found() -> None:
+    with pytest.raises(WrongCell, match="there is no dff_x1 among the generated cells"):
+        cells.usable({"inv_x0": KNOWN["inv_x0"]})
+
+
+def test_a_readout_becomes_checked_cells(tmp_path: Path) -> None:
+    library = tmp_path / "cells.lib"
+    library.write_text(cells.liberty(cells.usable(KNOWN), AREAS))
+    made = netlist.synthesise(ReadoutConfig(rows=1, columns=2, resolution=4), library)
+    circuit = netlist.circuit(made)
+    assert circuit.kinds["dff_x1"] > 20
+    assert set(circuit.kinds) <= set(KNOWN)
+    assert "test_enable" not in circuit.ports
+    assert {"clk", "rst", "sample_0", "event_valid"} <= set(circuit.ports)
+    assert "sample_0" not in circuit.read_ports  # below the resolution
+    assert Circuit.from_dict(json.loads(json.dumps(vars(circuit)))) == circuit
+
+
+def test_a_constant_is_refused() -> None:
+    design = {"ports": {"q": {"direction": "output", "bits": ["0"]}}, "cells": {}}
+    with pytest.raises(InputError, match=r"^output q of this readout is at a constant level, which no checked cell"):
+        netlist.of_json({"modules": {"top": design}}, "top")
+
+
+def test_blif_and_spice() -> None:
+    small = Circuit("t", ("a",), ("z",), {"g0": ("inv_x0", {"nq": "z", "i": "a"})})
+    assert small.blif() == ".model t\n.inputs a\n.outputs z\n.subckt inv_x0 nq=z i=a\n.end\n"
+    assert small.spice(KNOWN, "t_r").endswith(".subckt t_r vdd vss a z\nXg0 vdd vss a z inv_x0\n.ends t_r\n.end\n")
+
+
+def test_violations_are_read_and_no_rule_is_no_check(tmp_path: Path) -> None:
+    path = tmp_path / "rules.lyrdb"
+    item = "<item><category>'m1 area'</category><values><value>polygon: (0,0;1,1)</value></values></item>"
+    rule = "<category><name>m1 area</name></category>"
+    path.write_text(f"<r><categories>{rule}{rule}</categories><items>{item}</items></r>")
+    assert checks.read_rules(path) == Rules(2, ("m1 area at polygon: (0,0;1,1)",))
+    path.write_text("<r><categories/><items/></r>")
+    with pytest.raises(Crashed, match="the rule check checked nothing"):
+        checks.read_rules(path)
+
+
+def test_the_comparison_holds_ports_to_their_names() -> None:
+    deck = checks.comparing("flat\n\n# Resistors\nextract\n\nnetlist\n\nalign\nok = compare\n")
+    assert deck.index("connect(m1, names(68))") < deck.index("extract") < deck.index("same_nets!")
+    with pytest.raises(Crashed, match="has another form"):
+        checks.comparing("flat\nalign\n")
+
+
+CLEAN = Rules(194, ())
+
+
+def made_of(*tries: Try, comparison: Comparison | None = None, proved: int = 5) -> Report:
+    return Report("toy", ReadoutConfig(), 7, TOY, 100.0, proved, 5, tries, comparison, {})
+
+
+def test_the_closing_line_and_the_problems() -> None:
+    equal = Comparison(True, 47, 82, 8)
+    good = made_of(Try(0.3, "a segment is open"), Try(0.35, "", 18.2, 18.2, CLEAN), comparison=equal)
+    assert good.closing_line() == "layout: toy, 8 cells, 18 x 18 um, 0 violations, netlist equal"
+    assert not good.problems
+    assert made_of(Try(0.3, "", 18.2, 18.2, CLEAN)).closing_line().endswith("0 violations, netlist not compared")
+    bad = made_of(Try(0.3, "", 18.2, 18.2, CLEAN), comparison=Comparison(False, 47, 82, 8, ("a / B",)), proved=4)
+    assert bad.problems == [
+        "1 of 5 points of the netlist differ from the RTL",
+        "the layout's netlist differs from the cells': a / B first",
+    ]
+    assert bad.closing_line().endswith("netlist differs")
+    failed = made_of(Try(0.3, "a segment is open"))
+    assert failed.problems == ["margin 0.30: a segment is open"]
+    assert failed.closing_line() == "layout: toy, 8 cells, not routed, netlist not compared"
+    broken = made_of(Try(0.3, "1 violations, m1 area at x", 18.2, 18.2, Rules(194, ("m1 area at x",))))
+    assert broken.problems == ["margin 0.30: 1 violations, m1 area at x"]
+    assert "1 violations" in broken.closing_line()
+
+
+def test_a_report_says_where_it_is_from() -> None:
+    said = made_of(Try(0.3, "", 20.0, 10.0, CLEAN), comparison=Comparison(True, 47, 82, 8)).to_dict("make layout")
+    assert said["command"] == "make layout"
+    assert {"commit", "date"} <= set(said)
+    assert said["utilisation"] == 0.5
+    assert said["rules"] == {"checked": 194, "violations": []}
+    assert said["comparison"]["transistors"] == 82
+    assert "coriolis-eda==2.5.4" in said["packages"]
+    assert report.command_of(ReadoutConfig(rows=2, columns=2), False) == "make layout ROWS=2 COLUMNS=2 COMPARE=0"
+
+
+def test_a_stage_is_kept_until_its_inputs_change_and_begins_anew_after_a_stop(tmp_path: Path) -> None:
+    said: list[str] = []
+
+    def make(part: Path) -> None:
+        (part / "result").write_text(str(len(said)))
+
+    def stop(part: Path) -> None:
+        (part / "half").touch()
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        Stages(tmp_path, said.append).made("place", ("a",), stop)
+    first = Stages(tmp_path, said.append).made("place", ("a",), make)
+    assert [path.name for path in first.iterdir() if path.name == "half"] == []
+    again = Stages(tmp_path, said.append)
+    assert again.made("place", ("a",), stop) == first
+    assert again.seconds == {"place": 0.0}
+    other = Stages(tmp_path, said.append).made("place", ("b",), make)
+    assert said == ["place", "place", "place: kept from an earlier run", "place"]
+    assert [path.name for path in tmp_path.iterdir()] == [other.name]
+
+
+def layout_of(folder: Path, library: Path = Path("library")) -> run.Layout:
+    return run.Layout(TOY, 250.0, library, KNOWN, Stages(folder, lambda stage: None))
+
+
+def test_margins_are_tried_until_one_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first crashes, the second leaves a segment open, the third breaks a rule."""
+    library = tmp_path / "library"
+    library.mkdir()
+    (library / "drc.drc").touch()
+
+    def place(program: str, *words: str, folder: Path) -> None:
+        assert (folder / "toy.blif").read_text() == TOY.blif()
+        if words[-1] == "0.1":
+            raise Crashed("place ended with code -11: no word")
+        said = {"routed": words[-1] != "0.2", "width_um": 1.0, "height_um": 2.0}
+        (folder / "placed.json").write_text(json.dumps(said))
+
+    def rules(gds: Path, top: str, deck: Path, folder: Path) -> None:
+        item = "<item><category>a</category></item>" if "0.30" in str(gds) else ""
+        text = f"<r><categories><category/></categories><items>{item}</items></r>"
+        (folder / "rules.lyrdb").write_text(text)
+
+    monkeypatch.setattr(environment, "run", place)
+    monkeypatch.setattr(checks, "rules", rules)
+    tries, placed = layout_of(tmp_path / "work", library).route((0.1, 0.2, 0.3, 0.4, 0.5))
+    assert [one.problem for one in tries] == [
+        "place ended with code -11: no word",
+        "a segment is open",
+        "1 violations, a at nowhere",
+        "",
+    ]
+    assert placed
+    assert placed.name.startswith("place-0.40-")
+    tries, placed = layout_of(tmp_path / "work", library).route((0.1, 0.2))
+    assert tries[-1].problem == "a segment is open"
+    assert placed is None
+
+
+def test_what_is_missing_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(environment, "VENV", tmp_path)
+
+    def said(*words: str) -> str:
+        failed = CliRunner().invoke(app, ["layout", "--rows", "2", "--columns", "2", *words])
+        assert isinstance(failed.exception, InputError)  # which the command line makes exit code 2
+        return str(failed.exception)
+
+    assert said().startswith("the layout's packages are not there; `make layout` installs them")
+    (tmp_path / ".installed").touch()
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    assert said() == "klayout not found; install with: apt-get install klayout"
+    assert said("--reset", "async").startswith("reset must be sync, not 'async'")
+    assert said("--name", "../up") == "--name must be the plain name of a folder, not '../up'"
+    assert list(tmp_path.iterdir()) == [tmp_path / ".installed"]
+
+
+# What follows needs the 0.7 GB of the layout's environment, which the gate does not install.
+try:
+    environment.check()
+    ABSENT = ""
+except InputError as error:
+    ABSENT = str(error)
+NEEDS_TOOLS = pytest.mark.skipif(bool(ABSENT), reason=ABSENT)
+
+
+@pytest.fixture(scope="module")
+def toy(tmp_path_factory: pytest.TempPathFactory) -> tuple[run.Layout, Path]:
+    """Return eight cells, placed and routed, and the folder with what came out."""
+    folder = tmp_path_factory.mktemp("toy")
+    library = run._cells(Stages(folder, lambda stage: None))
+    known = transistors.read((library / "cells.spi").read_text())
+    layout = run.Layout(TOY, 250.0, library, known, Stages(folder, lambda stage: None))
+    return layout, layout.place(1.0)
+
+
+@NEEDS_TOOLS
+def test_the_generated_cells_are_their_transistors_but_one(toy: tuple[run.Layout, Path]) -> None:
+    known = toy[0].known
+    assert len(cells.usable(known)) > 25
+    with pytest.raises(WrongCell, match="nexor2_x0"):
+        cells.usable(known, left_out=())
+
+
+@NEEDS_TOOLS
+def test_a_small_layout_is_clean_and_equal(toy: tuple[run.Layout, Path]) -> None:
+    layout, placed = toy
+    found = layout.judge(1.0, placed)
+    assert found.problem == ""
+    assert found.rules
+    assert found.rules.checked > 150
+    compared = layout.compare(placed)
+    assert compared
+    assert compared.equal
+    assert compared.ports == 7  # of eight: one is read by nothing
+    assert compared.devices == sum(len(layout.known[kind].switches) for kind, _ in TOY.cells.values())
+
+
+@NEEDS_TOOLS
+@pytest.mark.parametrize("pairs", [{"n5": "n2"}, {"a": "b", "b": "a"}], ids=["a wire moved", "two ports exchanged"])
+def test_a_broken_connection_is_found(toy: tuple[run.Layout, Path], tmp_path: Path, pairs: dict[str, str]) -> None:
+    layout, placed = toy
+    other = dict(TOY.cells)
+    for name in ("g0", "g1", "g5", "g6"):
+        kind, pins = TOY.cells[name]
+        other[name] = (kind, {pin: pairs.get(wire, wire) for pin, wire in pins.items()})
+    circuit = Circuit(TOY.top, TOY.inputs, TOY.outputs, other)
+    broken = run.Layout(circuit, 250.0, layout.library, layout.known, Stages(tmp_path, lambda stage: None))
+    compared = broken.compare(placed)
+    assert compared
+    assert not compared.equal
+    assert compared.differ
+
+
+@NEEDS_TOOLS
+def test_a_broken_rule_is_found(toy: tuple[run.Layout, Path], tmp_path: Path) -> None:
+    layout, placed = toy
+    narrow = (
+        "import klayout.db as db, sys; y = db.Layout(); y.read(sys.argv[1]); "
+        "y.top_cell().shapes(y.layer(70, 20)).insert(db.DBox(5, 5, 9, 5.1)); y.write(sys.argv[2])"
+    )
+    gds = tmp_path / f"{layout.top}.gds"
+    words = [str(environment.python()), "-I", "-c", narrow, str(placed / gds.name), str(gds)]
+    subprocess.run(words, check=True)
+    shutil.copy(placed / "placed.json", tmp_path)
+    other = run.Layout(TOY, 250.0, layout.library, layout.known, Stages(tmp_path / "work", lambda stage: None))
+    found = other.judge(1.0, tmp_path)
+    assert found.rules
+    assert found.rules.violations
+    assert {one.partition(" at ")[0] for one in found.rules.violations} <= {"m3 width", "m3 area"}
+    assert "violations, m3" in found.problem
+
+
+@NEEDS_TOOLS
+def test_an_open_segment_is_found(
+    toy: tuple[run.Layout, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A router that may try next to nothing leaves some."""
+    layout, _ = toy
+    plain = environment.run
+    monkeypatch.setattr(environment, "run", lambda *words, **named: plain(*words, "1", **named))
+    hurried = run.Layout(TOY, 250.0, layout.library, layout.known, Stages(tmp_path, lambda stage: None))
+    tries, placed = hurried.route((1.0,))
+    assert tries[-1].problem == "a segment is open"
+    assert placed is None
