@@ -12,7 +12,7 @@ from model.cli.app import printable
 from model.cli.progress import bar
 from model.cli.tables import new_table, show
 from model.errors import InputError
-from model.files import check_writable, read_json, write_json
+from model.files import check_writable, origin, read_json, write_json
 from snn.commands.options import DatasetName, check_device
 from snn.commands.robustness import trained_files
 from snn.commands.sweep import command_line
@@ -197,7 +197,7 @@ def precision(
     """Accuracy of trained networks as whole numbers of few bits, by the integer model of the hardware."""
     from snn.experiments.robustness import Subject
     from snn.figures.precision import plot_precision
-    from snn.studies.precision import in_precisions, parse_variants, points_of
+    from snn.studies.precision import in_precisions, parse_variants, points_of, tests_of
 
     asked = parse_variants(variants)
     check_device("cpu", 1)
@@ -206,8 +206,10 @@ def precision(
     for name in ("precision.json", "precision.png"):
         check_writable(out / name)
     with bar("networks", len(subjects)) as step:
-        points = points_of(in_precisions(subjects, asked, out, step))
-    write_json(out / "precision.json", {"command": command_line(context), "points": points})
+        cells = in_precisions(subjects, asked, out, step)
+    points = points_of(cells)
+    result = origin(command_line(context)) | {"tests": tests_of(cells), "points": points}
+    write_json(out / "precision.json", result)
     plot_precision(points, out / "precision.png")
     _print_precision(points)
     print(printable(f"result: {out / 'precision.json'}, picture: {out / 'precision.png'}"))

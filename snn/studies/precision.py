@@ -131,7 +131,8 @@ def _operations_hz(made: IntegerNetwork, counts: NDArray[Any], rate: float, bin_
 def points_of(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return a point for every network and variant: accuracy with its intervals, what it takes, and all answers.
 
-    ``within`` is the part of the images that have the answer of the float network.
+    ``within`` is the part of the images that have the answer of the float network; ``predicted`` has a word for each
+    of the ``tests_of`` the network.
     """
     found = []
     for network in dict.fromkeys(cell["network"] for cell in cells):
@@ -152,14 +153,18 @@ def points_of(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
                     "images": len(right),
                     "seeds": right.shape[1],
                     **{name: max(one[name] for one in takes) for name in takes[0]},
-                    "answers": [
-                        {name: cell[name] for name in ("fold", "seed", "images")}
-                        | {"labels": as_word(cell["labels"])}
-                        | {"predicted": as_word(cell["answers"][variant]["predicted"])}
-                        for cell in own
-                    ],
+                    "predicted": [as_word(cell["answers"][variant]["predicted"]) for cell in own],
                 }
             )
+    return found
+
+
+def tests_of(cells: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+    """Return by network what its trainings were tested on."""
+    found: dict[str, list[dict[str, Any]]] = {}
+    for cell in cells:
+        about = {name: cell[name] for name in ("fold", "seed", "images")}
+        found.setdefault(cell["network"], []).append(about | {"labels": as_word(cell["labels"])})
     return found
 
 

@@ -75,7 +75,8 @@ def test_answers_are_those_of_the_integer_model_and_are_kept(
     network = quantise(load_weights(Path("nets/a/fold-0/weights.npz")), precision).network
     data = subject.experiment.data()
     point = content["points"][2]
-    assert point["answers"][0]["predicted"] == "".join(map(str, integer_classes(network, data, subject.images)))
+    assert content["tests"]["a"][0]["images"] == subject.images.tolist()
+    assert point["predicted"][0] == "".join(map(str, integer_classes(network, data, subject.images)))
     assert (point["memory_bits"], point["membrane_bits"]) == (network.config.memory_bits, 12)
 
     before = (tmp_path / "out" / "a-fold-0-seed-0.json").stat().st_mtime_ns
