@@ -34,6 +34,8 @@ class Course:
         The clocks in which upsets happen, counted with those of reset, ``last`` not among them.
     answer : int
         The clock from which on all that differs is lasting.
+    ticks : ndarray of int, shape (ticks + 1,)
+        The beginning of the run, and the sample ticks before ``last``.
     """
 
     stimulus: Stimulus
@@ -41,6 +43,7 @@ class Course:
     first: int
     last: int
     answer: int
+    ticks: NDArray[np.int64]
 
 
 def course(config: ReadoutConfig, calm: bool, slow: int = 0, seed: int = 0) -> Course:
@@ -87,7 +90,8 @@ def course(config: ReadoutConfig, calm: bool, slow: int = 0, seed: int = 0) -> C
         ready=ready,
         ack_delay=np.array([ACK_QUANTA * slow + 1], np.int64),
     )
-    return Course(stimulus, inputs_of(config, stimulus), RESET, RESET + end, RESET + end + 3 * pause)
+    ticks_at = np.array([0, *(RESET + clock for clock in clocks if clock < end)])
+    return Course(stimulus, inputs_of(config, stimulus), RESET, RESET + end, RESET + end + 3 * pause, ticks_at)
 
 
 def clocks_per_event(config: ReadoutConfig, slow: int) -> int:

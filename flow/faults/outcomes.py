@@ -37,6 +37,8 @@ class Upset:
         One of ``CLASSES``.
     own_clocks, other_clocks : int
         From the upset to the last clock in which events of its own taxel, or of others, differ; -1 if none does.
+    ticks : int
+        Sample ticks from the upset to the last that others answer by other events; -1 where they never do.
     lost, added : int
         Events of others that are missing, and that are too many; a wrong address is both.
     """
@@ -46,6 +48,7 @@ class Upset:
     outcome: str
     own_clocks: int
     other_clocks: int
+    ticks: int
     lost: int
     added: int
 
@@ -115,13 +118,23 @@ def _judged(
     own_last, other_last = _last(differs & of_own), _last(differs & of_others)
     more = _counted(config, runs) - _counted(config, good)
     others = np.where(np.arange(len(more))[:, None] >> 1 == own, 0, more)
+    answers = _answers(config, runs, played) != _answers(config, good, played)
+    odd = (answers & (np.arange(len(more))[:, None, None] >> 1 != own)).any(axis=0)
+    since = np.searchsorted(played.ticks, [clock for clock, _ in part], side="right") - 1
+    ticks = np.where(odd.any(axis=0), _last(odd) - since, -1)
     lasting = np.abs(_counted(config, runs[played.answer :]) - _counted(config, good[played.answer :]))
     never = lasting.max(axis=0) > slack(config)
     for lane, (name, (clock, _)) in enumerate(zip(names, part, strict=True)):
         lost, added = int(-others[:, lane].clip(max=0).sum()), int(others[:, lane].clip(min=0).sum())
         outcome = 4 if never[lane] else 3 if lost or added else 2 if other_last[lane] >= 0 else int(own_last[lane] >= 0)
         own_clocks, other_clocks = (max(int(last[lane]) - clock, -1) for last in (own_last, other_last))
-        yield Upset(name, clock, CLASSES[outcome], own_clocks, other_clocks, lost, added)
+        yield Upset(name, clock, CLASSES[outcome], own_clocks, other_clocks, int(ticks[lane]), lost, added)
+
+
+def _answers(config: ReadoutConfig, codes: NDArray[np.int16], played: Course) -> NDArray[np.int64]:
+    """Return how many events of each taxel and polarity follow each sample tick, shape (2 * taxels, ticks, runs)."""
+    codes = codes[: played.last]
+    return np.stack([np.add.reduceat(codes == kind, played.ticks, axis=0) for kind in range(2 * config.taxels)])
 
 
 def slack(config: ReadoutConfig) -> int:

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from flow.faults.cases import cases
-from flow.faults.course import gap_of
 from flow.faults.outcomes import CLASSES, Upset, upsets
-from flow.faults.plan import Trial, longest_clocks, most_changed
+from flow.faults.plan import Trial, most_changed, most_ticks
 from model.config import ReadoutConfig
 from model.files import origin, write_json
 
@@ -24,7 +23,7 @@ class Tally:
     ----------
     outcomes : Counter of str
     flops : set of str
-    own_clocks, other_clocks, lost, added : int
+    own_clocks, other_clocks, ticks, lost, added : int
         The most of any upset, see ``Upset``.
     """
 
@@ -32,6 +31,7 @@ class Tally:
     flops: set[str] = field(default_factory=set)
     own_clocks: int = -1
     other_clocks: int = -1
+    ticks: int = -1
     lost: int = 0
     added: int = 0
 
@@ -39,7 +39,7 @@ class Tally:
         """Count an upset."""
         self.outcomes[upset.outcome] += 1
         self.flops.add(upset.flop)
-        for name in ("own_clocks", "other_clocks", "lost", "added"):
+        for name in ("own_clocks", "other_clocks", "ticks", "lost", "added"):
             setattr(self, name, max(getattr(self, name), getattr(upset, name)))
 
 
@@ -52,9 +52,9 @@ def problems_of(trial: Trial, upset: Upset) -> str:
     most = most_changed(trial.config, upset.block)
     if max(upset.lost, upset.added) > most:
         return f"{upset.lost} events of others lost and {upset.added} added, {most} stated"
-    longest = longest_clocks(trial.config, upset.block, gap_of(trial.config, True, trial.slow))
-    if longest is not None and upset.other_clocks > longest:
-        return f"seen for {upset.other_clocks} clocks, {longest} stated"
+    longest = most_ticks(upset.block)
+    if longest is not None and upset.ticks > longest:
+        return f"others answer {upset.ticks} ticks later by other events, {longest} stated"
     return ""
 
 
@@ -79,6 +79,7 @@ def _line(trial: Trial, block: str, tally: Tally) -> dict[str, Any]:
         **{name: tally.outcomes[name] for name in CLASSES},
         "own clocks": tally.own_clocks,
         "other clocks": tally.other_clocks,
+        "ticks": tally.ticks,
         "lost": tally.lost,
         "added": tally.added,
     }

@@ -65,12 +65,12 @@ def test_a_link_that_an_upset_stops_for_good_is_found() -> None:
 
 def test_what_goes_beyond_what_is_stated_is_a_problem() -> None:
     trial = Trial(HANDSHAKE, calm=True)
-    taxel = Upset("row_0.taxel_1.pending", 9, "others changed", 3, 3, 0, 1)
+    taxel = Upset("row_0.taxel_1.pending", 9, "others changed", 3, 3, 0, 0, 1)
     assert problems_of(trial, taxel) == "0 events of others lost and 1 added, 0 stated"
-    link = Upset("link.setup", 9, "others changed", -1, 1000, 1, 0)
-    assert problems_of(trial, link) == "seen for 1000 clocks, 360 stated"
+    link = Upset("link.setup", 9, "others changed", -1, 1000, 2, 1, 0)
+    assert problems_of(trial, link) == "others answer 2 ticks later by other events, 1 stated"
     assert problems_of(Trial(HANDSHAKE, calm=False), link) == ""
-    gone = Upset("link.setup", 9, CLASSES[-1], -1, 1000, 1, 0)
+    gone = Upset("link.setup", 9, CLASSES[-1], -1, 1000, 2, 1, 0)
     assert problems_of(Trial(HANDSHAKE, calm=False), gone) == "never recovers"
 
 
