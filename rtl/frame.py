@@ -17,7 +17,8 @@ class FrameSequencer(Block[FrameConfig]):
     """Puts one taxel after the other to the ADC and hands on its codes.
 
     One-hot rings, shifted once a conversion, drive the switches: flops, so they cannot glitch. A conversion starts only
-    while no sample waits, so there is always room for its code and the ADC need not hold it.
+    while no sample waits, so there is always room for its code and the ADC need not hold it. No upset of a flop stops
+    it for good: a ring that has lost its bit ends its row or frame, and two flops say that a conversion is under way.
 
     Latency: ``frame_start`` at clock t, first ``adc_start`` at t + 1 + settle_clocks. Throughput: one taxel in
     settle_clocks + 1 + conversion clocks.
@@ -64,6 +65,7 @@ class FrameSequencer(Block[FrameConfig]):
         column = Signal(self.config.columns)
         scanning = Signal()
         converting = Signal()
+        started, resting = Signal(), Signal(init=1)
         settling = Signal(range(self.config.settle_clocks + 1))
         held = Signal()
         overrun = Signal()
@@ -71,12 +73,13 @@ class FrameSequencer(Block[FrameConfig]):
         code = Signal(self.config.resolution)
 
         taken = Signal()
-        row_ends = column[-1]
-        frame_ends = row[-1] & row_ends
+        row_ends = ~column[:-1].any()
+        frame_ends = row_ends & ~row[:-1].any()
         m.d.comb += [
             self.row_select.eq(row),
             self.column_select.eq(column),
             self.adc_start.eq(scanning & ~converting & (settling == 0) & ~held),
+            converting.eq(started & ~resting),  # one of them alone would be waited for, and no code would come
             taken.eq(converting & self.adc_done),
             self.sample_valid.eq(held),
             self.sample_code.eq(code),
@@ -96,9 +99,10 @@ class FrameSequencer(Block[FrameConfig]):
 
         with m.If(~scanning), m.If(self.frame_start):
             m.d.sync += [scanning.eq(1), row.eq(1), column.eq(1), settling.eq(self.config.settle_clocks)]
+            m.d.sync += Cat(started, resting).eq(0b10)
         with m.Elif(taken):
             m.d.sync += [
-                converting.eq(0),
+                Cat(started, resting).eq(0b10),
                 settling.eq(self.config.settle_clocks),
                 scanning.eq(~frame_ends),
                 column.eq(Cat(row_ends & ~frame_ends, column[:-1])),
@@ -106,7 +110,7 @@ class FrameSequencer(Block[FrameConfig]):
             with m.If(row_ends):
                 m.d.sync += row.eq(Cat(Const(0, 1), row[:-1]))
         with m.Elif(self.adc_start):
-            m.d.sync += converting.eq(1)
+            m.d.sync += Cat(started, resting).eq(0b01)
         with m.Elif(settling != 0):
             m.d.sync += settling.eq((settling - 1)[: len(settling)])
         return m

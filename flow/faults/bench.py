@@ -26,6 +26,8 @@ from model.config import ReadoutConfig
 from rtl.block import Block, Netlist
 
 TOP, DUT = "bench", "dut"
+ADC_CLOCKS = 3
+"""Clocks from the start of a conversion to its code."""
 
 
 class Bench(Elaboratable):
@@ -59,7 +61,7 @@ class Bench(Elaboratable):
             if not inward:
                 self.outputs.append(port)
         setattr(m.submodules, DUT, Instance(self.block.module_name, **wires))
-        driven = self._receiver(m, inner) | self._comparators(m, inner)
+        driven = self._receiver(m, inner) | self._comparators(m, inner) | self._converter(m, inner)
         for name, member in self.block.signature.members.items():
             if member.flow is wiring.In and name not in driven:
                 m.d.comb += inner[name].eq(self._input(name, len(inner[name])))
@@ -87,6 +89,23 @@ class Bench(Elaboratable):
         high, turned = self._input("ack_high", 1), self._input("ack_turned", 1)
         m.d.comb += inner["aer_ack"].eq((ack | high) ^ turned)
         return {"aer_ack"}
+
+    def _converter(self, m: Module, inner: dict[str, Value]) -> set[str]:
+        """Add an ADC: each start gives a code once, some clocks later, made of the taxel and the input ``salt``."""
+        if "adc_start" not in inner:
+            return set()
+        left, code = Signal(range(ADC_CLOCKS + 1)), Signal(len(inner["adc_code"]))
+        salt = self._input("salt", len(code))
+        lines = Cat(inner["row_select"], inner["column_select"])
+        with m.If(inner["adc_start"]):
+            m.d.sync += [
+                left.eq(ADC_CLOCKS),
+                code.eq(salt + sum(Mux(line, place, 0) for place, line in enumerate(lines))),
+            ]
+        with m.Elif(left != 0):
+            m.d.sync += left.eq(left - 1)
+        m.d.comb += [inner["adc_done"].eq(left == 1), inner["adc_code"].eq(code)]
+        return {"adc_done", "adc_code"}
 
     def _comparators(self, m: Module, inner: dict[str, Value]) -> set[str]:
         """Add ideal comparators, which look at the signal that the last sample tick brought."""

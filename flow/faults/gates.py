@@ -110,7 +110,7 @@ def _names(module: dict[str, Any], places: dict[int, str]) -> dict[int, str]:
     for name, net in module["netnames"].items():
         for number, bit in enumerate(net["bits"]):
             place = places.get(bit)
-            if place is not None and not net["hide_name"] and name.startswith(place):
+            if place is not None and not net["hide_name"] and "$" not in name and name.startswith(place):
                 said = f"{name}[{number}]" if len(net["bits"]) > 1 else name
                 found[bit] = min(found.get(bit, (99, "")), (name.count("."), said))
     return {bit: found[bit][1] if bit in found else f"{place}flop {bit}" for bit, place in places.items()}

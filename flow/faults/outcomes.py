@@ -56,6 +56,8 @@ class Upset:
     def block(self) -> str:
         """The block that the flop is in."""
         place = self.flop.rpartition(".")[0]
+        if place in ("sequencer", "packer"):
+            return "frame_readout"
         return "window" if place.endswith(".window") else "taxel" if TAXEL.match(self.flop) else place or "readout"
 
 

@@ -8,11 +8,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from flow.faults import frames
 from flow.faults.cases import cases
 from flow.faults.outcomes import CLASSES, Upset, upsets
 from flow.faults.plan import Trial, most_changed, most_ticks
 from model.config import ReadoutConfig
 from model.files import origin, write_json
+from model.frame_config import FrameConfig
 
 
 @dataclass
@@ -62,11 +64,17 @@ def run(trial: Trial) -> tuple[list[dict[str, Any]], list[str]]:
     """Run a trial; return a line for every block, and what went beyond what is stated."""
     tallies: dict[str, Tally] = {}
     problems: list[str] = []
-    for upset in upsets(trial.config, trial.calm, trial.slow, trial.stride):
+    for upset in _upsets(trial):
         tallies.setdefault(upset.block, Tally()).add(upset)
         if wrong := problems_of(trial, upset):
             problems.append(f"{trial.name}: {upset.flop} turned at clock {upset.clock}: {wrong}")
     return [_line(trial, block, tally) for block, tally in sorted(tallies.items())], problems
+
+
+def _upsets(trial: Trial) -> Iterator[Upset]:
+    if isinstance(trial.config, FrameConfig):
+        return frames.upsets(trial.config, trial.stride)
+    return upsets(trial.config, trial.calm, trial.slow, trial.stride)
 
 
 def _line(trial: Trial, block: str, tally: Tally) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from flow.__main__ import app
+from flow.faults import frames
 from flow.faults.bench import bench_gates
 from flow.faults.cases import ack_never_falls, cases
 from flow.faults.outcomes import CLASSES, UnlikeModel, Upset, upsets
@@ -61,6 +62,32 @@ def test_a_link_that_an_upset_stops_for_good_is_found() -> None:
     never = {upset.flop for upset in found if upset.outcome == "never recovers"}
     assert {"link.idle", "link.aer_req"} <= never  # lost itself, or the handshake that would bring it back
     assert not any(u.outcome == "never recovers" for u in upsets(HANDSHAKE, calm=True, stride=9, flops="link"))
+
+
+FRAMES = trials(small=True)[-1]
+
+
+def test_a_frame_readout_is_right_again_after_two_frames() -> None:
+    (line,), problems = run(FRAMES)
+    assert problems == []
+    assert line["block"] == "frame_readout"
+    assert line["never recovers"] == 0
+    assert line["others changed"] > line["others moved"] > 0
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("row_ends = ~column[:-1].any()", "row_ends = column[-1]"),
+        ("row_ends & ~row[:-1].any()", "row_ends & row[-1]"),
+        ("converting.eq(started & ~resting),", "converting.eq(started),"),
+        ("            m.d.sync += Cat(started, resting).eq(0b10)\n", ""),
+    ],
+)
+def test_a_frame_readout_that_an_upset_stops_for_good_is_found(old: str, new: str) -> None:
+    with planted(Mutant("stops", "frame", old, new)):
+        found = list(frames.upsets(FRAMES.config, stride=9, flops="sequencer"))  # type: ignore[arg-type]
+    assert any(upset.outcome == "never recovers" for upset in found)
 
 
 def test_what_goes_beyond_what_is_stated_is_a_problem() -> None:
