@@ -47,7 +47,7 @@ def test_files_are_clean_complete_and_agree(config: FrameConfig, tmp_path: Path)
     assert lint(tmp_path / f"{TOP}.v") == ""
 
     text = (tmp_path / f"{TOP}.v").read_text()
-    blocks = re.findall(r"always @\(([^)]*)\)\s+if \(rst(?: \| [^\n]*)?\) (\w+) <= \d+'[hs]*0+;", text)
+    blocks = re.findall(r"always @\(([^)]*)\)\s+if \(rst(?: \| [^\n]*)?\) (\w+) <= \d+'[hs]*[0-9a-f]+;", text)
     assert len(blocks) == len(re.findall(r"^  (?:output )?reg ", text, re.MULTILINE)) == text.count("always") > 10
     edges = {"posedge clk"} if config.reset == "sync" else {"posedge clk, posedge rst"}
     assert {edge for edge, *_ in blocks} == edges

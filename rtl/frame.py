@@ -65,7 +65,8 @@ class FrameSequencer(Block[FrameConfig]):
         column = Signal(self.config.columns)
         scanning = Signal()
         converting = Signal()
-        started, resting = Signal(), Signal(init=1)
+        started = Signal()
+        resting = Signal(init=1)
         settling = Signal(range(self.config.settle_clocks + 1))
         held = Signal()
         overrun = Signal()
@@ -73,12 +74,14 @@ class FrameSequencer(Block[FrameConfig]):
         code = Signal(self.config.resolution)
 
         taken = Signal()
-        row_ends = ~column[:-1].any()
-        frame_ends = row_ends & ~row[:-1].any()
+        row_ends = Signal()
+        frame_ends = Signal()
         m.d.comb += [
             self.row_select.eq(row),
             self.column_select.eq(column),
             self.adc_start.eq(scanning & ~converting & (settling == 0) & ~held),
+            row_ends.eq(~column[:-1].any()),
+            frame_ends.eq(row_ends & ~row[:-1].any()),
             converting.eq(started & ~resting),  # one of them alone would be waited for, and no code would come
             taken.eq(converting & self.adc_done),
             self.sample_valid.eq(held),

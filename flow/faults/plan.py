@@ -59,11 +59,11 @@ def trials(small: bool = False) -> list[Trial]:
         leaky.replace(frontend="analog", decide_every="sample"),
         FEW.replace(sample_bits=12, resolution=6),
     ]
-    found = [Trial(config, calm, stride=4 if config.rows == 3 else 2) for config in stream for calm in (True, False)]
+    found = [Trial(config, calm, stride=7 if config.rows == 3 else 5) for config in stream for calm in (True, False)]
     for calm in (True, False):
-        found += [Trial(handshake, calm, 0, 5), Trial(handshake, calm, 3, 11)]
-        found += [Trial(closing.replace(link="four_phase"), calm, 0, 11)]
-    return [*found, *(Trial(config, True) for config in frames())]
+        found += [Trial(handshake, calm, 0, 11), Trial(handshake, calm, 3, 31)]
+        found += [Trial(closing.replace(link="four_phase"), calm, 0, 31)]
+    return [*found, *(Trial(config, True, stride=3) for config in frames())]
 
 
 def frames() -> list[FrameConfig]:

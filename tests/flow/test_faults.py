@@ -78,7 +78,7 @@ def test_a_frame_readout_is_right_again_after_two_frames() -> None:
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        ("row_ends = ~column[:-1].any()", "row_ends = column[-1]"),
+        ("row_ends.eq(~column[:-1].any())", "row_ends.eq(column[-1])"),
         ("row_ends & ~row[:-1].any()", "row_ends & row[-1]"),
         ("converting.eq(started & ~resting),", "converting.eq(started),"),
         ("            m.d.sync += Cat(started, resting).eq(0b10)\n", ""),
