@@ -1,7 +1,7 @@
 """Program of the layout's own environment: place and route a netlist with Coriolis, in the working folder.
 
-``python place.py TECHNOLOGY NAME MARGIN`` reads NAME.blif and pins.json, and leaves NAME_r.gds, NAME_r_export.def and
-placed.json. It imports nothing of the project.
+``python place.py TECHNOLOGY NAME MARGIN [STEPS]`` reads NAME.blif and pins.json, and leaves NAME_r.gds,
+NAME_r_export.def and placed.json. It imports nothing of the project.
 """
 
 # mypy: ignore-errors
@@ -28,6 +28,9 @@ PITCHES_UM = {"m1": 0.46, "m2": 0.51}
 
 NO_DIODES_UM = 1e5
 """Wires up to this length get no diode against what they collect while they are etched."""
+
+STEPS = 4000000
+"""Of the router before it gives up."""
 
 FILLERS = "tie,tie_w2,tie_w4"
 """Between the cells: contacts of the wells, without transistors, which the netlist would lack."""
@@ -56,7 +59,7 @@ def main() -> None:
         cfg.etesian.feedNames = FILLERS
         cfg.etesian.antennaGateMaxWL = u(NO_DIODES_UM)
         cfg.anabatic.topRoutingLayer = TOP_LAYER
-        cfg.katana.eventsLimit = 4000000
+        cfg.katana.eventsLimit = int(sys.argv[4]) if len(sys.argv) > 4 else STEPS
     CRL.AllianceFramework.get().getEnvironment().setCLOCK("^clk$")
     from coriolis.plugins.block.block import Block
     from coriolis.plugins.block.configuration import BlockConf, IoPin
