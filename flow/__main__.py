@@ -203,6 +203,7 @@ def power(
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for the results, JSON")] = Path("out/gatepower"),
 ) -> None:
     """Power of gated netlists from what they do in simulation, without and with wires, computed in two ways."""
+    from flow.asic.report import words_of
     from flow.power.bench import Mismatch
     from flow.power.measure import Disagreement
     from flow.power.results import designs, write
@@ -212,10 +213,10 @@ def power(
     chosen: dict[str, ReadoutConfig | FrameConfig] = {str(config.encoding): config}
     if three:
         chosen = designs(config)
-    words = [f"LIB={path.name}" for path in lib] + ["THREE=1"] * three
+    words = [*(f"LIB={path.name}" for path in lib), *words_of(config), *["THREE=1"] * three]
     heads = ("readout", "library", "wires", "idle nW", "leakage nW", "pJ an event", "lone", "texture", "OpenSTA/tables")
     table = new_table(heads, "Power of the logic: per taxel, and per event beside that")
-    said = origin(" ".join(["make gatepower", f"ROWS={config.rows} COLUMNS={config.columns}", *words]))
+    said = origin(" ".join(["make gatepower", *words]))
     try:
         for path in lib:
             write(chosen, path, out, said, lambda result: table.add_row(*_power_row(result)))

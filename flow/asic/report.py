@@ -177,13 +177,18 @@ def name_of(config: Config, library: Library) -> str:
 def command_of(config: Config, corners: dict[str, Path], power: bool = True) -> str:
     """Return the command line of a run: what differs from the defaults, libraries by the names of their files."""
     readout = readout_of(config)
-    plain = ReadoutConfig().to_dict()
     words = ["make asic", *(["READOUT=frame"] if readout is not config else [])]
     for corner, path in corners.items():
         words.append(f"{'LIB' if corner == 'typical' else corner.upper()}={path.name}")
-    words += [f"{name.upper()}={value}" for name, value in readout.to_dict().items() if value != plain[name]]
+    words += words_of(readout)
     words += [] if power else ["POWER=0"]
     return " ".join(words)
+
+
+def words_of(config: ReadoutConfig) -> list[str]:
+    """Return what differs from the defaults, as variables of make."""
+    plain = ReadoutConfig().to_dict()
+    return [f"{name.upper()}={value}" for name, value in config.to_dict().items() if value != plain[name]]
 
 
 def run(

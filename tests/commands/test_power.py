@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -254,6 +255,22 @@ def test_the_data_in_the_documentation_are_of_this_model(name):
     }[name]()
     assert _numbers(kept) == pytest.approx(_numbers(json.loads(json.dumps(fresh))), rel=1e-9)
     assert (DOCS / "figures" / f"{name}.png").is_file()
+
+
+@pytest.mark.parametrize("library", ["ihp", "osu"])
+def test_fig6_with_measured_logic_is_that_of_the_netlists_in_the_documentation(library):
+    folder = DOCS / "data" / "asic"
+    process = {"ihp": "sg13g2", "osu": "osu018"}[library]
+    gates = {}
+    for readout in ("lcs", "nlcs", "frame"):
+        kind = readout if readout == "frame" else f"{readout}-analog"
+        paths = [*folder.glob(f"gatepower/{kind}-*-{process}*.json"), *folder.glob(f"{kind}-8x8-{library}.json")]
+        without_wires = [one for one in (json.loads(path.read_text()) for path in paths) if one.get("pitch_um") == 0]
+        gates[readout] = SynthesisReport.from_dict(without_wires[-1])
+    models = {mode: dataclasses.replace(model, gates=gates) for mode, model in MODELS.items()}
+    kept = json.loads((folder / library / "fig6.json").read_text())
+    assert _numbers(kept) == pytest.approx(_numbers(json.loads(json.dumps(fig6_data(models)))), rel=1e-9)
+    assert (DOCS / "figures" / library / "fig6.png").is_file()
 
 
 def _numbers(data: object) -> list[float]:

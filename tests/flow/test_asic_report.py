@@ -98,6 +98,43 @@ def test_a_report_without_power_says_why(unpowered: Report, monkeypatch: pytest.
 
 
 @NEEDS_STA
+def test_each_check_that_fails_is_a_sentence(unpowered: Report) -> None:
+    proof, timing = unpowered.equivalence, unpowered.timing["typical"]
+    wrong = dataclasses.replace(
+        unpowered,
+        structure=dataclasses.replace(unpowered.structure, without_reset=("row_0.wild_reg",)),
+        equivalence=dataclasses.replace(proof, proved=proof.of - 1, unproved=("event_valid",)),
+        timing={
+            "typical": dataclasses.replace(timing, complaints=("aer_ack has no constraint", "more")),
+            "slow": dataclasses.replace(timing, setup_slack_s=-2e-9),
+        },
+    )
+    assert wrong.problems == [
+        "row_0.wild_reg has no reset",
+        "1 points differ from the RTL, event_valid first",
+        "typical: aer_ack has no constraint",
+        "slow: the setup slack is -2 ns at the clock of the readout",
+    ]
+    empty = dataclasses.replace(proof, proved=proof.flops, of=proof.flops, unproved=())
+    assert dataclasses.replace(unpowered, equivalence=empty).problems == ["0 points differ from the RTL, nothing first"]
+    apart = {"gate_level_events": {"netlist": 0, "rtl": 0}, "difference": "OpenSTA and the tables differ"}
+    assert dataclasses.replace(unpowered, more=apart, unmeasured="").problems == ["OpenSTA and the tables differ"]
+
+
+@NEEDS_STA
+@NEEDS_ICARUS
+def test_a_library_without_an_integrated_gate_does_for_a_leaking_taxel_too(tmp_path: Path) -> None:
+    path = tmp_path / "own.lib"
+    path.write_text(quill.library(without=("SLUMBER",)))
+    config = ReadoutConfig(rows=1, columns=2, encoding="nlcs", frontend="analog", link="four_phase")
+    found = run(config, {"typical": path}, "leaky", lambda _: None)
+    assert found.problems == []
+    assert found.more["gate_level_events"]["netlist"] > 10
+    assert (found.more["readout"], found.more["leak"]) == ("nlcs", "digital")
+    assert found.more["with_wires"]["energy_per_event_j"] > found.more["energy_per_event_j"] > 0
+
+
+@NEEDS_STA
 @NEEDS_ICARUS
 def test_an_event_that_the_netlist_loses_is_a_problem(unpowered: Report, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = EventMonitor.read
