@@ -7,6 +7,7 @@ A command is a function in a module that imports numba, scipy and matplotlib onl
 from __future__ import annotations
 
 from model.cli.app import make_app, run
+from model.commands.board import listen, load, play, rescue
 from model.commands.compare import compare
 from model.commands.encode import decode, encode
 from model.commands.event_rates import event_rates
@@ -33,6 +34,10 @@ for command in (
     frames,
     study,
     report,
+    play,
+    listen,
+    load,
+    rescue,
 ):
     app.command()(command)
 

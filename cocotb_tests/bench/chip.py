@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cocotb_tests.bench.readout import Bench, Mismatch
+from model.classifier.chip import channels_of, clocks_of, events_of
 from model.classifier.chip_config import ChipConfig
 from model.classifier.config import ClassifierConfig
 from model.classifier.file import neuron_image, weight_image
 from model.classifier.network import IntegerNetwork
-from model.classifier.run import ClassifierRun, work_clocks
+from model.classifier.run import ClassifierRun
 from model.classifier.run import simulate as simulate_classifier
-from model.events.address import EVENT_DTYPE, Events, taxel_of
+from model.events.address import Events
 
 if TYPE_CHECKING:  # importing it would compile the model in every simulator
     from model.readout import Stimulus
@@ -75,12 +76,7 @@ class ChipRun:
 
     def events(self, config: ChipConfig) -> Events:
         """Return the events with the addresses that their channels stand for."""
-        readout = config.readout
-        found = np.empty(len(self.taken), EVENT_DTYPE)
-        taxel = self.channel % readout.taxels
-        found["t"], found["y"], found["x"] = self.taken, taxel // readout.columns, taxel % readout.columns
-        found["p"] = self.channel < readout.taxels
-        return found
+        return events_of(config, self.taken, self.channel)
 
 
 class ChipBench:
@@ -141,23 +137,6 @@ class ChipBench:
         recorded["valid"] = np.array([line[0] for line in run.classes])
         recorded["evidence"] = np.array([line[-1] for line in run.classes])
         return found, recorded
-
-
-def clocks_of(config: ChipConfig, ticks: int) -> tuple[int, int]:
-    """Return the whole bins of a scan of so many sample ticks, and the clocks until the class of the last is there.
-
-    These end before the next bin does, so that the class is that of the scan.
-    """
-    classifier = config.classifier
-    bins = ticks * config.readout.clocks_per_sample // classifier.clocks_per_bin
-    work = work_clocks(classifier, classifier.hidden, classifier.hidden) + classifier.groups + 8
-    return bins, bins * classifier.clocks_per_bin + min(work, classifier.clocks_per_bin - 1)
-
-
-def channels_of(config: ChipConfig, events: Events) -> NDArray[np.int64]:
-    """Return the channel of every event: row * columns + column, behind all taxels for OFF events kept apart."""
-    off = config.readout.taxels if config.polarity else 0
-    return taxel_of(events, config.readout) + np.where(events["p"], 0, off)
 
 
 def counts_of(config: ChipConfig, events: Events, whole: int) -> NDArray[np.int64]:

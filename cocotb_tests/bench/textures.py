@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import functools
-import math
 
 import numpy as np
 from numpy.typing import NDArray
 
+from model.board.material import large_enough
 from model.config import ReadoutConfig
 from model.textures.dataset import embedded_dataset
 from model.textures.physical import PhysicalScan
@@ -20,15 +20,6 @@ def scan(rows: int, columns: int, sample_bits: int, number: int) -> NDArray[np.i
     dataset = embedded_dataset()
     samples, _ = PhysicalScan().samples(config, large_enough(dataset[number % len(dataset)].load(), config))
     return samples
-
-
-def large_enough(image: NDArray[np.uint8], config: ReadoutConfig) -> NDArray[np.uint8]:
-    """Return an embedded texture, repeated where the array is larger than it: half its width is left for the scan."""
-    pitch = PhysicalScan().taxel_pitch_px
-    height = math.ceil(config.rows * pitch) + 1
-    width = math.ceil(config.columns * pitch) + image.shape[1] // 2
-    repeats = (-(-height // image.shape[0]), -(-width // image.shape[1]))
-    return np.tile(image, repeats)
 
 
 def random_scan(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> NDArray[np.int64]:

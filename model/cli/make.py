@@ -114,6 +114,11 @@ TARGETS = {
         defaults={"ROWS": "2", "COLUMNS": "2"},
         apart="layout",
     ),
+    "fpga": Target(
+        "bitstream of a board: clock, LUTs, memory, routed [BOARD=ulx3s WEIGHTS= RECEIVER=1 ALONE=8 OUT=]",
+        "flow fpga",
+        ("fpga",),
+    ),
     "formal": Target(
         "prove what the RTL promises, block by block [BLOCK= SMALL=1 MUTANTS=1 OUT=]",
         "flow formal",

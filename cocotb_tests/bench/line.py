@@ -1,0 +1,122 @@
+"""A board's serial line, bit by bit, and a pseudo-terminal at whose other end a real host program runs."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+import tty
+from collections.abc import Callable
+from typing import Any
+
+import cocotb
+from cocotb.triggers import FallingEdge, RisingEdge, Timer
+
+CLOCK_NS = 20
+IDLE_BITS = 20
+"""Bit times that pass in the simulation while the host says nothing."""
+
+NAP_S = 0.0005
+"""So that a host on the same core comes to its turn."""
+
+MOST_SECONDS = 120
+BEGINS_AFTER = 27
+"""Bytes of a host that listens: HELLO, RESTART and the first STATUS have gone out."""
+
+Spoil = Callable[[int, int], int | None]
+"""Gives what becomes of a byte, by its number on the line; None for a byte that is lost."""
+
+
+def as_it_is(number: int, byte: int) -> int | None:
+    """Leave a byte as it is."""
+    return byte
+
+
+class Line:
+    """Carries bytes between a pseudo-terminal and the pins ``rx`` and ``tx`` of a board.
+
+    Parameters
+    ----------
+    dut : cocotb handle
+    clocks_per_bit : int
+    to_board, to_host : Spoil
+        What the line does to the bytes on their way.
+    """
+
+    def __init__(self, dut: Any, clocks_per_bit: int, to_board: Spoil = as_it_is, to_host: Spoil = as_it_is) -> None:
+        self.dut, self.bit_ns = dut, clocks_per_bit * CLOCK_NS
+        self.to_board, self.to_host = to_board, to_host
+        self.master, slave = os.openpty()
+        tty.setraw(slave)
+        os.set_blocking(self.master, False)
+        self.port = os.ttyname(slave)
+        self._slave = slave  # held open: a terminal without an owner is gone
+        self.sent = self.received = 0
+
+    async def run(
+        self, host: subprocess.Popen[str], pull_after: int | None = None, sender: Any = None, wait_bits: int = 0
+    ) -> None:
+        """Carry bytes until the host has ended.
+
+        Parameters
+        ----------
+        host : Popen
+        pull_after : int, optional
+            Pull the cable out after so many bytes from the board.
+        sender : coroutine, optional
+            Begins when the host has begun to record; the host gets a Ctrl-C ``wait_bits`` bit times after its end.
+        wait_bits : int
+        """
+        listening = cocotb.start_soon(self._from_board())
+        sending, begun = None, time.monotonic()
+        while host.poll() is None and time.monotonic() - begun < MOST_SECONDS:
+            if pull_after is not None and self.received >= pull_after:
+                os.close(self._slave)
+                os.close(self.master)
+                break
+            if sender is not None and sending is None and self.sent >= BEGINS_AFTER:
+                sending = cocotb.start_soon(sender)
+            if sending is not None and sending.done():
+                sending = sender = None
+                cocotb.start_soon(self._interrupt(host, wait_bits))
+            try:
+                data = os.read(self.master, 256)
+            except BlockingIOError:
+                data = b""
+            if not data:
+                time.sleep(NAP_S)
+                await Timer(IDLE_BITS * self.bit_ns, "ns")
+            for byte in data:
+                if (sent := self.to_board(self.sent, byte)) is not None:
+                    await self._send(sent)
+                self.sent += 1
+        listening.cancel()
+
+    async def _interrupt(self, host: subprocess.Popen[str], wait_bits: int) -> None:
+        await Timer(wait_bits * self.bit_ns, "ns")
+        host.send_signal(signal.SIGINT)
+
+    async def _send(self, byte: int) -> None:
+        bits = [0, *(byte >> n & 1 for n in range(8)), 1]
+        while bits:
+            run = next((n for n, bit in enumerate(bits) if bit != bits[0]), len(bits))
+            self.dut.rx.value = bits[0]
+            await Timer(run * self.bit_ns, "ns")
+            bits = bits[run:]
+
+    async def _from_board(self) -> None:
+        tx = self.dut.tx
+        while True:
+            await FallingEdge(tx)
+            await Timer(self.bit_ns * 3 // 2, "ns")
+            byte = 0
+            for n in range(8):
+                byte |= int(tx.value) << n
+                await Timer(self.bit_ns, "ns")
+            if not int(tx.value):  # this began to look in the middle of a byte
+                await RisingEdge(tx)
+                continue
+            if (sent := self.to_host(self.received, byte)) is not None:
+                os.write(self.master, bytes([sent]))
+            self.received += 1

@@ -1,0 +1,114 @@
+"""Frames on the serial line: flag, kind, sequence number, length, payload, CRC (docs/reference/board.md).
+
+Flags and escapes are those of HDLC-like framing (RFC 1662), the CRC is that of Ethernet (``zlib.crc32``).
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator
+from enum import IntEnum
+from typing import NamedTuple
+
+FLAG, ESCAPE, FLIP = 0x7E, 0x7D, 0x20
+HEAD_BYTES, CRC_BYTES = 3, 4
+MOST_PAYLOAD = 255
+
+
+class Kind(IntEnum):
+    """What a frame is; all but the last go to the board."""
+
+    HELLO = 1
+    RESTART = 2
+    SAMPLES = 3
+    RUN = 4
+    WEIGHTS = 5
+    STATUS = 6
+    RECORDS = 0x81
+
+
+class Frame(NamedTuple):
+    """A frame whose CRC is right.
+
+    Attributes
+    ----------
+    kind : int
+    sequence : int
+        0..255, one more than that of the frame before.
+    payload : bytes
+    """
+
+    kind: int
+    sequence: int
+    payload: bytes
+
+    @property
+    def cost(self) -> int:
+        """Bytes that it takes in the buffer of the board, until it is carried out."""
+        return HEAD_BYTES + len(self.payload) + CRC_BYTES
+
+    def encode(self) -> bytes:
+        """Return the bytes on the line, flags at both ends."""
+        if len(self.payload) > MOST_PAYLOAD:
+            raise ValueError(f"a frame holds at most {MOST_PAYLOAD} bytes, not {len(self.payload)}")
+        body = bytes([self.kind, self.sequence, len(self.payload)]) + self.payload
+        body += zlib.crc32(body).to_bytes(CRC_BYTES, "little")
+        stuffed = body.replace(bytes([ESCAPE]), bytes([ESCAPE, ESCAPE ^ FLIP]))
+        stuffed = stuffed.replace(bytes([FLAG]), bytes([ESCAPE, FLAG ^ FLIP]))
+        return bytes([FLAG]) + stuffed + bytes([FLAG])
+
+
+class Damaged(NamedTuple):
+    """Bytes between two flags that are no frame.
+
+    Attributes
+    ----------
+    content : bytes
+        Without escapes.
+    reason : str
+    """
+
+    content: bytes
+    reason: str
+
+
+def decode(body: bytes) -> Frame | Damaged:
+    """Return the frame that stands between two flags, escapes resolved."""
+    plain = bytearray()
+    escaped = False
+    for byte in body:
+        if byte == ESCAPE and not escaped:
+            escaped = True
+            continue
+        plain.append(byte ^ FLIP if escaped else byte)
+        escaped = False
+    found = bytes(plain)
+    if escaped or len(found) < HEAD_BYTES + CRC_BYTES:
+        return Damaged(found, f"it ends after {len(found)} bytes")
+    if zlib.crc32(found[:-CRC_BYTES]) != int.from_bytes(found[-CRC_BYTES:], "little"):
+        return Damaged(found, "its CRC is wrong")
+    if found[2] != len(found) - HEAD_BYTES - CRC_BYTES:
+        return Damaged(found, f"its length says {found[2]} bytes, there are {len(found) - HEAD_BYTES - CRC_BYTES}")
+    return Frame(found[0], found[1], found[HEAD_BYTES:-CRC_BYTES])
+
+
+class FrameReader:
+    """Takes bytes as they come, and gives what stands between flags."""
+
+    def __init__(self) -> None:
+        self._open: bytearray | None = None
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether a frame has begun."""
+        return bool(self._open)
+
+    def feed(self, data: bytes) -> Iterator[Frame | Damaged]:
+        """Give what ends within some further bytes."""
+        *whole, rest = data.split(bytes([FLAG]))
+        for part in whole:
+            if self._open is not None and (self._open or part):
+                yield decode(bytes(self._open) + part)
+            self._open = bytearray()
+        if self._open is not None:
+            self._open += rest

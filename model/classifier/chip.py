@@ -1,0 +1,106 @@
+"""A chip without its RTL: readout and classifier together, exact in every clock, burst and stall."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.classifier.chip_config import ChipConfig
+from model.classifier.network import IntegerNetwork
+from model.classifier.run import ClassifierRun, first_ready, simulate, work_clocks
+from model.events.address import EVENT_DTYPE, Events, taxel_of
+
+
+@dataclass(frozen=True)
+class ChipRun:
+    """What a chip does with some samples.
+
+    Attributes
+    ----------
+    events : ndarray of EVENT_DTYPE
+        As the classifier takes them; all ON where it keeps no polarity.
+    classifier : ClassifierRun
+    """
+
+    events: Events
+    classifier: ClassifierRun
+
+
+def clocks_of(config: ChipConfig, ticks: int) -> tuple[int, int]:
+    """Return the whole bins of a scan of so many sample ticks, and the clocks until the class of the last is there.
+
+    These end before the next bin does, so that the class is that of the scan.
+    """
+    classifier = config.classifier
+    bins = ticks * config.readout.clocks_per_sample // classifier.clocks_per_bin
+    work = work_clocks(classifier, classifier.hidden, classifier.hidden) + classifier.groups + 8
+    return bins, bins * classifier.clocks_per_bin + min(work, classifier.clocks_per_bin - 1)
+
+
+def channels_of(config: ChipConfig, events: Events) -> NDArray[np.int64]:
+    """Return the channel of every event: row * columns + column, behind all taxels for OFF events kept apart."""
+    off = config.readout.taxels if config.polarity else 0
+    return taxel_of(events, config.readout) + np.where(events["p"], 0, off)
+
+
+def events_of(config: ChipConfig, clock: NDArray[np.int64], channel: NDArray[np.int64]) -> Events:
+    """Return events with the addresses that their channels stand for."""
+    readout = config.readout
+    found = np.empty(len(clock), EVENT_DTYPE)
+    taxel = channel % readout.taxels
+    found["t"], found["y"], found["x"] = clock, taxel // readout.columns, taxel % readout.columns
+    found["p"] = channel < readout.taxels
+    return found
+
+
+def simulate_chip(config: ChipConfig, network: IntegerNetwork, samples: NDArray[np.integer], clocks: int) -> ChipRun:
+    """Return what a chip does from the end of reset on.
+
+    The readout is told when the classifier is ready, and the classifier when events are offered. What happens by a
+    clock depends only on what was before it, so each round is right for longer than the one before, and where nothing
+    changes any more both are.
+
+    Parameters
+    ----------
+    config : ChipConfig
+    network : IntegerNetwork
+    samples : integer ndarray, shape (ticks, taxels)
+    clocks : int
+        Length of the run.
+    """
+    from model.readout import Stimulus  # compiles the model
+    from model.readout import simulate as simulate_readout
+
+    network = dataclasses.replace(network, config=config.classifier)
+    width = config.classifier.clocks_per_bin
+    ends = range(width - 1, clocks, width)
+    ready = np.ones(clocks, np.uint8)
+    while True:
+        stimulus = Stimulus.from_samples(config.readout, samples, clocks=clocks, ready=ready)
+        events = simulate_readout(config.readout, stimulus)
+        offered = list(zip(events["t"].tolist(), channels_of(config, events).tolist(), strict=True))
+        run = simulate(network, offered, ends, clocks)
+        found = _ready(config, run, clocks)
+        if np.array_equal(found, ready):
+            if not config.polarity:
+                events["p"] = True
+            return ChipRun(events, run)
+        ready = found
+
+
+def _ready(config: ChipConfig, run: ClassifierRun, clocks: int) -> NDArray[np.uint8]:
+    """Return whether the classifier takes an event, for every clock."""
+    classifier = config.classifier
+    change = np.zeros(clocks + 1, np.int64)
+    taken = np.asarray(run.accepted, np.int64)
+    # A clock after an event, for the rest of its row; from a bin's end to the last clock of its work; while it clears.
+    begins = np.concatenate([taken + 1, np.asarray(run.ended, np.int64) + 1, [0]])
+    stops = np.concatenate(
+        [taken + classifier.groups, np.asarray(run.valid, np.int64) - 1, [first_ready(classifier, -1)]]
+    )
+    np.add.at(change, np.minimum(begins, clocks), 1)
+    np.add.at(change, np.minimum(stops, clocks), -1)
+    return (change.cumsum()[:clocks] == 0).astype(np.uint8)
