@@ -206,7 +206,6 @@ def test_a_recording_on_the_board_gives_the_events_and_classes_of_the_model(
         "flipped": "to the board (arrived damaged|came out of turn)",
         "dropped": "to the board (arrived damaged|came out of turn)",
         "back": "a frame from the board arrived damaged",
-        "back_short": "a frame from the board arrived damaged",
         "pulled": "is gone; check the cable",
         "other": "the bitstream of the board is of another network or array",
         "receiver": "the board holds the player, this needs the receiver",

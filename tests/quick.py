@@ -37,6 +37,11 @@ COMMANDS = {
     "model frames": "tests/model/test_frame.py::test_frames_prints_a_line_for_each_readout",
     "model study": "tests/model/test_study.py::test_the_command_writes_data_first_and_then_the_picture",
     "model report": "tests/model/test_report.py::test_text_from_files_cannot_leave_its_place",
+    "model play": "tests/model/test_board.py::test_no_board_is_one_sentence",  # a run takes a simulation
+    "model listen": "tests/model/test_board.py::test_listening_asks_and_ends",
+    "model load": "tests/model/test_board.py::test_another_bitstream_is_refused",
+    "model rescue": "tests/model/test_board.py::test_what_a_killed_recording_left_becomes_a_recording",
+    "flow fpga": "tests/flow/test_fpga.py::test_mistakes_are_one_sentence",  # place and route takes a minute
     "rtl verilog": "cocotb_tests/test_frame_verilog.py::test_command_writes_the_text_of_the_library",
     "rtl gates": "tests/rtl/test_gates.py::test_command_compares_the_readouts_of_one_array",
     "flow properties": "tests/flow/test_bind.py::test_the_command_writes_what_goes_with_the_verilog",
