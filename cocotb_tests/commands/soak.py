@@ -54,7 +54,8 @@ def soak(
     if keep is not None:
         from model.files import origin, write_json
 
-        write_json(keep, origin(f"make soak HOURS={hours:g} CLOCKS={clocks}") | found)
+        spent = found["seconds"] / 3600  # in all, however often it was stopped
+        write_json(keep, origin(f"make soak HOURS={spent:.2f} CLOCKS={clocks}") | found)
     print(found["result"])
 
 
