@@ -55,7 +55,8 @@ def soak(
         from model.files import origin, write_json
 
         spent = found["seconds"] / 3600  # in all, however often it was stopped
-        write_json(keep, origin(f"make soak HOURS={spent:.2f} CLOCKS={clocks}") | found)
+        begun = f" SEED={seed}" if seed else ""
+        write_json(keep, origin(f"make soak HOURS={spent:.2f}{begun} CLOCKS={clocks}") | found)
     print(found["result"])
 
 
