@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flow.asic.report import words_of
 from flow.gates.liberty import CellLibrary
 from flow.power import measure as measuring
 from flow.power.activity import Activity, read_vcd
@@ -161,6 +162,12 @@ def test_the_report_of_a_netlist_gets_its_energies(made: Made, monkeypatch: pyte
         "power": {IDLE: {"blocks": {}}},
         "with_wires": content | {"idle_w_per_taxel": 200.0, "scenarios": {IDLE: {}}},
     }
+
+
+def test_a_result_names_the_configuration_that_it_is_of() -> None:
+    config = ReadoutConfig(rows=4, encoding="nlcs", frontend="analog")
+    assert words_of(config) == ["ROWS=4", "ENCODING=nlcs", "FRONTEND=analog"]
+    assert words_of(ReadoutConfig()) == []
 
 
 def test_five_percent_is_what_is_allowed() -> None:
