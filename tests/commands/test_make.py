@@ -249,6 +249,11 @@ def test_an_environment_apart_is_made_once_and_again_when_its_pins_change(
     pinned.parent.mkdir(parents=True)
     pinned.write_text("klayout==0.30.12\n")
     installed: list[tuple[object, ...]] = []
+    monkeypatch.setattr(setup.shutil, "which", lambda program: None)
+    with pytest.raises(setup.SetupError, match=r"^klayout not found; install with: apt-get install klayout$"):
+        setup.install_apart("layout")  # before anything is downloaded
+    assert not folder.exists()
+    monkeypatch.setattr(setup.shutil, "which", lambda program: program)
     monkeypatch.setattr(setup.subprocess, "run", lambda command, check: subprocess.CompletedProcess(command, 0))
     monkeypatch.setattr(setup, "_pip", lambda *words: installed.append(words))
     setup.install_apart("layout")
