@@ -98,7 +98,7 @@ def upsets(config: ReadoutConfig, calm: bool, slow: int = 0, stride: int = 1, fl
         found = events_of(config, codes[:, 0])
         if not len(expected) or not np.array_equal(found[: len(expected)], expected):
             raise UnlikeModel(f"{config.encoding}, {config.link}: the gates do not give the model's events")
-        yield from _judged(config, gates, played, codes, part)
+        yield from _judged(config, gates, (played, calm), codes, part)
 
 
 def own_taxel(config: ReadoutConfig, flop: str) -> int:
@@ -108,9 +108,10 @@ def own_taxel(config: ReadoutConfig, flop: str) -> int:
 
 
 def _judged(
-    config: ReadoutConfig, gates: Gates, played: Course, codes: NDArray[np.int16], part: list[tuple[int, int]]
+    config: ReadoutConfig, gates: Gates, run: tuple[Course, bool], codes: NDArray[np.int16], part: list[tuple[int, int]]
 ) -> Iterator[Upset]:
-    """Compare runs with run 0, which had no upset."""
+    """Compare runs with run 0, which had no upset; events are counted until the swings where the course is calm."""
+    played, calm = run
     names = [gates.flops[flop].removeprefix(f"{DUT}.") for _, flop in part]
     own = np.array([own_taxel(config, name) for name in names])
     good, runs = codes[:, :1], codes[:, 1 : len(part) + 1]
@@ -118,7 +119,8 @@ def _judged(
     of_own = (_taxel(runs) == own) | (_taxel(good) == own)
     of_others = ((runs >= 0) & (_taxel(runs) != own)) | ((good >= 0) & (_taxel(good) != own))
     own_last, other_last = _last(differs & of_own), _last(differs & of_others)
-    more = _counted(config, runs) - _counted(config, good)
+    until = played.last if calm else None  # the swings are no calm course: there a taxel waits for others
+    more = _counted(config, runs[:until]) - _counted(config, good[:until])
     others = np.where(np.arange(len(more))[:, None] >> 1 == own, 0, more)
     answers = _answers(config, runs, played) != _answers(config, good, played)
     odd = (answers & (np.arange(len(more))[:, None, None] >> 1 != own)).any(axis=0)
