@@ -688,6 +688,7 @@ def speed_encoders() -> str:
 def scale_arrays() -> str:
     """Generation, lint and simulation of square arrays."""
     rows = []
+    made = {array["taxels"]: array["synthesis_s"] for array in read(SCALE)["results"]}
     for array in read("benchmarks/results/scale_arrays.json")["results"]:
         taxels = array["taxels"]
         runs = {(r["simulator"], r["row_by_row"]): r for r in array["simulations"]}
@@ -697,6 +698,7 @@ def scale_arrays() -> str:
             [
                 f"{array['side']} x {array['side']}",
                 f"{array['generate_s']:.1f} ({digits(1000 * array['generate_s'] / taxels, 2)})",
+                f"{made[taxels]:.1f} ({digits(1000 * made[taxels] / taxels, 2)})" if taxels in made else "",
                 f"{array['verilog_bytes'] / 1000:,.0f}",
                 f"{array['lint_s']:.1f}",
                 f"{whole['build_s']:.0f}",
@@ -705,9 +707,50 @@ def scale_arrays() -> str:
                 f"{slow['clocks_per_second']:,.0f}" if slow else "",
             ]
         )
-    head = ["taxels", "generation, s (ms a taxel)", "Verilog, kB", "lint, s", "build row by row, s"]
+    head = [
+        "taxels",
+        "generation, s (ms a taxel)",
+        "synthesis, s (ms a taxel)",
+        "Verilog, kB",
+        "lint, s",
+        "build row by row, s",
+    ]
     head += ["clocks/s (million taxel-clocks/s)", "flat: build, s; clocks/s", "Icarus, clocks/s"]
     return markdown(head, rows)
+
+
+SCALE = "docs/data/asic/scale-lcs-digital-ihp.json"
+
+
+@table
+def scale_wires() -> str:
+    """Area and highest clock of arrays, without wires and with them."""
+    rows = []
+    for array in read(SCALE)["results"]:
+        without, wired = array["without_wires"], array["with_wires"]
+        lines = wired["path_in_repeaters_s"] + wired["path_in_wires_s"]
+        rows.append(
+            [
+                f"{array['rows']} x {array['columns']}",
+                f"{array['cells_um2_per_taxel']:,.0f}",
+                f"{wired['area_um2_per_taxel']:,.0f} ({digits(wired['repeaters'] / array['taxels'], 2)})",
+                f"{digits(1000 * wired['lines_m'] / array['taxels'], 2)}",
+                f"{without['fmax_hz'] / 1e6:.0f} ({without['logic_depth']})",
+                f"{wired['fmax_hz'] / 1e6:.0f} ({wired['logic_depth']})",
+                f"{100 * lines / wired['path_s']:.0f} %",
+                f"{_block(wired['path'][0])} to {_block(wired['path'][-1])}",
+            ]
+        )
+    head = ["taxels", "um2 a taxel, cells", "with repeaters (repeaters a taxel)", "lines, mm a taxel"]
+    head += ["MHz without wires (cells in the path)", "MHz with wires", "of the path in lines and repeaters", "path"]
+    return markdown(head, rows)
+
+
+def _block(name: str) -> str:
+    """Return what a path begins or ends at, in a word: the block of a flop, else the port."""
+    return (
+        name.split(".")[0].split("_")[0] if "." in name and "taxel" not in name else name.split("[")[0].split(".")[-1]
+    )
 
 
 @table

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from flow.scale.wire import FARAD_PER_UM, OHM_PER_UM, PITCH_UM, SIZES, Wire
 from model.cli.app import make_app, run
 from model.cli.config_options import with_config
 from model.cli.field_options import with_fields
@@ -192,6 +193,45 @@ def asic(
     print(found.closing_line())
     if found.problems:
         raise typer.Exit(1)
+
+
+@app.command()
+@with_config(fields=("encoding", "resolution", "frontend", "sample_bits"), file=False)
+def asic_scale(
+    config: ReadoutConfig,
+    lib: Annotated[Path, typer.Option(help="cell library (.lib)")],
+    sizes: Annotated[str, typer.Option(metavar="RxC,...", help="rows and columns of the arrays")] = SIZES,
+    pitch_um: Annotated[float, typer.Option("--pitch", min=0.0, metavar="UM", help="of the taxels")] = PITCH_UM,
+    ohm: Annotated[float, typer.Option(min=0.0, metavar="PER_UM", help="resistance of a wire")] = OHM_PER_UM,
+    farad: Annotated[float, typer.Option(min=0.0, metavar="PER_UM", help="capacitance of a wire")] = FARAD_PER_UM,
+    out: Annotated[Path, typer.Option("-o", "--out", help="file for the results, JSON")] = Path("out/asic/scale.json"),
+) -> None:
+    """Estimate area and highest clock as the array grows, with wires of its size and repeaters in them."""
+    from flow.asic.library import read
+    from flow.scale.measure import measure, sizes_of
+    from model.cli.tables import new_table, show
+
+    chosen, library = sizes_of(sizes), read(lib)
+    heads = ("taxels", "um2 a taxel", "with lines", "MHz without wires", "MHz with wires", "repeaters", "synthesis, s")
+    table = new_table(heads, "Area and highest clock as the array grows")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    measure(config, chosen, library, Wire(ohm, farad), pitch_um, out, lambda found: table.add_row(*_scale_row(found)))
+    show(table)
+    print(out)
+
+
+def _scale_row(result: dict[str, Any]) -> list[str]:
+    """Return a line of the table of an array."""
+    without, wired = result["without_wires"], result["with_wires"]
+    return [
+        f"{result['rows']} x {result['columns']}",
+        f"{result['cells_um2_per_taxel']:.0f}",
+        f"{wired['area_um2_per_taxel']:.0f}",
+        f"{without['fmax_hz'] / 1e6:.0f}",
+        f"{wired['fmax_hz'] / 1e6:.0f}",
+        f"{wired['repeaters']}",
+        f"{result['synthesis_s']:.1f}",
+    ]
 
 
 @app.command()

@@ -60,6 +60,7 @@ LAYERS = {
         "asic.structure",
         "gates",
         "power",
+        "scale",
         "layout.transistors layout.environment layout.stages",
         "layout.cells layout.checks",
         "layout.netlist",

@@ -43,7 +43,7 @@ def gate_module(library: Library) -> str:
     )
 
 
-def stop_blocks(design: dict[str, Any], top: str, synchronous_reset: bool) -> int:
+def stop_blocks(design: dict[str, Any], top: str, synchronous_reset: bool, root: bool = True) -> int:
     """Put a clock gate at the root of the clock of every block that says when it is awake.
 
     Parameters
@@ -53,6 +53,9 @@ def stop_blocks(design: dict[str, Any], top: str, synchronous_reset: bool) -> in
     top : str
     synchronous_reset : bool
         The clock must run in reset.
+    root : bool
+        Whether the top is stopped as a whole, too: its enable comes from all of the array, which takes long in a large
+        one.
 
     Returns
     -------
@@ -61,7 +64,7 @@ def stop_blocks(design: dict[str, Any], top: str, synchronous_reset: bool) -> in
     """
     stopped = 0
     for name, module in design["modules"].items():
-        if AWAKE not in module["netnames"] or "clk" not in module["ports"]:
+        if AWAKE not in module["netnames"] or "clk" not in module["ports"] or (name == top and not root):
             continue
         clock = module["ports"]["clk"]["bits"][0]
         awake = module["netnames"][AWAKE]["bits"][0]

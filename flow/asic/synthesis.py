@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from flow.asic import gating
 from flow.asic.library import Library
@@ -37,16 +39,18 @@ TO_ENABLES = (
     "-cell $_DFF_P_ x -cell $_DFF_PP0_ x -cell $_DFF_PP1_ x; opt_expr; opt_merge; opt_clean; "
     "{gates}delete t:$scopeinfo; write_json enables.json"
 )
+KEEP = "setattr -mod -set keep_hierarchy 1 {name}; "
 INSERT = "clockgate -pos {gate} enable:clk:gated -min_net_size {fewest}; "
 TO_CELLS = (
     "read_liberty -lib -ignore_miss_func cells.lib; read_json enables.json; read_verilog -icells gate.v; "
     "hierarchy -top {top}; add -global_input {test} 1; proc; opt_clean; techmap; "
     "rename -wire -suffix {flop} t:$_DFF*; dfflibmap -liberty cells.lib; "
-    "abc -liberty cells.lib -D {period_ps:.0f} -script {mapping}; opt_clean -purge; {ties}"
-    "rename -enumerate -pattern g% c:*; setattr -mod -unset keep_hierarchy *; flatten; delete t:$scopeinfo; "
-    "opt_clean -purge; splitnets; "
-    "setattr -unset init w:*; check -assert -mapped; write_verilog -noattr -noexpr netlist.v"
+    "{drawn}abc -liberty cells.lib -D {period_ps:.0f} -script {mapping}; opt_clean -purge; {ties}"
+    "rename -enumerate -pattern g% c:*; setattr -mod -unset keep_hierarchy *; {apart}flatten; delete t:$scopeinfo; "
+    "opt_clean -purge; "
 )
+TO_VERILOG = "splitnets; setattr -unset init w:*; check -assert -mapped; write_verilog -noattr -noexpr netlist.v"
+TO_JSON = "check -assert -mapped; write_json mapped.json"
 
 MAPPING = (
     "+strash;ifraig;scorr;dc2;strash;dch,-f;backup;&get,-n;&nf;&put;restore;amap,-m;"
@@ -55,6 +59,10 @@ MAPPING = (
 """What ABC does. It maps for area (``amap``); ``&nf`` before only fails where cells are missing, as ``amap`` does not.
 LCS of 8 x 8 taxels becomes 6 % smaller than with the usual script of Yosys in 130 nm, 18 % in 180 nm.
 More rounds of ``dc2`` save under 1 % and mix a reset into the logic so that its value is not seen to set the flop."""
+
+AS_DRAWN = "abc -liberty cells.lib -script +strash;ifraig;dch,-f;&get,-n;&nf;&put {name}; "
+"""The same for one block, that keeps the depth of what the RTL draws: to save cells, ``dc2`` makes a chain of a prefix
+network, and joins in a tree what lies far apart."""
 
 
 @dataclass(frozen=True)
@@ -104,31 +112,70 @@ def netlist(config: Config, library: Library, period_ns: float = PERIOD_NS, fewe
     InputError
         If the library does not have the cells that the readout needs.
     """
+    top = top_block(config).module_name
+    text = _cells(config, library, period_ns, fewest, TO_VERILOG, "netlist.v")
+    gated = bool(gating.gate_module(library))
+    return Netlist(header(config, "//") + single_bits(text[text.index("module ") :]), top, config, library, gated)
+
+
+def mapped(config: Config, library: Library, apart: Sequence[str]) -> dict[str, Any]:
+    """Return the design of Yosys with some modules synthesised once and left as they are, all else flat in the top.
+
+    For large arrays: the blocks around those modules keep the depth that the RTL draws (``AS_DRAWN``), and the array
+    has no clock gate at its root, whose enable would cross it once more; rows and arbiter have theirs.
+
+    Parameters
+    ----------
+    config : ReadoutConfig or FrameConfig
+    library : Library
+    apart : sequence of str
+        Names of the modules: ``eskin_taxel`` for an array too large to be flat.
+
+    Raises
+    ------
+    InputError
+        If the library does not have the cells that the readout needs.
+    """
+    text = _cells(config, library, PERIOD_NS, FEWEST_FLOPS, TO_JSON, "mapped.json", apart)
+    return dict(json.loads(text))
+
+
+def _cells(
+    config: Config,
+    library: Library,
+    period_ns: float,
+    fewest: int,
+    end: str,
+    result: str,
+    apart: Sequence[str] = (),
+) -> str:
+    """Return the file that is written of a readout as cells."""
     top, content = top_block(config).module_name, library.path.read_bytes()
     source = rtlil(config)
     gate = gating.gate_module(library)
-    keep = "".join(f"setattr -mod -set keep_hierarchy 1 {name}; " for name in _blocks(source, top))
+    keep = "".join(KEEP.format(name=name) for name in [*_blocks(source, top), *apart])
     insert = INSERT.format(gate=gating.GATE, fewest=fewest) if gate else ""
     design = json.loads(yosys.run(TO_ENABLES.format(top=top, keep=keep, gates=insert), source, "enables.json"))
     if gate:
-        gating.stop_blocks(design, top, config.reset == "sync")
+        gating.stop_blocks(design, top, config.reset == "sync", root=not apart)
     files = {"cells.lib": content, "enables.json": json.dumps(design).encode(), "gate.v": gate.encode()}
-    script = TO_CELLS.format(
+    script = (TO_CELLS + end).format(
         top=top,
         test=gating.TEST,
         flop=FLOP_NAME,
         period_ps=1000 * period_ns,
         mapping=MAPPING,
         ties=_ties(library),
+        apart="".join(KEEP.format(name=name) for name in apart),
+        drawn=_drawn(source, apart),
     )
     try:
-        text = yosys.run(script, "", "netlist.v", files)
+        return yosys.run(script, "", result, files)
     except yosys.YosysError as error:
         raise InputError(
             f"the cell library {library.path} does not do: the readout needs a flip-flop, an inverter, and a NAND or "
             f"NOR (Yosys: {error.reason})"
         ) from None
-    return Netlist(header(config, "//") + single_bits(text[text.index("module ") :]), top, config, library, bool(gate))
 
 
 def single_bits(verilog: str) -> str:
@@ -140,6 +187,9 @@ def single_bits(verilog: str) -> str:
     "  assign a[5] = 1'b1;\\n  assign a[4] = 1'b0;\\n  assign b = 1'b1;"
     >>> single_bits("  assign { a[2:1], b } = { c[0], d[1:0] };")
     '  assign a[2] = c[0];\\n  assign a[1] = d[1];\\n  assign b = d[0];'
+    >>> print(single_bits("  assign { \\\\a.b[1] , c } = { \\\\d.e[1] , f[0] };"))
+      assign \\a.b[1]  = \\d.e[1] ;
+      assign c = f[0];
     """
 
     def each(found: re.Match[str]) -> str:
@@ -148,18 +198,18 @@ def single_bits(verilog: str) -> str:
         sources = [f"1'b{x}" for x in f"{int(constant[1], 16):0{len(bits)}b}"] if constant else _bits(text)
         return "\n".join(f"  assign {bit} = {source};" for bit, source in zip(bits, sources, strict=True))
 
-    many = r"\{[^\\}']*\}|\w+\[\d+:\d+\]"
+    many = r"\{[^}']*\}|\w+\[\d+:\d+\]"
     return re.sub(rf"^  assign ({many}) = (\d+'h[0-9a-f]+|{many});", each, verilog, flags=re.MULTILINE)
 
 
 def _bits(text: str) -> list[str]:
     """Return the bits of a name with a span of them, or of a list of such."""
     bits: list[str] = []
-    for part in text.strip("{ }").split(", "):
-        name, _, span = part.strip().partition("[")
+    for part in re.findall(r"\\\S+ |\w+(?:\[\d+(?::\d+)?\])?", text):
+        name, _, span = part.partition("[")
         high, _, low = span.rstrip("]").partition(":")
-        numbers = range(int(high), int(low or high) - 1, -1) if span else ()
-        bits += [f"{name}[{number}]" for number in numbers] if span else [name]
+        whole = part.startswith("\\") or not span
+        bits += [part] if whole else [f"{name}[{number}]" for number in range(int(high), int(low or high) - 1, -1)]
     return bits
 
 
@@ -167,6 +217,11 @@ def _blocks(source: str, top: str) -> list[str]:
     """Return the modules that are mapped one by one: those that the top is made of."""
     modules = yosys.modules(source)
     return [name for name in modules if name != top and f"  cell \\{name} " in modules[top]]
+
+
+def _drawn(source: str, apart: Sequence[str]) -> str:
+    """Return the commands that map the blocks around modules that stand apart."""
+    return "".join(AS_DRAWN.format(name=name) for name in yosys.modules(source) if apart and name not in apart)
 
 
 def _ties(library: Library) -> str:

@@ -134,14 +134,14 @@ def _energy(library: CellLibrary, group: Any, joule: float) -> Energy:
     for edge in (RISE, FALL):
         found = group.get_groups(f"{edge}_power") or both
         if found:
-            tables[edge] = _table(library, found[0], joule)
+            tables[edge] = table_of(library, found[0], joule)
     return Energy(frozenset(text_of(group["related_pin"]).split()), text_of(group["when"]), tables)
 
 
 def _arcs(library: CellLibrary, group: Any) -> list[Arc]:
     kind = text_of(group["timing_type"])
     tables = {
-        edge: _table(library, found[0], library.known.units["time"])
+        edge: table_of(library, found[0], library.known.units["time"])
         for edge in (RISE, FALL)
         if (found := group.get_groups(f"{edge}_transition"))
     }
@@ -150,15 +150,15 @@ def _arcs(library: CellLibrary, group: Any) -> list[Arc]:
     return [Arc(pin, text_of(group["timing_sense"]), edge, tables) for pin in related] if tables else []
 
 
-def _numbers(value: Any) -> NDArray[np.float64]:
+def numbers(value: Any) -> NDArray[np.float64]:
     rows = value if isinstance(value, list) else [value]
     return np.array([[float(word) for word in text_of(row).replace(",", " ").split()] for row in rows])
 
 
-def _table(library: CellLibrary, group: Any, unit: float) -> Table:
+def table_of(library: CellLibrary, group: Any, unit: float) -> Table:
     """Return the table of a group, whichever of its variables comes first."""
     template = library.templates.get(text_of(group.args[0])) if group.args else None
-    values = _numbers(group["values"]) * unit
+    values = numbers(group["values"]) * unit
     variables, grids = [], []
     for number in (1, 2):
         variable = text_of(template[f"variable_{number}"]) if template is not None else ""
@@ -166,7 +166,7 @@ def _table(library: CellLibrary, group: Any, unit: float) -> Table:
         if variable and index is not None and values.size > 1:
             by_load = "capacitance" in variable
             variables.append("load" if by_load else "slew")
-            grids.append(_numbers(index).ravel() * library.known.units["capacitance" if by_load else "time"])
+            grids.append(numbers(index).ravel() * library.known.units["capacitance" if by_load else "time"])
     one = np.zeros(1)
     if not variables:
         return Table(one, one, values.reshape(-1)[:1].reshape(1, 1))

@@ -98,9 +98,10 @@ TARGETS = {
     ),
     "gates": Target("gates and flops of both readouts after synthesis [LIBERTY=cells.lib]", "rtl gates"),
     "asic": Target(
-        "gated netlist: proof, timing, power [LIB=typ.lib SLOW= FAST= READOUT=spiking|frame POWER=0 NAME= OUT=]",
+        "gated netlist: proof, timing, power [LIB=typ.lib SLOW= FAST= READOUT= POWER=0 SCALE=1 NAME= OUT=]",
         "flow asic",
         ("sim", "asic"),
+        switches={"SCALE": Target("", "flow asic-scale", ("asic",))},
     ),
     "gatepower": Target(
         "power of gated netlists from what they do, in two ways [LIB=cells.lib ENCODING= THREE=1 OUT=]",

@@ -1,0 +1,1 @@
+"""How area and highest clock change as the array grows: wires of its size, with repeaters."""

@@ -1,0 +1,228 @@
+"""An array as cells: the taxel synthesised once and placed as often as it stands, all else around it."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from flow.asic.gating import TEST
+from flow.asic.library import Library
+from flow.asic.synthesis import mapped
+from flow.gates.liberty import CellLibrary
+from flow.scale.delays import Kind, kind_of
+from model.config import ReadoutConfig
+from rtl.verilog import top_block
+
+TAXEL = "eskin_taxel"
+TREES = ("clk", "rst", TEST)
+"""Ports whose lines layout makes; they are fixed, or step aside, while the array works."""
+
+NONE = -1
+"""Net of a pin on a constant."""
+
+
+class End(NamedTuple):
+    """What a net of the top ends at.
+
+    Attributes
+    ----------
+    what : str
+        ``cell``, ``taxel`` or ``port``.
+    number : int
+        Of the cell, taxel or port.
+    pin : str
+        Of the cell; that of the taxel is its port with the number of the bit.
+    load_f : float
+    pins : int
+        Pins that it stands for.
+    """
+
+    what: str
+    number: int
+    pin: str
+    load_f: float
+    pins: int
+
+
+@dataclass
+class Array:
+    """A readout as cells.
+
+    Attributes
+    ----------
+    config : ReadoutConfig
+    kinds : dict of str to Kind
+        Library cells that are used, and the repeaters.
+    names, cells, pins : list
+        Name, kind and nets of the pins of every cell that stands in no taxel.
+    taxel : dict
+        The taxel's module of Yosys: its cells.
+    taxel_bits : dict of str to (str, int or str)
+        Direction and own net of every bit of the taxel's ports.
+    taxels : list of dict of str to int
+        Net of every port's bit, by taxel.
+    ports : list of (str, str, int, int)
+        Direction, name, bit and net of every bit of the top's ports.
+    nets : int
+        Nets of the top.
+    """
+
+    config: ReadoutConfig
+    kinds: dict[str, Kind]
+    names: list[str]
+    cells: list[str]
+    pins: list[dict[str, int]]
+    taxel: dict[str, Any]
+    taxel_bits: dict[str, tuple[str, Any]]
+    taxels: list[dict[str, int]]
+    ports: list[tuple[str, str, int, int]]
+    nets: int
+    port_load_f: float = field(default=0.05e-12)
+
+    def area_um2(self) -> float:
+        """Return the area of all cells."""
+        return sum(self.kinds[c].area_um2 for c in self.cells) + len(self.taxels) * self.taxel_area_um2
+
+    @property
+    def taxel_area_um2(self) -> float:
+        """Area of the cells of a taxel."""
+        return sum(self.kinds[c["type"]].area_um2 for c in self.taxel["cells"].values())
+
+    def add(self, name: str, kind: str, pins: dict[str, int]) -> int:
+        """Add a cell; return its number."""
+        self.names.append(name)
+        self.cells.append(kind)
+        self.pins.append(pins)
+        return len(self.cells) - 1
+
+    def new_net(self) -> int:
+        """Return a net that nothing is on yet."""
+        self.nets += 1
+        return self.nets - 1
+
+    def move(self, end: End, net: int) -> None:
+        """Put an end on another net."""
+        if end.what == "cell":
+            self.pins[end.number][end.pin] = net
+        elif end.what == "taxel":
+            self.taxels[end.number][end.pin] = net
+        else:
+            way, name, bit, _ = self.ports[end.number]
+            self.ports[end.number] = way, name, bit, net
+
+    def trees(self) -> set[int]:
+        """Return the nets of the top that layout makes as trees: all clocks, reset and test enable."""
+        found = {net for _, name, _, net in self.ports if name in TREES}
+        found |= {pins[k.clock] for c, pins in zip(self.cells, self.pins, strict=True) if (k := self.kinds[c]).clock}
+        return found | {taxel["clk 0"] for taxel in self.taxels}
+
+    def ends(self) -> tuple[dict[int, End], dict[int, list[End]]]:
+        """Return what drives every net of the top, and what reads it."""
+        drivers: dict[int, End] = {}
+        readers: dict[int, list[End]] = defaultdict(list)
+        for index, (name, pins) in enumerate(zip(self.cells, self.pins, strict=True)):
+            kind = self.kinds[name]
+            for pin, net in pins.items():
+                if pin in kind.outputs:
+                    drivers[net] = End("cell", index, pin, 0.0, 1)
+                elif net != NONE:
+                    readers[net].append(End("cell", index, pin, kind.loads.get(pin, 0.0), 1))
+        inside = {bit: self._inside(bit) for bit in self.taxel_bits}
+        for index, taxel in enumerate(self.taxels):
+            for bit, net in taxel.items():
+                if self.taxel_bits[bit][0] == "output":
+                    drivers[net] = End("taxel", index, bit, 0.0, 1)
+                elif net != NONE:
+                    readers[net].append(End("taxel", index, bit, *inside[bit]))
+        for index, (way, _, _, net) in enumerate(self.ports):
+            if way == "input":
+                drivers[net] = End("port", index, "", 0.0, 1)
+            elif net != NONE:
+                readers[net].append(End("port", index, "", self.port_load_f, 1))
+        return drivers, readers
+
+    def _inside(self, bit: str) -> tuple[float, int]:
+        """Return the load and the number of the pins in a taxel that a bit of its ports reaches."""
+        own = self.taxel_bits[bit][1]
+        loads = [
+            self.kinds[cell["type"]].loads.get(pin, 0.0)
+            for cell in self.taxel["cells"].values()
+            for pin, bits in cell["connections"].items()
+            if bits == [own]
+        ]
+        return sum(loads), len(loads)
+
+    def driving_cell(self, end: End) -> str:
+        """Return the kind of the cell that an end, which drives a net, is a pin of."""
+        if end.what == "cell":
+            return self.cells[end.number]
+        own = self.taxel_bits[end.pin][1] if end.what == "taxel" else None
+        for cell in self.taxel["cells"].values() if end.what == "taxel" else ():
+            for pin, bits in cell["connections"].items():
+                if bits == [own] and pin in self.kinds[cell["type"]].outputs:
+                    return str(cell["type"])
+        return self.port_buffer
+
+    @property
+    def port_buffer(self) -> str:
+        """Kind of the cell that drives the input ports: the buffer of middle size, as in the constraints."""
+        buffers = repeaters(self.kinds)
+        return buffers[len(buffers) // 2].name
+
+
+def repeaters(kinds: dict[str, Kind]) -> list[Kind]:
+    """Return the buffers from the smallest to the largest."""
+    found = [k for k in kinds.values() if len(k.loads) == len(k.outputs) == 1 and not k.clock and _same(k)]
+    return sorted(found, key=lambda kind: kind.area_um2)
+
+
+def _same(kind: Kind) -> bool:
+    return bool(kind.arcs) and all(i == o for arc in kind.arcs for i, o in arc.edges)
+
+
+def build(config: ReadoutConfig, library: Library) -> Array:
+    """Return an array as cells of a library, without repeaters."""
+    design = mapped(config, library, [TAXEL])
+    top = design["modules"][top_block(config).module_name]
+    taxel = design["modules"][TAXEL]
+    used = {cell["type"] for module in (top, taxel) for cell in module["cells"].values()} - {TAXEL}
+    used |= {cell.name for cell in library.buffers}
+    tables = CellLibrary.read(library.path)
+    kinds = {cell.name: kind_of(tables, cell) for cell in tables.used(used)}
+    numbers = {bit: n for n, bit in enumerate(sorted(set(_bits(top))))}
+    plain = {n: c for n, c in top["cells"].items() if c["type"] != TAXEL}
+    own = {f"{name} {i}": (p["direction"], b) for name, p in taxel["ports"].items() for i, b in enumerate(p["bits"])}
+    return Array(
+        config=config,
+        kinds=kinds,
+        names=list(plain),
+        cells=[cell["type"] for cell in plain.values()],
+        pins=[{pin: numbers.get(b[0], NONE) for pin, b in c["connections"].items() if b} for c in plain.values()],
+        taxel=taxel,
+        taxel_bits=own,
+        taxels=[
+            {
+                f"{port} {i}": numbers.get(bit, NONE)
+                for port, bits in top["cells"][f"row_{row}.taxel_{column}"]["connections"].items()
+                for i, bit in enumerate(bits)
+            }
+            for row in range(config.rows)
+            for column in range(config.columns)
+        ],
+        ports=[
+            (port["direction"], name, i, numbers.get(bit, NONE))
+            for name, port in top["ports"].items()
+            for i, bit in enumerate(port["bits"])
+        ],
+        nets=len(numbers),
+    )
+
+
+def _bits(module: dict[str, Any]) -> Iterator[int]:
+    """Yield the nets of a module."""
+    groups = [port["bits"] for port in module["ports"].values()]
+    groups += [bits for cell in module["cells"].values() for bits in cell["connections"].values()]
+    for bits in groups:
+        yield from (bit for bit in bits if isinstance(bit, int))

@@ -1,0 +1,319 @@
+"""Static timing of a whole array, many cells at once: the shortest period, and the path that sets it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flow.asic.constraints import UNCERTAINTY
+from flow.scale.array import NONE, Array
+from flow.scale.delays import Arc, Floats, Kind, look
+from flow.scale.lines import Lines
+from rtl.delivery import OUTSIDE
+
+Ints = NDArray[np.int64]
+FROM_FLOP, FROM_PORT = 0, 1
+NEVER = -1e9
+
+
+class Stage(NamedTuple):
+    """A cell on a path: instance, kind, arrival at its output in s, and the delay of the wire before it in s."""
+
+    name: str
+    kind: str
+    arrival_s: float
+    wire_s: float
+
+
+@dataclass(frozen=True)
+class Path:
+    """The path that sets the period.
+
+    Attributes
+    ----------
+    period_s : float
+    stages : tuple of Stage
+    start, end : str
+        Flop or port.
+    """
+
+    period_s: float
+    stages: tuple[Stage, ...]
+    start: str
+    end: str
+
+
+@dataclass
+class Group:
+    """All cells of a kind: their numbers, and the net of every pin."""
+
+    kind: Kind
+    cells: Ints
+    pins: dict[str, Ints]
+
+
+class Timing:
+    """Arrivals and slews at every net of an array; see ``flow.asic.constraints`` for what ports wait for.
+
+    Parameters
+    ----------
+    array : Array
+    lines : Lines
+        Drawn.
+    """
+
+    def __init__(self, array: Array, lines: Lines) -> None:
+        self.array = array
+        self.inner = sorted({b for b in _inner_bits(array.taxel) if isinstance(b, int)})
+        self.nets = array.nets + len(self.inner) * len(array.taxels)
+        self.groups = self._groups()
+        self.load, self.wire = self._loads(lines)
+        self.arrival = np.full((2, 2, self.nets), NEVER)  # where the path starts, edge, net
+        self.slew = np.zeros((2, self.nets))
+        self._run()
+
+    def _groups(self) -> dict[str, Group]:
+        """Return the cells of every kind, those of the taxels behind the others."""
+        array = self.array
+        by_kind: dict[str, list[int]] = {}
+        for number, kind in enumerate(array.cells):
+            by_kind.setdefault(kind, []).append(number)
+        found: dict[str, list[tuple[Ints, dict[str, Ints]]]] = {}
+        for kind, own in by_kind.items():
+            pins = {pin: np.array([array.pins[n].get(pin, NONE) for n in own]) for pin in _pins(array.kinds[kind])}
+            found[kind] = [(np.array(own), pins)]
+        where = self._taxel_nets()
+        for number, cell in enumerate(array.taxel["cells"].values()):
+            kind = cell["type"]
+            cells = len(array.cells) + number + len(array.taxel["cells"]) * np.arange(len(array.taxels))
+            bits = {pin: cell["connections"].get(pin, [NONE]) or [NONE] for pin in _pins(array.kinds[kind])}
+            none = np.full(len(array.taxels), NONE)
+            found.setdefault(kind, []).append((cells, {p: where.get(b[0], none) for p, b in bits.items()}))
+        return {
+            kind: Group(
+                array.kinds[kind],
+                np.concatenate([cells for cells, _ in parts]),
+                {pin: np.concatenate([pins[pin] for _, pins in parts]) for pin in _pins(array.kinds[kind])},
+            )
+            for kind, parts in found.items()
+        }
+
+    def _taxel_nets(self) -> dict[int | str, Ints]:
+        """Return the net of every bit of the taxel's module, by taxel."""
+        count, array = len(self.array.taxels), self.array
+        where: dict[int | str, Ints] = {
+            bit: array.nets + i + len(self.inner) * np.arange(count) for i, bit in enumerate(self.inner)
+        }
+        for name, (_, bit) in array.taxel_bits.items():
+            where[bit] = np.array([taxel.get(name, NONE) for taxel in array.taxels])
+        return where
+
+    def _loads(self, lines: Lines) -> tuple[Floats, Floats]:
+        """Return the load of every net, and the delay of its wire."""
+        load, wire = np.zeros(self.nets), np.zeros(self.nets)
+        pins = np.zeros(self.nets)
+        for group in self.groups.values():
+            for pin, nets in group.pins.items():
+                on = nets[nets >= 0]
+                np.add.at(load, on, group.kind.loads.get(pin, 0.0))
+                np.add.at(pins, on, 1.0)
+        load[self.array.nets :] += (lines.wire.farad_per_um * lines.wire.within_um * pins)[self.array.nets :]
+        for net, extra in lines.load_f.items():
+            load[net] += extra
+            wire[net] = lines.way_s[net]
+        for way, _, _, net in self.array.ports:
+            if way == "output" and net >= 0:
+                load[net] += self.array.port_load_f
+        return load, wire
+
+    # -- arrivals ------------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        """Find all arrivals, level by level."""
+        for group in self.groups.values():
+            if group.kind.clock:
+                self._launch(group)
+        self._ports()
+        sinks, first = self._readers()
+        waits = np.zeros(self._cells, np.int64)
+        np.add.at(waits, sinks, 1)
+        kind_of, place_of = self._where()
+        driven = self._driven_by_cells()
+        ready_nets = np.flatnonzero(~driven)
+        still = np.flatnonzero((waits == 0) & (kind_of >= 0))
+        names = list(self.groups)
+        while len(ready_nets) or len(still):
+            reached = np.concatenate([sinks[first[n] : first[n + 1]] for n in ready_nets] or [np.zeros(0, np.int64)])
+            cells, hits = np.unique(reached, return_counts=True)
+            waits[cells] -= hits
+            now = np.concatenate([cells[waits[cells] == 0], still])
+            still = np.zeros(0, np.int64)
+            ready = []
+            for number in np.unique(kind_of[now]):
+                group = self.groups[names[number]]
+                at = place_of[now[kind_of[now] == number]]
+                self._pass(group, at)
+                ready += [group.pins[pin][at] for pin in group.kind.outputs]
+            ready_nets = np.unique(np.concatenate(ready)) if ready else np.zeros(0, np.int64)
+            ready_nets = ready_nets[ready_nets >= 0]
+
+    @property
+    def _cells(self) -> int:
+        return len(self.array.cells) + len(self.array.taxel["cells"]) * len(self.array.taxels)
+
+    def _launch(self, group: Group) -> None:
+        """Let the flops of a kind send, at a steep clock."""
+        for arc in group.kind.arcs:
+            nets = group.pins[arc.end]
+            on = nets >= 0
+            self._send(arc, nets[on], np.zeros((2, on.sum())), np.zeros((2, 2, on.sum())), [FROM_FLOP])
+
+    def _send(self, arc: Arc, nets: Ints, slew: Floats, arrival: Floats, starts: list[int]) -> None:
+        """Take what comes through an arc into account."""
+        for into, out in arc.edges:
+            delay = look(arc.delay[out], slew[into], self.load[nets])
+            late = look(arc.slew[out], slew[into], self.load[nets])
+            for start in starts:
+                came = arrival[start, into] + delay
+                np.maximum.at(self.arrival[start, out], nets, came)
+            np.maximum.at(self.slew[out], nets, np.maximum(late, 0.0))
+
+    def _ports(self) -> None:
+        """Let the input ports send: at the clock, each through a buffer whose own delay is outside."""
+        kind = self.array.kinds[self.array.port_buffer]
+        trees = self.array.trees()
+        nets = np.array([n for way, _, _, n in self.array.ports if way == "input" and n >= 0 and n not in trees])
+        for arc in kind.arcs:
+            for _, out in arc.edges:
+                none = np.zeros(len(nets))
+                delay = look(arc.delay[out], none, self.load[nets]) - look(arc.delay[out], none, none)
+                np.maximum.at(self.arrival[FROM_PORT, out], nets, delay)
+                np.maximum.at(self.slew[out], nets, look(arc.slew[out], none, self.load[nets]))
+
+    def _at_pins(self, nets: Ints) -> tuple[Floats, Floats]:
+        """Return slews (edge, pin) and arrivals (start, edge, pin) at inputs; an input on a constant never moves."""
+        on = np.maximum(nets, 0)
+        wire = self.wire[on]
+        slew = np.sqrt(self.slew[:, on] ** 2 + (1.386 * wire) ** 2)
+        arrival = self.arrival[:, :, on] + wire
+        arrival[:, :, nets < 0] = NEVER
+        return slew, arrival
+
+    def _pass(self, group: Group, at: Ints) -> None:
+        """Let some cells of a kind, whose inputs are known, send."""
+        if group.kind.clock:
+            return
+        for arc in group.kind.arcs:
+            nets = group.pins[arc.end][at]
+            on = nets >= 0
+            slew, arrival = self._at_pins(group.pins[arc.start][at][on])
+            self._send(arc, nets[on], slew, arrival, [FROM_FLOP, FROM_PORT])
+
+    def _readers(self) -> tuple[Ints, Ints]:
+        """Return the cells that read the nets, one net after the other, and where those of each net begin."""
+        nets, cells = [], []
+        for group in self.groups.values():
+            if not group.kind.clock:
+                for pin in group.kind.loads:
+                    on = group.pins[pin] >= 0
+                    nets.append(group.pins[pin][on])
+                    cells.append(group.cells[on])
+        net, cell = np.concatenate(nets), np.concatenate(cells)
+        order = np.argsort(net, kind="stable")
+        return cell[order], np.searchsorted(net[order], np.arange(self.nets + 1))
+
+    def _where(self) -> tuple[Ints, Ints]:
+        """Return the kind of every cell by its number, and its place among those of the kind; -1 for flops."""
+        kind_of, place_of = np.full(self._cells, -1), np.zeros(self._cells, np.int64)
+        for number, group in enumerate(self.groups.values()):
+            place_of[group.cells] = np.arange(len(group.cells))
+            if not group.kind.clock:
+                kind_of[group.cells] = number
+        return kind_of, place_of
+
+    def _driven_by_cells(self) -> NDArray[np.bool_]:
+        """Return which nets wait for a cell that is no flop."""
+        driven = np.zeros(self.nets, bool)
+        for group in self.groups.values():
+            for pin in () if group.kind.clock else group.kind.outputs:
+                driven[group.pins[pin][group.pins[pin] >= 0]] = True
+        return driven
+
+    # -- the period ----------------------------------------------------------------------------------
+
+    def worst(self) -> Path:
+        """Return the path that sets the period."""
+        best: tuple[float, int, int, int, str] = (0.0, NONE, 0, 0, "")
+        for group in self.groups.values():
+            for pin, tables in group.kind.setup.items():
+                nets = group.pins[pin]
+                slew, arrival = self._at_pins(nets)
+                for edge, table in tables.items():
+                    needs = look(table, slew[edge], np.zeros(len(nets)))
+                    for start, share in ((FROM_FLOP, 0.0), (FROM_PORT, OUTSIDE)):
+                        period = (arrival[start, edge] + needs) / (1 - UNCERTAINTY - share)
+                        at = int(np.argmax(period))
+                        best = max(best, (period[at], int(nets[at]), edge, start, self.name(int(group.cells[at]))))
+        for way, name, bit, net in self.array.ports:
+            for edge in (0, 1) if way == "output" and net >= 0 else ():
+                for start, share in ((FROM_FLOP, OUTSIDE), (FROM_PORT, 2 * OUTSIDE)):
+                    arrived = self.arrival[start, edge, net] + self.wire[net]
+                    best = max(best, (arrived / (1 - UNCERTAINTY - share), net, edge, start, f"{name}[{bit}]"))
+        period, net, edge, start, end = best
+        return Path(float(period), *self._trace(net, edge, start), end)
+
+    def _trace(self, net: int, edge: int, start: int) -> tuple[tuple[Stage, ...], str]:
+        """Return the stages that lead to an edge of a net, and where they start."""
+        drivers = self._drivers()
+        stages: list[Stage] = []
+        while net in drivers:
+            group, at = drivers[net]
+            name, arrival = self.name(int(group.cells[at])), float(self.arrival[start, edge, net])
+            found = None
+            for arc in () if group.kind.clock else group.kind.arcs:
+                for into, out in arc.edges:
+                    before = int(group.pins[arc.start][at])
+                    if out != edge or group.pins[arc.end][at] != net or before < 0:
+                        continue
+                    slew, came = self._at_pins(np.array([before]))
+                    sent = float(came[start, into, 0] + look(arc.delay[out], slew[into], self.load[[net]])[0])
+                    if found is None or sent > found[0]:
+                        found = sent, before, into
+            wire = float(self.wire[found[1]]) if found else 0.0
+            stages.append(Stage(name, group.kind.name, arrival, wire))
+            if found is None:
+                return tuple(reversed(stages)), name
+            _, net, edge = found
+        port = next((f"{n}[{b}]" for _, n, b, at_net in self.array.ports if at_net == net), "")
+        return tuple(reversed(stages)), port
+
+    def _drivers(self) -> dict[int, tuple[Group, int]]:
+        return {
+            int(net): (group, at)
+            for group in self.groups.values()
+            for pin in group.kind.outputs
+            for at, net in enumerate(group.pins[pin])
+            if net >= 0
+        }
+
+    def name(self, cell: int) -> str:
+        """Return the name of a cell."""
+        if cell < len(self.array.cells):
+            return self.array.names[cell]
+        taxel, number = divmod(cell - len(self.array.cells), len(self.array.taxel["cells"]))
+        row, column = divmod(taxel, self.array.config.columns)
+        return f"row_{row}.taxel_{column}.{list(self.array.taxel['cells'])[number]}"
+
+
+def _pins(kind: Kind) -> list[str]:
+    return [*kind.loads, *kind.outputs]
+
+
+def _inner_bits(taxel: dict[str, object]) -> list[object]:
+    """Return the nets of the taxel's module that are no port."""
+    outside = {bit for port in taxel["ports"].values() for bit in port["bits"]}  # type: ignore[attr-defined]
+    cells = taxel["cells"].values()  # type: ignore[attr-defined]
+    return [b for cell in cells for bits in cell["connections"].values() for b in bits if b not in outside]
