@@ -860,6 +860,23 @@ def touch() -> str:
     return markdown(["from touch to class", "", ""], rows) + f"\n{said}\n"
 
 
+@table
+def precision() -> str:
+    """Accuracy of networks in whole numbers by bits of their weights."""
+    kept = read("docs/data/classifier/precision.json")
+    points = {(point["network"], point["variant"]): point for point in kept["points"]}
+    variants = [v for v in dict.fromkeys(point["variant"] for point in kept["points"]) if v == "float" or v.isdigit()]
+    rows = []
+    for network in dict.fromkeys(name for name, _ in points):
+        own = [points[network, variant] for variant in variants]
+        memory = {point["variant"]: point["memory_bits"] / 8000 for point in own if "memory_bits" in point}
+        cells = [f"{100 * point['accuracy']:.1f}" for point in own]
+        sizes = f"{memory['8']:.0f}, {memory['4']:.0f}" if {"8", "4"} <= set(memory) else ""
+        rows.append([network, str(own[0]["seeds"]), percent(own[0]).replace(" %", ""), *cells[1:], sizes])
+    head = ["network", "seeds", "float", *(f"{variant} b" for variant in variants[1:]), "kB at 8, 4 b"]
+    return markdown(head, rows) + f"\n`{kept['command']}`\n"
+
+
 # -- verification ----------------------------------------------------------------------------------
 
 
