@@ -117,6 +117,39 @@ def properties(
 
 @app.command()
 @with_config
+def crosscheck(
+    config: ReadoutConfig,
+    texture: Annotated[int, typer.Option(min=0, help="number of the embedded texture")] = 0,
+    ticks: Annotated[int | None, typer.Option(min=1, help="sample ticks of the scan at most [all]")] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON")] = None,
+) -> None:
+    """Play the delivered Verilog in CXXRTL, a third simulator, against the model, and lint all texts with slang."""
+    from dataclasses import asdict
+
+    from flow.cross.check import Mismatch, play, texts
+    from model.files import origin, write_json
+
+    try:
+        played = play(config, texture, ticks)
+    except Mismatch as wrong:
+        print(wrong)
+        raise typer.Exit(1) from None
+    said = [problem for problems in texts(config).values() for problem in problems]
+    for problem in said:
+        print(problem)
+    if out:
+        command = f"make crosscheck ROWS={config.rows} COLUMNS={config.columns} ENCODING={config.encoding}"
+        write_json(out, {**origin(command), "config": config.to_dict(), **asdict(played), "slang": said})
+    print(
+        f"crosscheck: {played.runs} runs, {played.clocks} clocks, {played.events} events in CXXRTL as in the model, "
+        f"{played.of_texture} of a texture; slang: {len(said)} problems"
+    )
+    if said:
+        raise typer.Exit(1)
+
+
+@app.command()
+@with_config
 def gatesim(
     config: ReadoutConfig,
     lib: Annotated[Path, typer.Option(help="cell library (.lib) of the netlist")],

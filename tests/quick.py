@@ -45,6 +45,7 @@ COMMANDS = {
     "rtl verilog": "cocotb_tests/test_frame_verilog.py::test_command_writes_the_text_of_the_library",
     "rtl gates": "tests/rtl/test_gates.py::test_command_compares_the_readouts_of_one_array",
     "flow properties": "tests/flow/test_bind.py::test_the_command_writes_what_goes_with_the_verilog",
+    "flow crosscheck": "tests/flow/test_cross.py::test_slang_takes_what_is_delivered",  # compiling takes seconds
     "flow asic": "tests/flow/test_asic_report.py::test_bad_input_is_one_sentence",  # runs take ten seconds and more
     "flow gatesim": "tests/flow/test_gates.py::test_cells_that_are_missing_or_say_nothing",
     "flow power": "tests/flow/test_power.py::test_a_net_that_is_missing_or_unknown",
@@ -77,6 +78,12 @@ COMMANDS = {
 OTHERS = {
     "layers": "tests/test_layers.py",
     "classifier": "cocotb_tests/test_classifier.py::test_rtl_equals_the_model_in_every_potential_class_and_clock[2-1-3",
+    "spi": "cocotb_tests/test_spi.py::test_slave_equals_its_model_in_every_clock[icarus-sync",
+    "registers": "cocotb_tests/test_registers.py::test_file_equals_its_model_in_every_clock[3x5-nlcs",
+    "pattern": "cocotb_tests/test_pattern.py::test_pattern_equals_its_model_in_every_clock[3x5-lcs",
+    "host": "cocotb_tests/test_host.py::test_readout_equals_the_model_while_a_host_sets_it[3x5-nlcs-digital",
+    "merge": "cocotb_tests/test_merge.py::test_merge_keeps_its_contract_and_equals_its_models[icarus-3",
+    "tiles": "cocotb_tests/test_tiles.py::test_a_skin_equals_its_model[icarus-4-nlcs",
     "make": "tests/commands/test_make.py::test_make_refuses_a_wrong_variable",
     "errors": "tests/commands/test_app.py::test_every_mistake_is_one_sentence",
     "network": "tests/snn/test_network.py::test_a_neuron_by_hand",

@@ -133,6 +133,11 @@ TARGETS = {
         "flow properties",
         defaults={"OUT": "out/verilog"},
     ),
+    "crosscheck": Target(
+        "the delivered Verilog in CXXRTL, a third simulator, against the model; lint by slang [TEXTURE= TICKS= OUT=]",
+        "flow crosscheck",
+        ("sim", "lint"),
+    ),
     "rates": Target("mean population event rate over a dataset [DATASET= PRESET= LIMIT=]", "model rates"),
     "train": Target(
         'train one network [DATA=my_skin/ RECIPE= FRAMES= SET="NAME=VALUE ..." EPOCHS= FOLD= OUT=]', "snn train", SNN

@@ -80,7 +80,22 @@ def fold(module: str) -> str:
     }
     lines = _in_order([_parse(text, wires) for text in module.splitlines()])
     text = _renamed("\n".join(_Folder(lines, wires).lines()))
-    return "".join(broken(line) + "\n" for line in text.splitlines())
+    return "".join(broken(line) + "\n" for line in _declared(text.splitlines()))
+
+
+def _declared(lines: list[str]) -> list[str]:
+    """Return lines with every declaration before the first use: parts of a wire may name one that Yosys declares later.
+
+    Verilator and Yosys take both orders; the language, and slang, do not.
+    """
+    uses: dict[str, int] = {}
+    early: list[tuple[float, int]] = []
+    for number, line in enumerate(lines):
+        found = None if line.startswith(("  input", "  output")) else DECLARATION.match(line)
+        for name in [] if found else WORD.findall(line):
+            uses.setdefault(name, number)
+        early.append((uses.get(found[3], number + 0.5) - 0.5 if found else number, number))
+    return [lines[number] for _, number in sorted(early)]
 
 
 def broken(line: str) -> str:

@@ -126,3 +126,26 @@ def test_lines_are_no_longer_than_a_page() -> None:
     text = verilog(ReadoutConfig(rows=12, columns=16))
     assert max(len(line) for line in text.splitlines() if not line.startswith("//")) < LONGEST + 30
     assert top_block(ReadoutConfig()).module_name in text
+
+
+LATE = """\
+module late(a, y);
+  input wire [1:0] a;
+  output wire [3:0] y;
+  wire [3:0] both;
+  assign both[3:2] = high;
+  wire [1:0] high;
+  assign high = ~ a;
+  assign both[1:0] = a;
+  assign y = both;
+endmodule
+"""
+
+
+def test_what_is_used_is_declared_before() -> None:
+    lines = fold(LATE).splitlines()
+    (declared,) = (number for number, line in enumerate(lines) if line == "  wire [1:0] high;")
+    uses = [number for number, line in enumerate(lines) if "high" in line and number != declared]
+    assert uses
+    assert declared < min(uses)
+    assert sorted(lines) == sorted(line.replace("~ a", "~a") for line in LATE.splitlines())
