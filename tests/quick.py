@@ -47,6 +47,8 @@ COMMANDS = {
     "flow properties": "tests/flow/test_bind.py::test_the_command_writes_what_goes_with_the_verilog",
     "flow crosscheck": "tests/flow/test_cross.py::test_slang_takes_what_is_delivered",  # compiling takes seconds
     "flow asic": "tests/flow/test_asic_report.py::test_bad_input_is_one_sentence",  # runs take ten seconds and more
+    "flow asic-scale": "tests/flow/test_scale.py::test_what_is_no_size_is_one_sentence",  # an array takes longer
+    "flow layout": "tests/flow/test_layout.py::test_blif_and_spice",  # a layout takes half a minute
     "flow gatesim": "tests/flow/test_gates.py::test_cells_that_are_missing_or_say_nothing",
     "flow power": "tests/flow/test_power.py::test_a_net_that_is_missing_or_unknown",
     "flow faults": "tests/flow/test_faults.py::test_what_goes_beyond_what_is_stated_is_a_problem",
