@@ -189,7 +189,7 @@ TARGETS = {
         "the site of documents and reference pages, out/site/index.html",
         needs=(*DEV, "docs"),
         steps=(
-            "docs/tables.py",
+            "-m docs.tables",
             "docs/commands.py",
             "docs/registers.py",
             "docs/figures/architecture.py",
