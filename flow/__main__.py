@@ -19,6 +19,7 @@ from model.frame_config import OWN_FIELDS, FrameConfig
 
 if TYPE_CHECKING:
     from flow.formal.mutants import Mutant
+    from flow.mutants.judge import Finding
 
 app = make_app("Design flow of the readout: proofs of its RTL, and its netlist.")
 
@@ -113,6 +114,34 @@ def properties(
     with atomic_write(path) as file:
         file.write(text(config).encode())
     print(path)
+
+
+@app.command()
+def mutants(
+    block: Annotated[str, typer.Option(help="only this block: arbiter, link, window, taxel, ...")] = "",
+    share: Annotated[float, typer.Option(min=0.0, max=1.0, help="share of all edits that is tried")] = 0.36,
+    limit: Annotated[int | None, typer.Option(min=1, help="mutants at most [all]")] = None,
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder for what is found")] = Path("out/mutants"),
+) -> None:
+    """Mutate the RTL's source, and see which mutants the tests and proofs kill; goes on where it was stopped."""
+    from flow.mutants.campaign import chosen, closing_line, write
+    from flow.mutants.campaign import run as judge
+    from flow.mutants.plan import GROUNDS
+
+    known = sorted({ground.block for ground in GROUNDS.values()})
+    if block and block not in known:
+        raise InputError(f"--block must be one of {', '.join(known)}, not {block!r}")
+    picked = chosen({block} if block else known, share)[:limit]
+    command = " ".join(["make mutants", *([f"BLOCK={block}"] if block else []), f"SHARE={share:g}"])
+
+    def tell(finding: Finding) -> None:
+        print(f"{finding.verdict:<11}{'quick' if finding.quick else '':<6}{finding.name}", flush=True)
+
+    found = judge(picked, out / "findings.jsonl", tell)
+    write(found, len(picked), command, out / "mutants.json")
+    print(closing_line(found, len(picked)))
+    if len(found) < len(picked) or any(finding.verdict == "alive" for finding in found):
+        raise typer.Exit(1)
 
 
 @app.command()

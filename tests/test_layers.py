@@ -46,7 +46,7 @@ LAYERS = {
         "formal.blocks formal.bench",
         "formal.plan formal.engine",
         "formal.run formal.bind",
-        "formal.report cross",
+        "formal.report cross mutants",
         "faults.gates faults.lanes faults.course",
         "faults.bench",
         "faults.outcomes faults.cases faults.plan",

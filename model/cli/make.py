@@ -133,6 +133,11 @@ TARGETS = {
         "flow properties",
         defaults={"OUT": "out/verilog"},
     ),
+    "mutants": Target(
+        "small wrong edits of the RTL, each to be killed by the tests or proofs; resumable [BLOCK= SHARE= LIMIT= OUT=]",
+        "flow mutants",
+        ("sim", "dev"),
+    ),
     "crosscheck": Target(
         "the delivered Verilog in CXXRTL, a third simulator, against the model; lint by slang [TEXTURE= TICKS= OUT=]",
         "flow crosscheck",

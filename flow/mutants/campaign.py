@@ -1,0 +1,121 @@
+"""All mutants one after the other, kept as they come, so that a stopped campaign goes on where it was."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from flow.mutants.changes import Change, changes
+from flow.mutants.judge import Finding, Judge
+from flow.mutants.plan import GROUNDS
+from flow.mutants.suite import Suite
+from model.files import origin, write_json
+
+FEWEST = 24
+"""Mutants of a module, where it has so many."""
+
+
+def chosen(blocks: Iterable[str], share: float) -> list[Change]:
+    """Return a share of all edits of some blocks, spread over each file, in an order that mixes them."""
+    picked: list[Change] = []
+    for file, ground in GROUNDS.items():
+        if ground.block in blocks:
+            every = changes(file)
+            count = min(len(every), max(FEWEST, round(share * len(every))))
+            picked += [every[number * len(every) // count] for number in range(count)]
+    return sorted(picked, key=lambda change: hashlib.sha256(change.name.encode()).hexdigest())
+
+
+def run(picked: list[Change], log: Path, on_finding: Callable[[Finding], None]) -> list[Finding]:
+    """Judge mutants, those of the log already judged left out, and add each to it; return all findings."""
+    log.parent.mkdir(parents=True, exist_ok=True)
+    known = {finding.key: finding for finding in read(log)}
+
+    def keep(finding: Finding) -> None:
+        known[finding.key] = finding
+        with log.open("a") as file:
+            file.write(json.dumps(finding.to_dict()) + "\n")
+        on_finding(finding)
+
+    todo = [change for change in picked if change.key not in known]
+
+    def ask(suite: Suite) -> None:
+        judge = Judge(suite, keep)
+        for file in GROUNDS:
+            if own := [change for change in todo if change.file == file]:
+                judge.judge(file, own)
+
+    if todo:
+        tests = {test for change in todo for test in GROUNDS[change.file].tests}
+        Suite().collect([f"cocotb_tests/test_{test}.py" for test in sorted(tests)], ask)
+    return [known[change.key] for change in picked if change.key in known]
+
+
+def read(log: Path) -> Iterator[Finding]:
+    """Yield what a log holds; a line that was cut off is left out."""
+    if log.exists():
+        for line in log.read_text().splitlines():
+            try:
+                fields = json.loads(line)
+            except ValueError:
+                continue
+            yield Finding(**{**fields, "differs": tuple(fields["differs"])})
+
+
+def _counted(findings: list[Finding]) -> dict[str, int]:
+    """Return how many mutants there are, and what became of them."""
+    real = [finding for finding in findings if finding.verdict != "stillborn"]
+    return {
+        "total": len(real),
+        "equivalent": sum(finding.verdict == "equivalent" for finding in real),
+        "killed": sum(finding.verdict == "killed" for finding in real),
+        "killed_quick": sum(finding.quick for finding in real),
+        "alive": sum(finding.verdict == "alive" for finding in real),
+    }
+
+
+def summary(findings: list[Finding], planned: int) -> dict[str, Any]:
+    """Return what a campaign found as JSON content, without its origin.
+
+    Mutants that the generator refuses are told apart and count nowhere else: no Verilog comes of them.
+    """
+    alive = [finding.to_dict() for finding in findings if finding.verdict == "alive"]
+    return {
+        "result": closing_line(findings, planned),
+        "planned": planned,
+        **_counted(findings),
+        "stillborn": sum(finding.verdict == "stillborn" for finding in findings),
+        **{
+            f"per_{name}": {
+                value: _counted([finding for finding in findings if getattr(finding, name) == value])
+                for value in sorted({getattr(finding, name) for finding in findings})
+            }
+            for name in ("block", "kind")
+        },
+        "survivors": alive,
+        "only_by_the_whole_suite": [
+            {"name": finding.name, "by": finding.by}
+            for finding in findings
+            if finding.verdict == "killed" and not finding.quick
+        ],
+    }
+
+
+def closing_line(findings: list[Finding], planned: int) -> str:
+    """Return the last line of ``make mutants``."""
+    count = _counted(findings)
+    rest = count["total"] - count["equivalent"]
+    shares = [f"{100 * count[name] / rest:.1f} %" if rest else "none" for name in ("killed", "killed_quick")]
+    left = f", {planned - len(findings)} not yet judged" if planned > len(findings) else ""
+    return (
+        f"mutants: {count['total']}, {count['equivalent']} of them equivalent; of the others {count['killed']} killed "
+        f"({shares[0]}), by the quick check alone {shares[1]}; {count['alive']} alive{left}"
+    )
+
+
+def write(findings: list[Finding], planned: int, command: str, path: Path) -> None:
+    """Write what a campaign found, with the command, the commit and the date."""
+    write_json(path, {**origin(command), **summary(findings, planned)})

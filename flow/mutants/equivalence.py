@@ -1,0 +1,75 @@
+"""Whether a mutated module does the same as the original, for runs of any length: then no test can tell them apart."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from flow.formal.engine import ASSERTED, CONVERGED, MAPPED_GATE, ONE_GATE, RUN_ABC
+from flow.mutants.plan import GUARDS
+from rtl import yosys
+
+PORT = re.compile(r"^  wire (?:width (\d+) )?(?:signed )?(input|output) \d+ +(?:signed )?\\(\S+)$", re.MULTILINE)
+
+TO_GATES = (
+    "read_rtlil readout.il; read_verilog miter.v; hierarchy -check -top miter; proc; flatten; opt_clean; "
+    "memory_map; async2sync; formalff -clk2ff -ff2anyinit; setundef -init -zero; setundef -undriven -zero; opt -full; "
+    "techmap; opt -fast; simplemap; dffunmap; aigmap; opt_clean; "
+    "write_aiger -I -zinit -no-startoffset miter.aig; design -reset; "
+)
+
+
+def ports_of(rtlil: str) -> list[tuple[int, str, str]]:
+    """Return bits, direction and name of every port of a module."""
+    return [(int(bits or 1), way, name) for bits, way, name in PORT.findall(rtlil)]
+
+
+def miter(module: str, ports: list[tuple[int, str, str]]) -> str:
+    """Return Verilog whose one output is high where the two modules differ; ``ports`` are (bits, direction, name)."""
+    guards = GUARDS.get(module, {})
+    lines = [f"  input [{bits - 1}:0] {name};" for bits, way, name in ports if way == "input"]
+    differences, wires = ["1'b0"], {"gold": [], "gate": []}  # type: tuple[list[str], dict[str, list[str]]]
+    outputs = {name for _, way, name in ports if way == "output"}
+    for bits, way, name in ports:
+        for side, wired in wires.items():
+            wired.append(f".{name}({name if way == 'input' else f'{side}_{name}'})")
+        if way == "output":
+            lines += [f"  wire [{bits - 1}:0] gold_{name}, gate_{name};"]
+            meant = f"(|gold_{guards[name]}) & " if guards.get(name) in outputs else ""
+            differences.append(f"({meant}(gold_{name} != gate_{name}))")
+    lines += [f"  {side}_{module} {side}({', '.join(wired)});" for side, wired in wires.items()]
+    named = ", ".join([name for _, way, name in ports if way == "input"] + ["bad"])
+    body = "\n".join(lines)
+    return f"module miter({named});\n  output bad;\n{body}\n  assign bad = {' | '.join(differences)};\nendmodule\n"
+
+
+def same(module: str, original: Mapping[str, str], mutated: Mapping[str, str], limit_s: int = 60) -> bool | None:
+    """Return whether a module does the same in two designs after any reset; None where the solver finds no answer.
+
+    Parameters
+    ----------
+    module : str
+    original, mutated : mapping of str to str
+        RTLIL of all modules of each design by their names.
+    limit_s : int
+        Seconds for the proof.
+    """
+    texts = []
+    for side, modules in (("gold", original), ("gate", mutated)):
+        text = "\n".join(modules.values())
+        text = re.sub(r"^(module|  cell) \\eskin_", rf"\1 \\{side}_eskin_", text, flags=re.MULTILINE)
+        texts.append(text)
+    ports = ports_of(original[module])
+    if sorted(ports) != sorted(ports_of(mutated[module])):
+        return False
+    if not any(way == "output" for _, way, _ in ports):
+        raise ValueError(f"{module} has no output to compare")
+    commands = ["set abcout said.txt", "read_aiger miter.aig", "strash", "bmc3 -a -F 12 -T 10"]
+    commands += ["read_aiger miter.aig", "strash", "scorr", "dretime -b", "strash", f"pdr -a -T {limit_s}"]
+    commands += ["read_blif gate.blif", "strash"]
+    files = {"one_gate.v": ONE_GATE, "gate.blif": MAPPED_GATE, "solve.abc": "\n".join(commands).encode() + b"\n"}
+    files["miter.v"] = miter(module, ports).encode()
+    said = yosys.run(TO_GATES + RUN_ABC, "\n".join(texts), "said.txt", files)
+    if ASSERTED.search(said):
+        return False
+    return True if CONVERGED.search(said) else None

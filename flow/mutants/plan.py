@@ -1,0 +1,70 @@
+"""Which modules of the RTL are mutated, and which checks of the project are to notice."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A module of ``rtl/`` and the checks that look at it.
+
+    Parameters
+    ----------
+    block : str
+        The block that it is a part of.
+    tests : tuple of str
+        Co-simulations against the golden models in ``cocotb_tests``: names of test files, in the order in which they
+        are run. Cases on Verilator are left out: they play the same test on another simulator.
+    proofs : tuple of str
+        Blocks of ``make formal`` whose properties look at it.
+    """
+
+    block: str
+    tests: tuple[str, ...]
+    proofs: tuple[str, ...] = ()
+
+
+LONG = ("readout", "host", "analog", "tiles", "touch")
+"""Tests of whole readouts, each of some seconds: the last to be asked."""
+
+GROUNDS = {
+    "link": Ground("link", ("link", "readout"), ("link", "readout")),
+    "window": Ground("window", ("window", "taxel", "analog", "readout", "host"), ("window", "taxel")),
+    "decay": Ground("decay", ("decay", "readout")),
+    "arbiter": Ground("arbiter", ("arbiter", "readout"), ("arbiter", "readout")),
+    "logic": Ground("arbiter", ("arbiter", "merge", "taxel", "frame", "registers", "readout"), ("arbiter", "merge")),
+    "tiles.merge": Ground("tiles", ("merge", "tiles"), ("merge",)),
+    "tiles.skin": Ground("tiles", ("tiles",)),
+    "taxel": Ground("taxel", ("taxel", "window", "analog", "readout", "host"), ("taxel", "window", "readout")),
+    "frame": Ground("frame", ("frame",), ("frame_readout",)),
+    "registers.file": Ground("registers", ("registers", "host"), ("registers",)),
+    "registers.host": Ground("registers", ("host",)),
+    "registers.pattern": Ground("registers", ("pattern", "host"), ("pattern",)),
+    "registers.spi": Ground("registers", ("spi", "host"), ("spi",)),
+    "registers.decay": Ground("registers", ("host",)),
+    "classifier.numbers": Ground("classifier", ("classifier", "touch")),
+    "classifier.lane": Ground("classifier", ("classifier", "touch")),
+    "classifier.memory": Ground("classifier", ("classifier", "touch")),
+    "classifier.core": Ground("classifier", ("classifier", "touch")),
+    "classifier.chip": Ground("classifier", ("touch",)),
+    "readout": Ground("readout", ("readout", "analog", "host", "tiles"), ("readout",)),
+}
+"""All modules of ``rtl/`` with logic in them, and what looks at each."""
+
+GUARDS = {
+    "eskin_arbiter": dict.fromkeys(("event_row", "event_col", "event_polarity"), "event_valid"),
+    "eskin_readout": dict.fromkeys(("event_row", "event_col", "event_polarity"), "event_valid"),
+    "eskin_merge": {f"event_{name}": "event_valid" for name in ("tile", "row", "col", "polarity")},
+    "eskin_taxel": {"polarity": "request"},
+    "eskin_row": {"column_polarity": "column_request"},
+    "eskin_pattern": {"column_polarity": "row_request", "column_request": "row_request"},
+    "eskin_frame_sequencer": dict.fromkeys(("sample_code", "sample_first", "sample_last"), "sample_valid"),
+    "eskin_frame_packer": dict.fromkeys(("word_data", "word_sync"), "word_valid"),
+    "eskin_frame_readout": dict.fromkeys(("word_data", "word_sync"), "word_valid"),
+    "eskin_spi": {"write_data": "write"},
+    "eskin_classifier": {
+        f"{kind}_{name}": f"{kind}_valid" for kind in ("hidden", "output") for name in ("index", "potential", "spike")
+    },
+}
+"""Outputs that mean something only where another is not 0, by the contract of a stream; by module."""

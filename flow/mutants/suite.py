@@ -1,0 +1,250 @@
+"""The project's own co-simulations, collected once by pytest and run with many mutants at a time in the RTL."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from _pytest.runner import runtestprotocol
+
+from cocotb_tests.session import simulator
+from cocotb_tests.session.store import ROOT
+from flow.formal.mutants import planted
+from flow.mutants import batch
+from flow.mutants.changes import Change
+from flow.mutants.inside import JOB, VERDICTS
+from rtl import yosys
+from rtl.block import Netlist
+from rtl.verilog import Config, top_block
+
+CPU_S, CPU_S_EACH = 60, 10
+"""Seconds of the processor that a simulation may take, and more for every mutant: one that hangs is ended by it."""
+
+LOOK_EVERY_S = 1.0
+AT_ONCE = 48
+"""Mutants in one program."""
+
+
+class Told(Exception):
+    """Ends a test that was only to say what it builds."""
+
+
+class Hangs(Exception):
+    """The simulation went on and on."""
+
+
+def modules_of(config: Config) -> dict[str, str]:
+    """Return the RTLIL of all modules of a configuration, by their names."""
+    made = Netlist(config.reset == "async")
+    made.add(top_block(config))
+    return made.modules
+
+
+class Suite:
+    """Tests that look at the RTL, to be asked about mutants.
+
+    Attributes
+    ----------
+    items : dict of str to pytest.Item
+        The tests by their names.
+    built : dict of str to (Config, str)
+        What each test builds: the configuration, and the module that is simulated.
+    """
+
+    def __init__(self) -> None:
+        self.items: dict[str, pytest.Item] = {}
+        self.built: dict[str, tuple[Config, str] | None] = {}
+        self._originals: dict[str, dict[str, str]] = {}
+
+    def collect(self, files: list[str], ask: Callable[[Suite], None]) -> None:
+        """Collect the tests of some files, and call ``ask`` while they can be run."""
+
+        class Plugin:
+            """Takes the place of pytest's own loop over the tests."""
+
+            @pytest.hookimpl(tryfirst=True)
+            def pytest_runtestloop(_, session: pytest.Session) -> bool:
+                self.items = {item.nodeid: item for item in session.items if "verilator" not in item.nodeid}
+                ask(self)
+                return True
+
+        words = ["-q", "-q", "-s", "-p", "no:cacheprovider", "-p", "no:xdist", "--rootdir", str(ROOT), "-o", "addopts="]
+        words += ["-o", "tmp_path_retention_policy=none", "--no-header", *(str(ROOT / file) for file in files)]
+        pytest.main(words, plugins=[Plugin()])
+
+    def learn(self, name: str) -> tuple[Config, str] | None:
+        """Return what a test builds; None if it builds nothing. No mutant may be there."""
+        if name not in self.built:
+            asked: list[Any] = []
+
+            def note(recipe: Any) -> str:
+                asked.append(recipe[2])
+                raise Told
+
+            def take(config: Config) -> str:
+                asked.append(config)
+                return ""
+
+            with _changed(verilog_text=take, digest=note):
+                runtestprotocol(self.items[name], log=False, nextitem=None)
+            config, top = asked[:2] if len(asked) >= 2 else (None, "")
+            if config is not None and top == "harness":
+                top = top_block(config).module_name
+            self.built[name] = None if config is None else (config, top)
+        return self.built[name]
+
+    def original(self, config: Config) -> dict[str, str]:
+        """Return the RTLIL of a configuration's modules, made at the first call: no mutant may be there then."""
+        key = f"{type(config).__name__} {config.to_dict()}"
+        if key not in self._originals:
+            self._originals[key] = modules_of(config)
+        return self._originals[key]
+
+    def designs(self, name: str, changes: Mapping[int, Change]) -> dict[int, dict[str, str] | str]:
+        """Return the RTLIL of what a test simulates with each mutant; ``same`` or ``stillborn`` in its place."""
+        built = self.learn(name)
+        assert built is not None
+        config, module = built
+        before = batch.within(module, self.original(config))
+        found: dict[int, dict[str, str] | str] = {}
+        for number, change in changes.items():
+            try:
+                with planted(change):
+                    made = batch.within(module, modules_of(config))
+            except Exception:
+                found[number] = "stillborn"
+                continue
+            other = batch.ports_of(made[module]) != batch.ports_of(before[module])
+            found[number] = "same" if made == before else "stillborn" if other else made
+        return found
+
+    def run(self, name: str, changes: list[Change]) -> list[str]:
+        """Run a test with one mutant after the other in the RTL.
+
+        Returns
+        -------
+        list of str
+            For each ``failed``, ``endless``, ``passed``, ``same`` (its Verilog is that of the original in this test) or
+            ``stillborn`` (there is no Verilog, or one that is refused).
+        """
+        found: dict[int, str] = {}
+        numbers = dict(enumerate(changes, 1))
+        for start in range(1, len(changes) + 1, AT_ONCE):
+            some = {number: numbers[number] for number in range(start, min(start + AT_ONCE, len(changes) + 1))}
+            designs = self.designs(name, some)
+            found |= {number: design for number, design in designs.items() if isinstance(design, str)}
+            found |= self._simulate(name, {n: design for n, design in designs.items() if not isinstance(design, str)})
+        return [found[number] for number in numbers]
+
+    def _simulate(self, name: str, designs: dict[int, dict[str, str]]) -> dict[int, str]:
+        if not designs:
+            return {}
+        built = self.learn(name)
+        assert built is not None
+        config, module = built
+        try:
+            text, refused = batch.verilog(module, {0: batch.within(module, self.original(config)), **designs})
+        except yosys.YosysError:  # one of them: which?
+            if len(designs) == 1:
+                return dict.fromkeys(designs, "stillborn")
+            halves = list(designs)[: len(designs) // 2], list(designs)[len(designs) // 2 :]
+            first, second = ({number: designs[number] for number in half} for half in halves)
+            return self._simulate(name, first) | self._simulate(name, second)
+        found = dict.fromkeys(refused, "stillborn")
+        todo = [number for number in designs if number not in refused]
+        while todo:
+            verdicts = self._play(name, text, todo)
+            if verdicts.get(0) != "passed":
+                raise RuntimeError(f"{name} fails with the original RTL: {verdicts}")
+            found |= {number: verdict for number, verdict in verdicts.items() if number}
+            todo = [number for number in todo if number not in found]
+        return found
+
+    def _play(self, name: str, text: str, numbers: list[int]) -> dict[int, str]:
+        """Run a test with the original and some mutants; one during which the simulation broke off is endless."""
+        with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
+            verdicts = Path(folder) / VERDICTS
+            test = simulator.Build.test
+
+            def mutated(
+                program: simulator.Build, module: str, place: Path, case: str | None = None, env: Any = None
+            ) -> None:
+                job = {"module": module, "test": case, "mutants": numbers}
+                try:
+                    test(program, "flow.mutants.inside", place, "all_mutants", (env or {}) | {JOB: json.dumps(job)})
+                finally:
+                    if (place / VERDICTS).exists():
+                        verdicts.write_bytes((place / VERDICTS).read_bytes())
+
+            simulator.Build.test = mutated  # type: ignore[assignment,method-assign]
+            try:
+                limit = CPU_S + CPU_S_EACH * len(numbers)
+                with _changed(verilog_text=lambda config: text, BUILD=Path(folder)), _watched(limit):
+                    reports = runtestprotocol(self.items[name], log=False, nextitem=None)
+            finally:
+                simulator.Build.test = test  # type: ignore[method-assign]
+            if not verdicts.exists():
+                raise RuntimeError(f"{name} did not begin: {[str(report.longrepr)[-2000:] for report in reports]}")
+            lines = [json.loads(line) for line in verdicts.read_text().splitlines() if line.endswith("}")]
+        found = {line["mutant"]: line["verdict"] for line in lines if "mutant" in line}
+        return {line["begins"]: found.get(line["begins"], "endless") for line in lines if "begins" in line}
+
+
+@contextmanager
+def _changed(**values: Any) -> Iterator[None]:
+    """Give names of the simulator's module other values for a while."""
+    before = {name: getattr(simulator, name) for name in values}
+    try:
+        for name, value in values.items():
+            setattr(simulator, name, value)
+        yield
+    finally:
+        for name, value in before.items():
+            setattr(simulator, name, value)
+
+
+def _children(of: int) -> Iterator[int]:
+    """Yield the processes that a process has started, and theirs."""
+    for thread in Path(f"/proc/{of}/task").glob("*/children"):
+        try:
+            found = thread.read_text().split()
+        except OSError:
+            continue
+        for child in found:
+            yield int(child)
+            yield from _children(int(child))
+
+
+def _cpu_s(process: int) -> float:
+    try:
+        fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return 0.0
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+@contextmanager
+def _watched(limit_s: float) -> Iterator[None]:
+    """End a simulation that takes too much time; that of the processor counts, so a busy machine is no reason."""
+
+    def look(signum: int, frame: Any) -> None:
+        children = list(_children(os.getpid()))
+        if any(_cpu_s(child) > limit_s for child in children):
+            for child in children:
+                os.kill(child, signal.SIGKILL)
+            raise Hangs
+
+    before = signal.signal(signal.SIGALRM, look)
+    signal.setitimer(signal.ITIMER_REAL, LOOK_EVERY_S, LOOK_EVERY_S)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)

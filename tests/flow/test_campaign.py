@@ -1,0 +1,90 @@
+"""Mutants of the RTL: every edit is another program, equivalents are proved, a campaign judges, keeps and goes on."""
+
+from __future__ import annotations
+
+import ast
+import json
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+import rtl
+from flow.formal.mutants import planted
+from flow.mutants import batch
+from flow.mutants.campaign import chosen, closing_line, read
+from flow.mutants.changes import Change, changes, text_of
+from flow.mutants.equivalence import same
+from flow.mutants.judge import Finding
+from flow.mutants.plan import GROUNDS
+from flow.mutants.suite import modules_of
+from model.config import ReadoutConfig
+
+CONFIG = ReadoutConfig(rows=2, columns=2)
+NO_LOGIC = {"block", "yosys", "verilog", "delivery", "gates", "classifier.ports"}
+
+
+def the(file: str, old: str, new: str) -> Change:
+    return next(change for change in changes(file) if change.new == new and old in f"{change.old} {change.name}")
+
+
+def test_every_edit_is_another_program() -> None:
+    for file in GROUNDS:
+        text = text_of(file)
+        found = changes(file)
+        assert found, file
+        for change in found[:: max(len(found) // 5, 1)]:  # parsing all of them would take a minute
+            assert ast.dump(ast.parse(change.source())) != ast.dump(ast.parse(text)), change.name
+    assert len(chosen({ground.block for ground in GROUNDS.values()}, 0.36)) >= 600
+
+
+def test_every_module_with_logic_is_mutated() -> None:
+    folder = Path(str(rtl.__file__)).parent
+    files = {".".join(path.relative_to(folder).with_suffix("").parts) for path in folder.rglob("*.py")}
+    others = {file for file in files if file.startswith(("datasheet", "text", "board")) or "__" in file} | NO_LOGIC
+    assert files - others == set(GROUNDS)
+
+
+def test_an_edit_that_no_longer_fits_is_refused() -> None:
+    change = changes("link")[0]
+    moved = Change(change.name, change.file, "elsewhere", "", (), change.kind, change.start, change.line)
+    with pytest.raises(ValueError, match="'elsewhere' does not stand at"):
+        moved.source()
+
+
+def test_what_does_the_same_is_proved_and_what_does_not_is_seen() -> None:
+    original = batch.within("eskin_arbiter", modules_of(CONFIG))
+    # A mask of more bits than rows has bits that nothing reads; a row that waits for every bit is no row at all.
+    for old, new, expected in (("arbiter.py:63: - ->", "+", True), ("arbiter.py:91: ~rest.any()", "rest.any()", False)):
+        with planted(the("arbiter", old, new)):
+            mutated = batch.within("eskin_arbiter", modules_of(CONFIG))
+        assert mutated != original
+        assert same("eskin_arbiter", original, mutated) is expected
+
+
+def test_a_campaign_judges_keeps_and_goes_on(tmp_path: Path) -> None:
+    # A process of its own, since it runs pytest itself: some seconds.
+    command = [sys.executable, "-m", "flow", "mutants", "--block", "link", "--limit", "5", "-o", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+    line = (
+        "mutants: 5, 0 of them equivalent; of the others 5 killed (100.0 %), by the quick check alone 100.0 %; 0 alive"
+    )
+    assert done.stdout.splitlines()[-1] == line
+    kept = json.loads((tmp_path / "mutants.json").read_text())
+    assert (kept["total"], kept["killed"], kept["survivors"]) == (5, 5, [])
+    log = (tmp_path / "findings.jsonl").read_text()
+    (tmp_path / "findings.jsonl").write_text(log.rstrip()[:-20])  # as one that was stopped while it wrote
+    assert len(list(read(tmp_path / "findings.jsonl"))) == 4
+
+
+def test_the_closing_line_counts_what_lives_and_what_is_left() -> None:
+    verdicts = ["killed", "killed", "killed", "alive", "equivalent", "stillborn"]
+    findings = [Finding("", "", "", "", "", verdict, quick=n < 2) for n, verdict in enumerate(verdicts)]
+    assert Counter(verdicts)["stillborn"] == 1
+    assert closing_line(findings, 8) == (
+        "mutants: 5, 1 of them equivalent; of the others 3 killed (75.0 %), by the quick check alone 50.0 %; 1 alive, "
+        "2 not yet judged"
+    )
