@@ -56,7 +56,7 @@ class SoakFailed(Exception):  # the outcome that is looked for, not a defect of 
 
 
 def soak(plan: Plan, on_piece: Callable[[dict[str, Any]], None]) -> None:
-    """Soak until the time is over.
+    """Soak until the time is over; if there is any, one more configuration at least.
 
     Parameters
     ----------
@@ -71,12 +71,14 @@ def soak(plan: Plan, on_piece: Callable[[dict[str, Any]], None]) -> None:
     folder = make_folder(plan.folder, "pieces")
     end = time.monotonic() + plan.seconds
     seed = plan.seed
-    while time.monotonic() < end:
+    more = plan.seconds > 0
+    while more:
         with _claimed(folder / f"{seed}.json") as mine:
             if mine:
                 piece = _piece(plan, seed)
                 write_json(folder / f"{seed}.json", piece)
                 on_piece(piece)
+                more = time.monotonic() < end
         seed += 1
 
 

@@ -102,7 +102,7 @@ def build(config: BoardConfig, board: str) -> Built:
         _run("yosys", ["-q", "-l", "synth.log", f"{NAME}.ys"], folder)
         device = [platform._nextpnr_device_options[platform.device]]
         device += ["--package", platform._nextpnr_package_options[platform.package].upper(), "--speed", platform.speed]
-        place_and_route(folder, [*device, "--lpf", f"{NAME}.lpf"])
+        place_and_route(folder, [*device, "--lpf", f"{NAME}.lpf", "--textcfg", f"{NAME}.config"])
         bits = ["--input", f"{NAME}.config", "--bit", f"{NAME}.bit", "--compress"]
         _run("ecppack", bits, folder)
         kept = {f"{NAME}.bit": (folder / f"{NAME}.bit").read_bytes()}
@@ -123,8 +123,7 @@ def build_classifier(config: ClassifierConfig) -> Built:
 def place_and_route(folder: Path, options: Sequence[str]) -> None:
     """Run nextpnr on the netlist in a folder."""
     words = ["--quiet", "--seed", str(SEED), "--timing-allow-fail", "--report", "report.json", "--log", "route.log"]
-    words += ["--json", f"{NAME}.json", "--textcfg", f"{NAME}.config"]
-    _run("nextpnr", [*words, *options], folder)
+    _run("nextpnr", [*words, "--json", f"{NAME}.json", *options], folder)
 
 
 def read_report(folder: Path, files: dict[str, bytes]) -> Built:
