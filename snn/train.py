@@ -153,10 +153,7 @@ def predicted_classes(
     network: nn.Module, data: ScanData, images: Sequence[int] | NDArray[np.int64], device: str = "cpu"
 ) -> NDArray[np.int64]:
     """Return the class of every image, from the scan of its first start row, shape (len(images),)."""
-    scans = data.scans_of(images, first_row_only=True)
-    of_image = dict(zip(data.images[scans].tolist(), scans.tolist(), strict=True))
-    ordered = np.array([of_image[int(image)] for image in images], np.int64)
-    return logits_of(network, data, ordered, device).argmax(1)
+    return logits_of(network, data, data.first_scans(images), device).argmax(1)
 
 
 def logits_of(

@@ -15,15 +15,15 @@ from model.files import check_writable, write_json
 from snn.commands.options import check_device
 from snn.commands.sweep import command_line
 
+Trainings = Annotated[
+    list[Path] | None,
+    typer.Argument(metavar="DIR...", help="folders NETWORK/TRAINING/ of snn train, one a fold and seed [out/train]"),
+]
+
 
 def robustness(
     context: typer.Context,
-    weights: Annotated[
-        list[Path] | None,
-        typer.Argument(
-            metavar="DIR...", help="folders NETWORK/TRAINING/ of snn train, one a fold and seed [out/train]"
-        ),
-    ] = None,
+    weights: Trainings = None,
     only: Annotated[
         str | None, typer.Option(metavar="NAME[=STRENGTH],...", help="disturbances [all, at all strengths]")
     ] = None,

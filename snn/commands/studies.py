@@ -14,7 +14,7 @@ from model.cli.tables import new_table, show
 from model.errors import InputError
 from model.files import check_writable, origin, read_json, write_json
 from snn.commands.options import DatasetName, check_device
-from snn.commands.robustness import trained_files
+from snn.commands.robustness import Trainings, trained_files
 from snn.commands.sweep import command_line
 
 NOISES_MV = "0.1,1,3,10,20"
@@ -28,12 +28,7 @@ Pair = Annotated[str | None, typer.Option(metavar="A,B", help="two networks, to 
 
 def noise_power(
     context: typer.Context,
-    weights: Annotated[
-        list[Path] | None,
-        typer.Argument(
-            metavar="DIR...", help="folders NETWORK/TRAINING/ of snn train, one a fold and seed [out/train]"
-        ),
-    ] = None,
+    weights: Trainings = None,
     noises: Annotated[str, typer.Option(metavar="MV,...", help="AFE output noise v_n, mV rms of 1 V")] = NOISES_MV,
     pair: Pair = None,
     out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="cells, noise_power.json and .png")] = Path(
@@ -180,12 +175,7 @@ def _print_merits(result: dict[str, Any]) -> None:
 
 def precision(
     context: typer.Context,
-    weights: Annotated[
-        list[Path] | None,
-        typer.Argument(
-            metavar="DIR...", help="folders NETWORK/TRAINING/ of snn train, one a fold and seed [out/train]"
-        ),
-    ] = None,
+    weights: Trainings = None,
     variants: Annotated[
         str,
         typer.Option(metavar="BITS[:tN][:mN],...", help="bits of weights, of the threshold, of a hidden potential"),

@@ -84,6 +84,12 @@ class ScanData:
             return chosen
         return chosen[np.unique(self.images[chosen], return_index=True)[1]]
 
+    def first_scans(self, images: Sequence[int] | NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the scan of the first start row of every image, in the order of the images."""
+        scans = self.scans_of(images, first_row_only=True)
+        of_image = dict(zip(self.images[scans].tolist(), scans.tolist(), strict=True))
+        return np.array([of_image[int(image)] for image in images], np.int64)
+
     def batch(self, scans: Sequence[int] | NDArray[np.int64]) -> Tensor:
         """Return some scans as a dense float32 tensor, time first: shape (steps, scans, channels)."""
         import torch

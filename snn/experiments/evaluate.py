@@ -324,9 +324,7 @@ def integer_classes(
     network: IntegerNetwork, data: ScanData, images: Sequence[int] | NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """Return the class of every image by the integer network, from the scan of its first start row."""
-    scans = data.scans_of(images, first_row_only=True)
-    of_image = dict(zip(data.images[scans].tolist(), scans.tolist(), strict=True))
-    evidence, _ = network.run_counts(data.values[[of_image[int(image)] for image in images]])
+    evidence, _ = network.run_counts(data.values[data.first_scans(images)])
     return evidence.argmax(1)
 
 

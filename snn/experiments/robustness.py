@@ -88,6 +88,37 @@ class Subject:
         return repr((self.experiment.dataset, config, self.experiment.bins, self.images.tolist()))
 
 
+def kept_cell(subject: Subject, out: Path, asked: dict[str, Any], make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """Return what a study makes of a network, from its file in ``out`` where it was made before.
+
+    Parameters
+    ----------
+    subject : Subject
+    out : Path
+    asked : dict
+        What the study was asked for, one entry.
+    make : callable
+        Returns labels and answers.
+
+    Raises
+    ------
+    InputError
+        If the file is of other weights, or the study was asked for something else.
+    """
+    path = out / f"{subject.network}-fold-{subject.fold}-seed-{subject.seed}.json"
+    key = {"weights": subject.digest} | asked | {"images": subject.images.tolist()}
+    if path.exists():
+        cell: dict[str, Any] = read_json(path, "the results of a network", dict)
+        if {name: cell.get(name) for name in key} != key:
+            (other,) = (name.removesuffix("_v") for name in asked)
+            raise InputError(f"{path} is of other weights, {other} or images; remove it or choose another --out")
+        return cell
+    cell = {name: getattr(subject, name) for name in ("network", "fold", "seed")} | key | make()
+    out.mkdir(parents=True, exist_ok=True)
+    write_json(path, cell)
+    return cell
+
+
 def cases(names: Sequence[str]) -> list[Case]:
     """Return the clean scans and all strengths of some disturbances.
 

@@ -8,16 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import InputError
 from model.events.address import taxel_of
 from model.events.recording import Recording
-from model.files import read_json, write_json
 from model.power.equations import CORRECTIONS, FloatArray, PowerModel, Readout, TaxelRates
 from model.power.parameters import PowerParameters
 from model.textures.dataset import Texture, open_dataset
@@ -31,7 +30,7 @@ from snn.exchange.weights import config_of
 from snn.experiments.experiment import Experiment
 from snn.experiments.intervals import bootstrap, wilson
 from snn.experiments.points import as_word
-from snn.experiments.robustness import Subject
+from snn.experiments.robustness import Subject, kept_cell
 
 Mode = Literal["paper", "consistent"]
 MODES: tuple[Mode, ...] = get_args(Mode)
@@ -148,38 +147,29 @@ def under_noise(
     InputError
         If a file is of other weights or noises.
     """
+    asked = {"noises_v": list(noises_v)}
+    return [kept_cell(one, out, asked, partial(_cell, one, noises_v, progress)) for one in subjects]
+
+
+def _cell(subject: Subject, noises_v: Sequence[float], progress: Callable[[], object]) -> dict[str, Any]:
+    """Return what a network says at every noise of both modes, and the rates there."""
     from snn.train import check_fits, logits_of
 
-    found = []
-    for subject in subjects:
-        path = out / f"{subject.network}-fold-{subject.fold}-seed-{subject.seed}.json"
-        key = {"weights": subject.digest, "noises_v": list(noises_v), "images": subject.images.tolist()}
-        if path.exists():
-            cell = read_json(path, "the results of a network", dict)
-            if {name: cell.get(name) for name in key} != key:
-                raise InputError(f"{path} is of other weights, noises or images; remove it or choose another --out")
-            found.append(cell)
-            continue
-        noises = [Noisy(mode, noise) for mode in MODES for noise in noises_v]
-        data = noisy_scans(subject.experiment, subject.images.tolist(), noises, progress)
-        network = subject.weights.network
-        check_fits(config_of(network), data[0][0])
-        answers = [
-            {
-                "mode": noise.mode,
-                "noise_v": noise.noise_v,
-                "predicted": logits_of(network, scans).argmax(1).tolist(),
-                "population_hz": rates.population_hz,
-                "square_sum_hz2": rates.square_sum_hz2,
-            }
-            for noise, (scans, rates) in zip(noises, data, strict=True)
-        ]
-        about = {name: getattr(subject, name) for name in ("network", "fold", "seed")}
-        cell = about | key | {"labels": data[0][0].labels.tolist(), "answers": answers}
-        out.mkdir(parents=True, exist_ok=True)
-        write_json(path, cell)
-        found.append(cell)
-    return found
+    noises = [Noisy(mode, noise) for mode in MODES for noise in noises_v]
+    data = noisy_scans(subject.experiment, subject.images.tolist(), noises, progress)
+    network = subject.weights.network
+    check_fits(config_of(network), data[0][0])
+    answers = [
+        {
+            "mode": noise.mode,
+            "noise_v": noise.noise_v,
+            "predicted": logits_of(network, scans).argmax(1).tolist(),
+            "population_hz": rates.population_hz,
+            "square_sum_hz2": rates.square_sum_hz2,
+        }
+        for noise, (scans, rates) in zip(noises, data, strict=True)
+    ]
+    return {"labels": data[0][0].labels.tolist(), "answers": answers}
 
 
 # -- accuracy, rate and power ------------------------------------------------------------------------

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +17,10 @@ from numpy.typing import NDArray
 
 from model.classifier.network import IntegerNetwork
 from model.errors import InputError
-from model.files import read_json, write_json
-from snn.data.scans import ScanData
 from snn.exchange.integer import Precision, quantise
 from snn.experiments.intervals import bootstrap, wilson
 from snn.experiments.points import as_word
-from snn.experiments.robustness import Subject
+from snn.experiments.robustness import Subject, kept_cell
 
 FLOAT = "float"
 """Name of the network as it was trained, among the variants."""
@@ -63,45 +62,19 @@ def in_precisions(
     InputError
         If a file is of other weights or variants.
     """
-    found, scans = [], _Scans()
+    found = []
     for subject in subjects:
-        path = out / f"{subject.network}-fold-{subject.fold}-seed-{subject.seed}.json"
-        key = {"weights": subject.digest, "variants": list(variants), "images": subject.images.tolist()}
-        if path.exists():
-            cell = read_json(path, "the results of a network", dict)
-            if {name: cell.get(name) for name in key} != key:
-                raise InputError(f"{path} is of other weights, variants or images; remove it or choose another --out")
-        else:
-            about = {name: getattr(subject, name) for name in ("network", "fold", "seed")}
-            cell = about | key | _cell(subject, scans.of(subject), variants)
-            out.mkdir(parents=True, exist_ok=True)
-            write_json(path, cell)
-        found.append(cell)
+        found.append(kept_cell(subject, out, {"variants": list(variants)}, partial(_cell, subject, variants)))
         progress()
     return found
 
 
-class _Scans:
-    """The scans that were asked for last: most networks take the same."""
-
-    def __init__(self) -> None:
-        self._name = ""
-        self._data: ScanData | None = None
-
-    def of(self, subject: Subject) -> ScanData:
-        name = subject.recorded_as.rpartition(", [")[0]  # without the numbers of the images
-        if self._data is None or name != self._name:
-            self._name, self._data = name, subject.experiment.data()
-        return self._data
-
-
-def _cell(subject: Subject, data: ScanData, variants: dict[str, Precision]) -> dict[str, Any]:
+def _cell(subject: Subject, variants: dict[str, Precision]) -> dict[str, Any]:
     """Return the answers of a network in all precisions, and what each of these takes."""
     from snn.train import predicted_classes
 
-    scans = data.scans_of(subject.images, first_row_only=True)
-    of_image = dict(zip(data.images[scans].tolist(), scans.tolist(), strict=True))
-    counts = data.values[[of_image[int(image)] for image in subject.images]]
+    data = subject.experiment.data()
+    counts = data.values[data.first_scans(subject.images)]
     said = predicted_classes(subject.weights.network, data, subject.images).tolist()
     answers: dict[str, Any] = {FLOAT: {"predicted": said}}
     for name, precision in variants.items():
