@@ -250,11 +250,7 @@ def asic(
     print(found.write(out, report.command_of(chosen, corners, power)))
     proof = found.equivalence
     print(f"equivalent to the RTL: {proof.proved} of {proof.of} points proved")
-    for problem in found.problems:
-        print(f"PROBLEM: {problem}")
-    print(found.closing_line())
-    if found.problems:
-        raise typer.Exit(1)
+    _conclude(found.problems, found.closing_line())
 
 
 @app.command()
@@ -352,11 +348,7 @@ def layout(
         print(wrong)
         raise typer.Exit(1) from None
     print(report.write(found, out, report.command_of(config, compare)))
-    for problem in found.problems:
-        print(f"PROBLEM: {problem}")
-    print(found.closing_line())
-    if found.problems:
-        raise typer.Exit(1)
+    _conclude(found.problems, found.closing_line())
 
 
 @app.command()
@@ -427,6 +419,15 @@ def _hunt(block: str) -> Iterator[tuple[Mutant, set[str]]]:
     for mutant, failed in hunt(block, proofs()):
         print(f"{block:<15}{mutant.name:<45}{len(failed):>3} fail", flush=True)
         yield mutant, failed
+
+
+def _conclude(problems: list[str], line: str) -> None:
+    """Print the problems and the closing line; leave with 1 if there are any."""
+    for problem in problems:
+        print(f"PROBLEM: {problem}")
+    print(line)
+    if problems:
+        raise typer.Exit(1)
 
 
 def main() -> None:
