@@ -120,6 +120,8 @@ def properties(
 def mutants(
     block: Annotated[str, typer.Option(help="only this block: arbiter, link, window, taxel, ...")] = "",
     share: Annotated[float, typer.Option(min=0.0, max=1.0, help="share of all edits that is tried")] = 0.36,
+    seed: Annotated[int, typer.Option(min=0, help="of the edits that are drawn")] = 1,
+    again: Annotated[bool, typer.Option(help="judge anew what the quick check left: tests are new")] = False,
     limit: Annotated[int | None, typer.Option(min=1, help="mutants at most [all]")] = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for what is found")] = Path("out/mutants"),
 ) -> None:
@@ -131,13 +133,14 @@ def mutants(
     known = sorted({ground.block for ground in GROUNDS.values()})
     if block and block not in known:
         raise InputError(f"--block must be one of {', '.join(known)}, not {block!r}")
-    picked = chosen({block} if block else known, share)[:limit]
-    command = " ".join(["make mutants", *([f"BLOCK={block}"] if block else []), f"SHARE={share:g}"])
+    picked = chosen({block} if block else known, share, seed)[:limit]
+    command = " ".join(["make mutants", *([f"BLOCK={block}"] if block else []), f"SHARE={share:g} SEED={seed}"])
+    print(f"{len(picked)} edits drawn with SEED={seed}")
 
     def tell(finding: Finding) -> None:
         print(f"{finding.verdict:<11}{'quick' if finding.quick else '':<6}{finding.name}", flush=True)
 
-    found = judge(picked, out / "findings.jsonl", tell)
+    found = judge(picked, out, seed, again, tell)
     write(found, len(picked), command, out / "mutants.json")
     print(closing_line(found, len(picked)))
     if len(found) < len(picked) or any(finding.verdict == "alive" for finding in found):

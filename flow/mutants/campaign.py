@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import json
+import random
 from collections.abc import Callable, Iterable, Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from flow.mutants.changes import Change, changes
+from flow.mutants.facts import Facts
 from flow.mutants.judge import Finding, Judge
 from flow.mutants.plan import GROUNDS
 from flow.mutants.suite import Suite
@@ -18,21 +21,44 @@ FEWEST = 24
 """Mutants of a module, where it has so many."""
 
 
-def chosen(blocks: Iterable[str], share: float) -> list[Change]:
-    """Return a share of all edits of some blocks, spread over each file, in an order that mixes them."""
+def chosen(blocks: Iterable[str], share: float, seed: int) -> list[Change]:
+    """Return a share of all edits of some blocks: of each file one from every stretch of it, drawn at random.
+
+    Which are drawn from a file does not depend on the others.
+    """
     picked: list[Change] = []
     for file, ground in GROUNDS.items():
         if ground.block in blocks:
             every = changes(file)
             count = min(len(every), max(FEWEST, round(share * len(every))))
-            picked += [every[number * len(every) // count] for number in range(count)]
+            ends = [number * len(every) // count for number in range(count + 1)]
+            rng = random.Random(f"{seed} {file}")
+            picked += [every[rng.randrange(*stretch)] for stretch in pairwise(ends)]
     return sorted(picked, key=lambda change: hashlib.sha256(change.name.encode()).hexdigest())
 
 
-def run(picked: list[Change], log: Path, on_finding: Callable[[Finding], None]) -> list[Finding]:
-    """Judge mutants, those of the log already judged left out, and add each to it; return all findings."""
-    log.parent.mkdir(parents=True, exist_ok=True)
+def run(
+    picked: list[Change], folder: Path, seed: int, again: bool, on_finding: Callable[[Finding], None]
+) -> list[Finding]:
+    """Judge mutants, those already judged left out, keep each in a log, and return all findings.
+
+    Parameters
+    ----------
+    picked : list of Change
+    folder : Path
+        Of the log and of what is found on the way.
+    seed : int
+        Of the configurations that no test has.
+    again : bool
+        Whether those alive, or killed by another test than those of the quick check, are judged once more: tests are
+        new. One whose name is that of before is not asked again.
+    on_finding : callable
+        Called with every finding.
+    """
+    log = folder / "findings.jsonl"
     known = {finding.key: finding for finding in read(log)}
+    if again:
+        known = {key: one for key, one in known.items() if one.quick or one.verdict not in ("alive", "killed")}
 
     def keep(finding: Finding) -> None:
         known[finding.key] = finding
@@ -43,7 +69,7 @@ def run(picked: list[Change], log: Path, on_finding: Callable[[Finding], None]) 
     todo = [change for change in picked if change.key not in known]
 
     def ask(suite: Suite) -> None:
-        judge = Judge(suite, keep)
+        judge = Judge(suite, Facts(folder / "facts.jsonl"), seed, keep)
         for file in GROUNDS:
             if own := [change for change in todo if change.file == file]:
                 judge.judge(file, own)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -10,10 +11,14 @@ from flow.formal.bench import netlist
 from flow.formal.engine import solve
 from flow.formal.mutants import planted
 from flow.formal.plan import Proof, proofs
+from flow.mutants.batch import within
 from flow.mutants.changes import Change
+from flow.mutants.elsewhere import configs
 from flow.mutants.equivalence import same
+from flow.mutants.facts import Facts
 from flow.mutants.plan import GROUNDS, LONG
 from flow.mutants.suite import Suite
+from rtl.verilog import Config, top_block
 
 LARGEST, LARGEST_LONG = 192, 15
 """Taxels of the arrays in the tests of blocks, and in those of whole readouts."""
@@ -65,13 +70,16 @@ class Judge:
     Parameters
     ----------
     suite : Suite
+    facts : Facts
+        What is known of earlier runs: tests that a mutant passed, modules that were compared.
+    seed : int
+        Of the configurations that no test has.
     on_finding : callable
         Called with every mutant whose fate is decided.
     """
 
-    def __init__(self, suite: Suite, on_finding: Callable[[Finding], None]) -> None:
-        self.suite, self.on_finding = suite, on_finding
-        self._same: dict[tuple[str, str], bool] = {}
+    def __init__(self, suite: Suite, facts: Facts, seed: int, on_finding: Callable[[Finding], None]) -> None:
+        self.suite, self.facts, self.seed, self.on_finding = suite, facts, seed, on_finding
 
     def judge(self, file: str, changes: list[Change]) -> None:
         """Find out what becomes of some mutants of a file."""
@@ -86,7 +94,7 @@ class Judge:
         for name in own:
             left = self._run(name, left)
         long = self._tests(later, LARGEST_LONG, False) if left else []
-        left = self._compare([*quick, *own, *long], left)
+        left = self._compare(file, [*quick, *own, *long], left)
         left = self._prove(file, left)
         for name in long:
             left = self._run(name, left)
@@ -112,55 +120,67 @@ class Judge:
         return found
 
     def _run(self, name: str, left: dict[Change, Finding], quick: bool = False) -> dict[Change, Finding]:
-        """Run a test with all that are left; return those that are still."""
+        """Run a test with all that are left and have not passed it; return those that are still."""
+        asked = [change for change in left if self.facts.get(f"{change.key} {name}") is None]
+        outcomes = dict(zip(asked, self.suite.run(name, asked) if asked else [], strict=True))
         alive = {}
-        outcomes = self.suite.run(name, list(left)) if left else []
-        for (change, finding), outcome in zip(left.items(), outcomes, strict=True):
+        for change, finding in left.items():
+            outcome = outcomes.get(change) or str(self.facts.get(f"{change.key} {name}"))
             if outcome in ("failed", "endless"):
                 finding.quick = quick
                 self._decide(finding, "killed", name if outcome == "failed" else f"{name} (never ends)")
             elif outcome == "stillborn":
                 self._decide(finding, outcome)
             else:
+                if change in outcomes:
+                    self.facts.add(f"{change.key} {name}", outcome)
                 finding.tried += outcome == "passed"
                 alive[change] = finding
         return alive
 
-    def _compare(self, names: list[str], left: dict[Change, Finding]) -> dict[Change, Finding]:
-        """Compare with the original in the configuration of every test; return those that are not proved to be it."""
+    def _compare(self, file: str, names: list[str], left: dict[Change, Finding]) -> dict[Change, Finding]:
+        """Compare with the original wherever a test looks, and elsewhere; return those not proved to be it."""
+        places: dict[str, tuple[str, Config, str]] = {}
+        for name in names:
+            config, module = self.suite.learn(name) or (None, "")
+            if config is not None:
+                places.setdefault(f"{module} {config.to_dict()}", (name.partition("[")[2].rstrip("]"), config, module))
+        for number, config in enumerate(configs(file, self.seed)):
+            place = f"configuration {number} that no test has, of seed {self.seed}"
+            places[place] = (place, config, top_block(config).module_name)
         alive = {}
         for change, finding in left.items():
-            for name in names:
-                different = self._different(name, change, finding)
-                if different:
-                    finding.differs = different
+            for place, config, module in places.values():
+                if different := self._different(config, module, change, finding):
+                    finding.differs = tuple(f"{name} in {place}" for name in different)
                     alive[change] = finding
                     break
             else:
                 self._decide(finding, "equivalent")
         return alive
 
-    def _different(self, name: str, change: Change, finding: Finding) -> tuple[str, ...]:
-        """Return the modules that are not proved to do the same in what a test simulates."""
-        built = self.suite.learn(name)
-        assert built is not None
-        made = self.suite.designs(name, {1: change})[1]
+    def _different(self, config: Config, module: str, change: Change, finding: Finding) -> tuple[str, ...]:
+        """Return the modules that are not proved to do the same in a configuration."""
+        made = self.suite.designs(config, module, {1: change})[1]
         if isinstance(made, str):
-            return ()
-        original = self.suite.original(built[0])
-        unlike = [module for module in made if made[module] != original[module]]
-        different = [module for module in unlike if not self._same_module(module, original, made)]
+            return () if made == "same" else (module,)
+        original = self.suite.original(config)
+        unlike = [name for name in made if made[name] != original[name]]
+        different = [name for name in unlike if not self._same_module(name, original, made)]
         finding.proved += not different
-        return tuple(f"{module} in {name.partition('[')[2].rstrip(']') or name}" for module in different)
+        return tuple(different)
 
     def _same_module(self, module: str, original: Mapping[str, str], mutated: Mapping[str, str]) -> bool:
-        pair = original[module], mutated[module]
-        if pair not in self._same:
-            try:
-                self._same[pair] = same(module, original, mutated) is True
-            except Exception:  # what Yosys refuses is not proved
-                self._same[pair] = False
-        return self._same[pair]
+        pair = [text for side in (original, mutated) for text in within(module, side).values()]
+        key = "same " + hashlib.sha256("\0".join(pair).encode()).hexdigest()[:16]
+        if (known := self.facts.get(key)) is not None:
+            return bool(known)
+        try:
+            answer = same(module, within(module, original), within(module, mutated)) is True
+        except Exception:  # what Yosys refuses is not proved
+            answer = False
+        self.facts.add(key, answer)
+        return answer
 
     def _prove(self, file: str, left: dict[Change, Finding]) -> dict[Change, Finding]:
         """Look for properties of ``make formal`` that fail; return those for which none does."""
@@ -169,9 +189,12 @@ class Judge:
         before = {proof: netlist(proof.checker(proof.config)) for proof in grounds} if left else {}
         for change, finding in left.items():
             for proof in grounds:
-                if failed := _failed(proof, before[proof], change):
+                question = f"{change.key} property {proof.block} {proof.size}"
+                failed = "" if self.facts.get(question) else _failed(proof, before[proof], change)
+                if failed:
                     self._decide(finding, "killed", f"property {proof.block}: {failed}")
                     break
+                self.facts.add(question, True)
             else:
                 alive[change] = finding
         return alive

@@ -107,11 +107,8 @@ class Suite:
             self._originals[key] = modules_of(config)
         return self._originals[key]
 
-    def designs(self, name: str, changes: Mapping[int, Change]) -> dict[int, dict[str, str] | str]:
-        """Return the RTLIL of what a test simulates with each mutant; ``same`` or ``stillborn`` in its place."""
-        built = self.learn(name)
-        assert built is not None
-        config, module = built
+    def designs(self, config: Config, module: str, changes: Mapping[int, Change]) -> dict[int, dict[str, str] | str]:
+        """Return the RTLIL of a module and those within with each mutant; ``same`` or ``stillborn`` in its place."""
         before = batch.within(module, self.original(config))
         found: dict[int, dict[str, str] | str] = {}
         for number, change in changes.items():
@@ -138,7 +135,9 @@ class Suite:
         numbers = dict(enumerate(changes, 1))
         for start in range(1, len(changes) + 1, AT_ONCE):
             some = {number: numbers[number] for number in range(start, min(start + AT_ONCE, len(changes) + 1))}
-            designs = self.designs(name, some)
+            built = self.learn(name)
+            assert built is not None
+            designs = self.designs(*built, some)
             found |= {number: design for number, design in designs.items() if isinstance(design, str)}
             found |= self._simulate(name, {n: design for n, design in designs.items() if not isinstance(design, str)})
         return [found[number] for number in numbers]

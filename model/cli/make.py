@@ -134,7 +134,7 @@ TARGETS = {
         defaults={"OUT": "out/verilog"},
     ),
     "mutants": Target(
-        "small wrong edits of the RTL, each to be killed by the tests or proofs; resumable [BLOCK= SHARE= LIMIT= OUT=]",
+        "wrong edits of the RTL, each to be killed by tests or proofs; resumable [BLOCK= SHARE= SEED= AGAIN=1 OUT=]",
         "flow mutants",
         ("sim", "dev"),
     ),

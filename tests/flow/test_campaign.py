@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -16,10 +17,12 @@ from flow.formal.mutants import planted
 from flow.mutants import batch
 from flow.mutants.campaign import chosen, closing_line, read
 from flow.mutants.changes import Change, changes, text_of
+from flow.mutants.elsewhere import COUNT, configs
 from flow.mutants.equivalence import same
-from flow.mutants.judge import Finding
+from flow.mutants.facts import Facts
+from flow.mutants.judge import Finding, Judge
 from flow.mutants.plan import GROUNDS
-from flow.mutants.suite import modules_of
+from flow.mutants.suite import Suite, modules_of
 from model.config import ReadoutConfig
 
 CONFIG = ReadoutConfig(rows=2, columns=2)
@@ -37,7 +40,11 @@ def test_every_edit_is_another_program() -> None:
         assert found, file
         for change in found[:: max(len(found) // 5, 1)]:  # parsing all of them would take a minute
             assert ast.dump(ast.parse(change.source())) != ast.dump(ast.parse(text)), change.name
-    assert len(chosen({ground.block for ground in GROUNDS.values()}, 0.36)) >= 600
+    blocks = {ground.block for ground in GROUNDS.values()}
+    drawn = chosen(blocks, 0.36, 1)
+    assert len(set(drawn)) == len(drawn) >= 600
+    assert drawn == chosen(blocks, 0.36, 1) != chosen(blocks, 0.36, 2)
+    assert [change for change in drawn if change.file == "link"] == chosen({"link"}, 0.36, 1)
 
 
 def test_every_module_with_logic_is_mutated() -> None:
@@ -62,6 +69,48 @@ def test_what_does_the_same_is_proved_and_what_does_not_is_seen() -> None:
             mutated = batch.within("eskin_arbiter", modules_of(CONFIG))
         assert mutated != original
         assert same("eskin_arbiter", original, mutated) is expected
+
+
+def _size(config: Any) -> tuple[int, int, int]:
+    return config.rows, config.columns, config.sample_bits
+
+
+def test_nothing_is_asked_twice(tmp_path: Path) -> None:
+    facts = Facts(tmp_path / "facts.jsonl")
+    facts.add("test a", "passed")
+    facts.add("same b", False)
+    with facts.path.open("a") as file:
+        file.write('["test c", "pas')  # as one that was stopped while it wrote
+    again = Facts(facts.path)
+    assert [again.get(question) for question in ("test a", "same b", "test c")] == ["passed", False, None]
+
+
+@pytest.mark.parametrize("file", sorted(GROUNDS))
+def test_an_edit_is_looked_at_where_no_test_looks(file: str) -> None:
+    found = configs(file, 1)
+    assert len(set(map(repr, found))) == len(found) == COUNT
+    assert found == configs(file, 1) != configs(file, 2)
+    if file in ("link", "window"):
+        assert f"eskin_{file}" in modules_of(found[0])
+
+
+def test_what_differs_only_where_no_test_looks_is_not_equivalent(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    elsewhere = configs("link", 1)[:2]
+    monkeypatch.setattr("flow.mutants.judge.configs", lambda file, seed: elsewhere)
+    old = "~setup & ~request"
+    found = {}
+    only = f"(self.config.rows, self.config.columns, self.config.sample_bits) == {_size(elsewhere[1])}"
+    for new in ("~request & ~setup", f"~setup & ~request & (0 if {only} else 1)"):
+        change = Change(new, "link", old, new, start=text_of("link").index(old))
+        finding = Finding(change.key, new, "link", "link", "")
+        judge = Judge(Suite(), Facts(tmp_path / "facts.jsonl"), 1, lambda finding: None)
+        judge._compare("link", [], {change: finding})
+        found[new] = finding.verdict, finding.differs
+    same_one, other = found.values()
+    assert same_one == ("equivalent", ())
+    assert other == ("", ("eskin_link in configuration 1 that no test has, of seed 1",))
 
 
 def test_a_campaign_judges_keeps_and_goes_on(tmp_path: Path) -> None:
