@@ -14,7 +14,11 @@ SCRIPT = (
     "read_liberty -lib -ignore_miss_func cells.lib; read_verilog netlist.v; hierarchy -check -top {top}; "
     "flatten; opt_clean; delete t:$scopeinfo; write_json flat.json"
 )
+WIDE = 32
+"""Bits from which on an output port costs an event-driven simulator much: it copies all of them when one changes."""
 CONSTANTS = {"0": "1'b0", "1": "1'b1", "x": "1'bx", "z": "1'bz"}
+APART = str.maketrans("[]", "__")
+"""Makes the name of a bit that of a wire."""
 
 
 @dataclass(frozen=True)
@@ -70,25 +74,31 @@ class FlatNetlist:
         found |= {net for cell in self.cells for net in cell.pins.values()}
         return found - set(CONSTANTS.values())
 
-    def verilog(self, inside: str = "") -> str:
+    def verilog(self, gather: bool = False) -> str:
         """Return the netlist as Verilog with plain names.
 
         Parameters
         ----------
-        inside : str
-            Text at the end of the module: what dumps its nets.
+        gather : bool
+            For an event-driven simulation in units of 1 ns: output ports of ``WIDE`` bits or more are put together
+            once, 1 ns after each edge of the clock, not anew for every bit that changes.
         """
+        late = {port.name: port for port in self.ports if gather and port.direction == "output" and _wide(port)}
+        names = {bit: bit.translate(APART) for port in late.values() for bit in _bits(port.name, len(port.nets))}
         inner = sorted((net for net in self.nets if re.fullmatch(r"n\d+", net)), key=lambda net: int(net[1:]))
         lines = [f"module {self.top} ({', '.join(port.name for port in self.ports)});"]
         for port in self.ports:
             width = f"[{len(port.nets) - 1}:0] " if len(port.nets) > 1 else ""
-            lines.append(f"  {port.direction} {width}{port.name};")
-        lines += [f"  wire {net};" for net in inner]
-        lines += [f"  assign {name} = {net};" for name, net in self._aliases()]
+            lines.append(f"  {port.direction} {'reg ' if port.name in late else ''}{width}{port.name};")
+        lines += [f"  wire {net};" for net in [*inner, *names.values()]]
+        lines += [f"  assign {names.get(name, name)} = {names.get(net, net)};" for name, net in self._aliases()]
         for cell in self.cells:
-            pins = ", ".join(f".{pin}({net})" for pin, net in cell.pins.items())
+            pins = ", ".join(f".{pin}({names.get(net, net)})" for pin, net in cell.pins.items())
             lines.append(f"  {cell.kind} {cell.name} ({pins});")
-        return "\n".join([*lines, inside, "endmodule", ""])
+        for name, port in late.items():
+            whole = ", ".join(names[bit] for bit in reversed(_bits(name, len(port.nets))))
+            lines.append(f"  always @(clk) #1 {name} = {{{whole}}};")
+        return "\n".join([*lines, "endmodule", ""])
 
     def _aliases(self) -> Iterator[tuple[str, str]]:
         """Yield the bits of output ports that carry the net of another name."""
@@ -148,6 +158,10 @@ def _names_of_ports(ports: dict[str, dict]) -> dict[int, str]:
                     if not isinstance(bit, str)
                 }
     return named
+
+
+def _wide(port: Port) -> bool:
+    return len(port.nets) >= WIDE
 
 
 def _bits(name: str, width: int) -> list[str]:

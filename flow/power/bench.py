@@ -75,7 +75,7 @@ def play(
         "file": DUMP,
     }
     StimulusDriver(config, folder).write(scenario.stimulus)
-    texts = [_defined(macros, netlist) + HARNESS.read_text(), netlist.verilog(), cells, player]
+    texts = [_defined(macros, netlist) + HARNESS.read_text(), netlist.verilog(gather=True), cells, player]
     errors = int(icarus.run(texts, "play", folder).split()[-1])
     events = EventMonitor(config, folder).read()
     _hold_to_model(scenario, events, errors)

@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 
 from flow.asic.report import words_of
+from flow.gates import netlist as netlists
 from flow.gates.liberty import CellLibrary
 from flow.power import measure as measuring
 from flow.power.activity import Activity, read_vcd
-from flow.power.bench import Mismatch
+from flow.power.bench import Mismatch, play
 from flow.power.liberty_way import LibertyWay
 from flow.power.measure import Disagreement, Ways, measure
 from flow.power.results import energies, name_of
@@ -66,6 +67,23 @@ def test_the_power_model_reads_what_is_written(results: list[dict[str, Any]]) ->
     assert report.power_w(2, 0.0) == pytest.approx(2 * results[0]["idle_w_per_taxel"])
     assert name_of(results[0]) == "lcs-digital-1x2-quill_typ"
     assert name_of(results[1]) == "lcs-digital-1x2-quill_typ-wires"
+
+
+def test_a_port_that_is_put_together_late_shows_the_same(
+    made: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Comparators read the port in every clock: what all nets do follows from it."""
+    config = CONFIG.replace(columns=3, frontend="analog")
+    other = make(config, made.library.known.path)
+    scenario = scenarios(config)[2]
+    assert "always @(clk) #1 reference_code = {" in other.flat.verilog(gather=True)
+    late, events = play(scenario, config, other.flat, other.cells, tmp_path)
+    monkeypatch.setattr(netlists, "WIDE", 1000)
+    assert "always" not in other.flat.verilog(gather=True)
+    at_once, again = play(scenario, config, other.flat, other.cells, tmp_path)
+    assert events == again == scenario.events_inside > 0
+    assert late.values.keys() == at_once.values.keys()
+    assert all(np.array_equal(bits, at_once.values[net]) for net, bits in late.values.items())
 
 
 def test_a_wrong_number_of_toggles_is_an_error(made: Made) -> None:
