@@ -15,7 +15,7 @@ from flow.power import frames
 from flow.power.activity import Activity
 from flow.power.bench import play
 from flow.power.liberty_way import LibertyWay
-from flow.power.scenarios import IDLE, LONE, SATURATED, TEXTURE, scenarios
+from flow.power.scenarios import CLOSING, IDLE, LONE, SATURATED, TEXTURE, closing_ticks, scenarios
 from flow.power.sta_way import StaWay
 from flow.power.wires import Wires, block_of
 from model.config import ReadoutConfig
@@ -170,18 +170,18 @@ def _summary(
     """Return all results as JSON content."""
     idle, taxels = found[IDLE], config.taxels
 
-    def energy(name: str) -> float | None:
-        """Return what an event adds to the idle readout, in joules."""
+    def energy(name: str, without: str = IDLE) -> float | None:
+        """Return what an event adds to the readout that is idle, or quiet in another way, in joules."""
         if name not in found:
             return None
         stretch = found[name]
-        return (stretch.power_w - idle.power_w) * stretch.clocks / config.clock_hz / stretch.events
+        return (stretch.power_w - found[without].power_w) * stretch.clocks / config.clock_hz / stretch.events
 
     readout = config.readout if isinstance(config, FrameConfig) else config
     busy = TEXTURE if isinstance(config, FrameConfig) else SATURATED
     energies = {
         "energy_per_event_j": energy(busy),
-        "energy_per_lone_event_j": energy(LONE),
+        "energy_per_lone_event_j": energy(LONE, CLOSING if CLOSING in found else IDLE),  # few events: windows close
         "energy_per_texture_event_j": energy(TEXTURE),
     }
     return {
@@ -200,6 +200,17 @@ def _summary(
         "clock_power_w_per_hz": (idle.power_w - idle.leakage_w) / config.clock_hz,
         **{name: value for name, value in energies.items() if value is not None},
         "idle_w_per_taxel": idle.power_w / taxels,
+        **(_closing(config, found) if isinstance(config, ReadoutConfig) and CLOSING in found else {}),
         "leakage_w_per_taxel": idle.leakage_w / taxels,
         "scenarios": {name: vars(stretch) | {"power_w": stretch.power_w} for name, stretch in found.items()},
+    }
+
+
+def _closing(config: ReadoutConfig, found: dict[str, Stretch]) -> dict[str, float]:
+    """Return what a taxel draws while its window closes, and what that adds to the idle taxel until it is closed."""
+    closing = found[CLOSING].power_w / config.taxels
+    more = closing - found[IDLE].power_w / config.taxels
+    return {
+        "closing_w_per_taxel": closing,
+        "energy_per_closed_window_j": more * closing_ticks(config) / config.sample_rate_hz,
     }

@@ -1,4 +1,8 @@
-"""What a readout is made to do while its power is measured: nothing, one event, an event in every clock, a texture."""
+"""What a readout is made to do while its power is measured: nothing, one event, an event in every clock, a texture.
+
+With the closing window of CW-LCS "nothing" is two things: it rests once all windows are closed, and before that they
+count.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +17,13 @@ from model.errors import InputError
 from model.events.address import Events
 from model.readout import Stimulus, simulate
 
-IDLE, LONE, SATURATED, TEXTURE = "idle", "lone", "saturated", "texture"
+IDLE, CLOSING, LONE, SATURATED, TEXTURE = "idle", "closing", "lone", "saturated", "texture"
 TEXTURE_START = 60
 """Sample tick of a scan at which its window begins: the sensor has settled."""
 LONE_TICKS = 16
 MOST_SATURATED = 512
+MOST_TO_CLOSE = 1000
+"""Sample ticks that windows may take to close: they are simulated before the idle stretch, gate by gate."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +32,7 @@ class Scenario:
 
     Attributes
     ----------
-    name : "idle", "lone", "saturated" or "texture"
+    name : "idle", "closing", "lone", "saturated" or "texture"
     stimulus : Stimulus
     start, clocks : int
         The window.
@@ -51,7 +57,7 @@ class Scenario:
 
 
 def scenarios(config: ReadoutConfig, ticks: int = 30) -> list[Scenario]:
-    """Return the four scenarios of a readout.
+    """Return the four scenarios of a readout, five with windows that close.
 
     Parameters
     ----------
@@ -59,7 +65,16 @@ def scenarios(config: ReadoutConfig, ticks: int = 30) -> list[Scenario]:
     ticks : int
         Sample ticks of the texture that are measured.
     """
-    return [_idle(config), _lone(config), _saturated(config), _texture(config, ticks)]
+    rest = closing_ticks(config)
+    quiet = [_idle(config, rest)]
+    if rest:
+        quiet.append(_idle(config, 0, min(10, max(1, rest - 2))))
+    return [*quiet, _lone(config), _saturated(config), _texture(config, ticks)]
+
+
+def closing_ticks(config: ReadoutConfig) -> int:
+    """Return the quiet sample ticks after which an open window is closed and stands still; 0 where none closes."""
+    return ((1 << config.closing_levels_log2) - 1) * config.window_period if config.closes else 0
 
 
 def _run(config: ReadoutConfig, samples: NDArray[np.integer], spare: int = 0) -> tuple[Stimulus, Events]:
@@ -75,17 +90,22 @@ def texture_samples(config: ReadoutConfig, ticks: int) -> NDArray[np.int32]:
     return found[np.arange(ticks) % len(found)]
 
 
-def _idle(config: ReadoutConfig, ticks: int = 10) -> Scenario:
+def _idle(config: ReadoutConfig, rest: int, ticks: int = 10) -> Scenario:
     """Samples that arrive at their rate and do not change; nothing is pending.
 
-    They are a little off zero where the encoder keeps still there, else zero.
+    They are a little off zero where the encoder keeps still there, else zero. Windows are open after reset: they close
+    within ``rest`` ticks, or are at it while the power is measured.
     """
+    if rest > MOST_TO_CLOSE:
+        raise InputError(f"windows take {rest} samples to close, more than {MOST_TO_CLOSE}; choose a shorter period")
     level = (
         texture_samples(config, 1) % config.step if config.encoding == "lcs" else np.zeros((1, config.taxels), np.int32)
     )
-    stimulus, events = _run(config, level.repeat(2 + ticks, axis=0))
+    lead = 2 + rest
+    stimulus, events = _run(config, level.repeat(lead + ticks, axis=0))
     assert not len(events)
-    return Scenario(IDLE, stimulus, 2 * config.clocks_per_sample, ticks * config.clocks_per_sample, events)
+    name = CLOSING if rest < closing_ticks(config) else IDLE
+    return Scenario(name, stimulus, lead * config.clocks_per_sample, ticks * config.clocks_per_sample, events)
 
 
 def _lone(config: ReadoutConfig) -> Scenario:

@@ -21,12 +21,13 @@ from flow.power.bench import Mismatch, play
 from flow.power.liberty_way import LibertyWay
 from flow.power.measure import Disagreement, Ways, measure
 from flow.power.results import energies, name_of
-from flow.power.scenarios import IDLE, LONE, SATURATED, scenarios
+from flow.power.scenarios import CLOSING, IDLE, LONE, SATURATED, scenarios
 from flow.power.sta_way import StaWay
 from flow.power.wires import Wires
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.power.synthesis import SynthesisReport
+from model.readout import state_at
 from tests.flow import quill
 from tests.flow.test_gates import Made, make
 
@@ -75,7 +76,7 @@ def test_a_port_that_is_put_together_late_shows_the_same(
     """Comparators read the port in every clock: what all nets do follows from it."""
     config = CONFIG.replace(columns=3, frontend="analog")
     other = make(config, made.library.known.path)
-    scenario = scenarios(config)[2]
+    scenario = next(s for s in scenarios(config) if s.name == SATURATED)
     assert "always @(clk) #1 reference_code = {" in other.flat.verilog(gather=True)
     late, events = play(scenario, config, other.flat, other.cells, tmp_path)
     monkeypatch.setattr(netlists, "WIDE", 1000)
@@ -131,12 +132,39 @@ def test_a_netlist_that_does_something_else_has_no_power(made: Made) -> None:
 @pytest.mark.parametrize("encoding", ["lcs", "cw-lcs", "nlcs"])
 def test_scenarios_are_what_their_names_say(encoding: str) -> None:
     config = ReadoutConfig(rows=2, columns=2, encoding=encoding)
-    idle, lone, saturated, texture = scenarios(config)
+    idle, *closing, lone, saturated, texture = scenarios(config)
+    assert [s.name for s in closing] == [CLOSING] * (encoding == "cw-lcs")
     assert idle.events_inside == 0
     assert saturated.events_inside == saturated.clocks > 100
     assert np.diff(lone.events["t"]).min() > 8
     assert lone.events_inside >= min(10, config.taxels)  # a leaky taxel fires once: its reference takes long to fall
     assert 0 < texture.events_inside < texture.clocks
+
+
+def test_windows_are_closed_while_idle_and_close_before() -> None:
+    config = ReadoutConfig(rows=1, columns=2, encoding="cw-lcs", window_period=8)
+    idle, closing, *_ = scenarios(config)
+    narrow, wide = config.closing_step, config.step
+    for clock in (idle.start, idle.start + idle.clocks - 1):
+        assert (state_at(config, idle.stimulus, clock).half_width == narrow).all()
+    assert (state_at(config, closing.stimulus, closing.start).half_width == wide).all()
+    last = state_at(config, closing.stimulus, closing.start + closing.clocks - 1).half_width
+    assert ((narrow < last) & (last < wide)).all()
+    assert idle.events_inside == closing.events_inside == 0
+    with pytest.raises(InputError, match=r"^windows take 1500 samples to close, more than 1000; choose a shorter"):
+        scenarios(config.replace(window_period=500))
+
+
+def test_closing_windows_have_a_power_of_their_own(tmp_path: Path, made: Made) -> None:
+    config = CONFIG.replace(encoding="cw-lcs", columns=1, window_period=4)
+    found = measure(config, make(config, made.library.known.path).netlist.text, made.library)[0]
+    assert found["closing_w_per_taxel"] > found["idle_w_per_taxel"]
+    more = found["closing_w_per_taxel"] - found["idle_w_per_taxel"]
+    ticks = 4 * (config.step // config.closing_step - 1)
+    assert found["energy_per_closed_window_j"] == pytest.approx(more * ticks / config.sample_rate_hz, abs=0)
+    lone, closing = (found["scenarios"][name] for name in (LONE, CLOSING))
+    added = (lone["power_w"] - closing["power_w"]) * lone["clocks"] / config.clock_hz / lone["events"]
+    assert found["energy_per_lone_event_j"] == pytest.approx(added, abs=0)
 
 
 def test_a_net_that_is_missing_or_unknown_in_the_dump_is_one_sentence(tmp_path: Path) -> None:
