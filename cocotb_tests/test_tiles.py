@@ -50,20 +50,22 @@ async def skin_plays_its_stimulus(dut: Any) -> None:
     report({"clocks": block.time - start})  # type: ignore[arg-type]
 
 
-def skin(down: int, across: int, **tile: Any) -> TilesConfig:
+def skin(down: int, across: int, relays: int = 0, **tile: Any) -> TilesConfig:
     """Return a skin of tiles."""
-    return TilesConfig.of(ReadoutConfig(**{"rows": 2, "columns": 2} | tile), down, across)
+    return TilesConfig.of(ReadoutConfig(**{"rows": 2, "columns": 2} | tile), down, across, relays)
 
 
 CASES = [
     ("icarus", skin(1, 2)),
     ("icarus", skin(2, 2, rows=2, columns=3, encoding="nlcs", leak_period=3, reset="async")),
     ("icarus", skin(3, 1, rows=1, columns=1, encoding="cw-lcs", window_period=3)),
+    ("icarus", skin(1, 3, relays=1, rows=1, columns=3)),
+    ("icarus", skin(2, 1, relays=3, rows=3, columns=1, encoding="nlcs", reset="async")),
 ]
 
 
 @pytest.mark.parametrize(
-    ("simulator", "config"), CASES, ids=lambda v: f"{v.tiles}-{v.encoding}" if v is not str(v) else v
+    ("simulator", "config"), CASES, ids=lambda v: f"{v.tiles}-{v.encoding}-{v.relays}" if v is not str(v) else v
 )
 def test_a_skin_equals_its_model(simulator: Simulator, config: TilesConfig, tmp_path: Path) -> None:
     from model.readout import Stimulus

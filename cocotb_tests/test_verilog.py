@@ -111,15 +111,15 @@ def test_lint_is_clean_at_the_ends_of_the_ranges(fields: dict[str, object], tmp_
     assert lint(path) == ""
 
 
-SKINS = [(1, 2, "lcs"), (2, 2, "cw-lcs"), (5, 1, "nlcs")]
+SKINS = [(1, 2, "lcs", 0), (2, 2, "cw-lcs", 2), (5, 1, "nlcs", 1)]
 
 
-@pytest.mark.parametrize(("down", "across", "encoding"), SKINS)
+@pytest.mark.parametrize(("down", "across", "encoding", "relays"), SKINS)
 @pytest.mark.parametrize("alone", [False, True], ids=["tiles", "merge"])
 def test_a_skin_and_its_merge_are_delivered_as_the_readout_is(
-    down: int, across: int, encoding: Any, alone: bool, tmp_path: Path
+    down: int, across: int, encoding: Any, relays: int, alone: bool, tmp_path: Path
 ) -> None:
-    skin = TilesConfig.of(ReadoutConfig(rows=2, columns=1, encoding=encoding), down, across)
+    skin = TilesConfig.of(ReadoutConfig(rows=2, columns=1, encoding=encoding), down, across, relays)
     config = MergeConfig(skin) if alone else skin
     top = "eskin_merge" if alone else "eskin_tiles"
     written = write(config, tmp_path)
@@ -135,6 +135,9 @@ def test_a_skin_and_its_merge_are_delivered_as_the_readout_is(
     assert listed["event_tile"] == ("output", skin.tile_bits)
     assert not alone or listed["tile_ready"] == ("output", skin.tiles)
     assert text.count("module eskin_taxel(") == (0 if alone else 1)
+    assert len(re.findall(r"^  eskin_relay relay_\d_\d \(", text, re.MULTILINE)) == (
+        0 if alone else relays * skin.tiles
+    )
     timed = re.findall(r"^set_\w+_delay .*\{(.*)\}\]$", written[1].read_text(), re.MULTILINE)
     assert {pin.removesuffix("[*]") for pins in timed for pin in pins.split()} == {*listed} - {"clk"}
 
@@ -281,6 +284,12 @@ def test_ports_are_those_of_the_contract() -> None:
         (["--rows", "65"], "error: rows must be in 1..64, not 65"),
         (["--resolution", "11"], "error: resolution must be in 1..sample_bits - 2 = 10, not 11"),
         (["--merge"], "error: --merge needs to know how many tiles there are; add --tiles RxC"),
+        (["--relays", "1"], "error: --relays belongs to the lines of a whole skin; add --tiles RxC without --merge"),
+        (
+            ["--tiles", "2x2", "--merge", "--relays", "1"],
+            "error: --relays belongs to the lines of a whole skin; add --tiles RxC without --merge",
+        ),
+        (["--tiles", "2x2", "--relays", "17"], "error: relays must be in 0..16, not 17"),
         (["--tiles", "4"], "error: tiles must be rows and columns, as 4x4, not '4'"),
         (["--tiles", "9x9"], "error: a merge takes at most 64 tiles, not 9 x 9"),
         (["--tiles", "0x2"], "error: tile_rows must be in 1..64, not 0"),

@@ -29,7 +29,8 @@ def formal(
     block: Annotated[
         str,
         typer.Option(
-            help="only this block: arbiter, link, merge, window, taxel, frame_readout, readout, spi, registers, pattern"
+            help="only this block: arbiter, link, merge, relay, window, taxel, frame_readout, readout, spi, registers, "
+            "pattern"
         ),
     ] = "",
     small: Annotated[bool, typer.Option(help="only one small configuration of each block")] = False,

@@ -43,6 +43,9 @@ def verilog(
     merge: Annotated[
         bool, typer.Option("--merge", help="the merge of those tiles alone, eskin_merge, each a chip of its own")
     ] = False,
+    relays: Annotated[
+        int, typer.Option(metavar="N", help="relay stations on the line from each tile to the merge, for a large skin")
+    ] = 0,
     report: Annotated[
         Path | None, typer.Option(metavar="report.json", help="what make asic found, for the datasheet")
     ] = None,
@@ -60,10 +63,14 @@ def verilog(
         raise InputError("--report belongs to the datasheet, which the spiking readout alone has; leave it out")
     if merge and tiles is None:
         raise InputError("--merge needs to know how many tiles there are; add --tiles RxC")
+    if relays and (merge or tiles is None):
+        raise InputError(
+            "--relays belongs to the lines of a whole skin; add --tiles RxC without --merge, or leave it out"
+        )
     if tiles is not None:
         if classifier is not None or readout != "spiking" or own:
             raise InputError("--tiles makes a skin of spiking readouts; leave --classifier, --readout and theirs out")
-        skin = skin_of(config, tiles)
+        skin = skin_of(config, tiles, relays)
         for path in write(MergeConfig(skin) if merge else skin, out):
             print(path)
         return

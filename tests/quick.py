@@ -86,6 +86,7 @@ OTHERS = {
     "pattern": "cocotb_tests/test_pattern.py::test_pattern_equals_its_model_in_every_clock[3x5-lcs",
     "host": "cocotb_tests/test_host.py::test_readout_equals_the_model_while_a_host_sets_it[3x5-nlcs-digital",
     "merge": "cocotb_tests/test_merge.py::test_merge_keeps_its_contract_and_equals_its_models[icarus-3",
+    "relay": "cocotb_tests/test_relay.py::test_relay_keeps_its_contract_and_equals_its_model[icarus-5b",
     "tiles": "cocotb_tests/test_tiles.py::test_a_skin_equals_its_model[icarus-4-nlcs",
     "make": "tests/commands/test_make.py::test_make_refuses_a_wrong_variable",
     "errors": "tests/commands/test_app.py::test_every_mistake_is_one_sentence",

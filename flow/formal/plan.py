@@ -12,6 +12,7 @@ from flow.formal.blocks.merge import MergeChecker
 from flow.formal.blocks.pattern import PatternChecker
 from flow.formal.blocks.readout import ReadoutChecker
 from flow.formal.blocks.registers import RegistersChecker
+from flow.formal.blocks.relay import RelayChecker
 from flow.formal.blocks.spi import NarrowSpiChecker
 from flow.formal.blocks.taxel import TaxelChecker
 from flow.formal.blocks.window import WindowChecker
@@ -57,6 +58,8 @@ class Proof:
             return f"{config.rows} x {config.columns}{'' if config.has_polarity else ' unipolar'}"
         if self.block == "merge":
             return f"{config.tiles} tiles, {config.tile.event_bits} bits"
+        if self.block == "relay":
+            return f"{config.tile.event_bits} bits"
         if self.block == "frame_readout":
             return f"{config.rows} x {config.columns}, {config.resolution} in {config.word_bits} bits"
         if self.block == "spi":
@@ -164,6 +167,16 @@ def merges() -> list[Proof]:
     return [Proof(MergeChecker, c, c.tiles + 8, c == configs[1], c == configs[3]) for c in configs]
 
 
+def relays() -> list[Proof]:
+    """Return the proofs of the relay station: no bits at all, few, and those of a tile of 64 x 64."""
+    tiles = [
+        ReadoutConfig(rows=1, columns=1, encoding="nlcs"),
+        ReadoutConfig(rows=2, columns=2),
+        ReadoutConfig(rows=64, columns=64),
+    ]
+    return [Proof(RelayChecker, TilesConfig.of(t, 1, 1, 1), 8, t.rows == 2, t.rows == 2) for t in tiles]
+
+
 def proofs() -> list[Proof]:
     """Return all proofs, in the order in which they run."""
-    return [*arbiters(), *links(), *merges(), *taxels(), *readouts(), *hosts()]
+    return [*arbiters(), *links(), *merges(), *relays(), *taxels(), *readouts(), *hosts()]

@@ -15,6 +15,9 @@ from model.events.address import Events
 MAX_TILES = 64
 """Most tiles of a skin: their requests fit one 64-bit word of the model."""
 
+MAX_RELAYS = 16
+"""Most relay stations on a line; one for every few millimetres is enough."""
+
 TILES = "docs/reference/tiles.md"
 
 
@@ -29,6 +32,8 @@ class TilesConfig(ReadoutConfig):
     ----------
     tile_rows, tile_columns : int
         Rows and columns of tiles, 64 tiles at most.
+    relays : int
+        Relay stations on the line from each tile to the merge; each takes an event one clock.
 
     Raises
     ------
@@ -46,20 +51,29 @@ class TilesConfig(ReadoutConfig):
 
     tile_rows: int = parameter(1, "", TILES, "rows of tiles")
     tile_columns: int = parameter(1, "", TILES, "columns of tiles, 64 tiles at most")
+    relays: int = parameter(0, "", TILES, "relay stations on the line from each tile to the merge")
 
     @classmethod
-    def of(cls, tile: ReadoutConfig, tile_rows: int, tile_columns: int) -> TilesConfig:
+    def of(cls, tile: ReadoutConfig, tile_rows: int, tile_columns: int, relays: int = 0) -> TilesConfig:
         """Return the skin of some rows and columns of a tile."""
         own = {"tile_rows": tile_rows, "tile_columns": tile_columns}
         for name, value in own.items():
             if not 1 <= value <= MAX_TILES:
                 raise InputError(f"{name} must be in 1..{MAX_TILES}, not {value}")
         sides = {"rows": tile.rows * tile_rows, "columns": tile.columns * tile_columns}
-        return cls(**tile.to_dict() | sides | own)
+        return cls(**tile.to_dict() | sides | own | {"relays": relays})
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as a plain dictionary; registers and relays only where there are any."""
+        fields = super().to_dict()
+        if not self.relays:
+            del fields["relays"]
+        return fields
 
     def _check_array(self) -> None:
         for name in ("tile_rows", "tile_columns"):
             self._check_range(name, 1, MAX_TILES)
+        self._check_range("relays", 0, MAX_RELAYS)
         if self.tiles > MAX_TILES:
             raise InputError(f"a merge takes at most {MAX_TILES} tiles, not {self.tile_rows} x {self.tile_columns}")
         for name, parts in (("rows", self.tile_rows), ("columns", self.tile_columns)):
@@ -76,7 +90,8 @@ class TilesConfig(ReadoutConfig):
     @property
     def tile(self) -> ReadoutConfig:
         """The readout of one tile."""
-        fields = {name: value for name, value in self.to_dict().items() if name not in ("tile_rows", "tile_columns")}
+        own = ("tile_rows", "tile_columns", "relays")
+        fields = {name: value for name, value in self.to_dict().items() if name not in own}
         sides = {"rows": self.rows // self.tile_rows, "columns": self.columns // self.tile_columns}
         return ReadoutConfig(**fields | sides)
 
@@ -152,8 +167,8 @@ class MergeConfig:
         return self.skin.to_dict()
 
 
-def skin_of(tile: ReadoutConfig, tiles: str) -> TilesConfig:
-    """Return the skin of a tile and a text as ``4x4``, rows and columns of tiles.
+def skin_of(tile: ReadoutConfig, tiles: str, relays: int = 0) -> TilesConfig:
+    """Return the skin of a tile and a text as ``4x4``, rows and columns of tiles, with relay stations.
 
     Raises
     ------
@@ -163,7 +178,7 @@ def skin_of(tile: ReadoutConfig, tiles: str) -> TilesConfig:
     rows, _, columns = tiles.partition("x")
     if not (rows.isdecimal() and columns.isdecimal()):
         raise InputError(f"tiles must be rows and columns, as 4x4, not {tiles!r}")
-    return TilesConfig.of(tile, int(rows), int(columns))
+    return TilesConfig.of(tile, int(rows), int(columns), relays)
 
 
 def config_of(fields: Any) -> ReadoutConfig:

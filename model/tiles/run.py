@@ -20,10 +20,10 @@ from model.errors import InputError
 from model.events.address import EVENT_DTYPE, Events
 from model.files import forget_stale_kernels
 from model.readout import Inputs, Parameters, Registers, Stimulus, decide, mask_rows, take_samples, with_room
-from model.tiles import merge
+from model.tiles import merge, relay
 from model.tiles.config import TilesConfig
 
-forget_stale_kernels(Path(__file__), (Path(str(m.__file__)) for m in (arbiter, decay, taxel, readout, merge)))
+forget_stale_kernels(Path(__file__), (Path(str(m.__file__)) for m in (arbiter, decay, taxel, readout, merge, relay)))
 
 # Words of a tile's place in its inputs: sample ticks and masks so far, whether the clock before was a sample tick, and
 # whether a threshold moved in it.
@@ -72,7 +72,7 @@ def simulate_skin(config: TilesConfig, stimuli: Sequence[Stimulus]) -> Events:
         np.zeros((0, 0), np.uint8),
     )
     all_of = Registers(*(np.stack(column) for column in zip(*registers, strict=True)))
-    time, event = _loop(Parameters.of(tile), inputs, all_of, tile.taxels).T
+    time, event = _loop(Parameters.of(tile), inputs, all_of, tile.taxels, config.relays).T
     events = np.empty(len(time), EVENT_DTYPE)
     number, address = np.divmod(event >> 1, tile.taxels)
     events["t"], events["p"] = time, event & 1
@@ -96,11 +96,12 @@ def scan_skin(config: TilesConfig, scan: Any, image: ArrayLike, ticks: int | Non
 
 
 @njit(cache=True, nogil=True)
-def _loop(p: Parameters, s: Inputs, r: Registers, taxels: int) -> NDArray[np.int64]:
+def _loop(p: Parameters, s: Inputs, r: Registers, taxels: int, relays: int) -> NDArray[np.int64]:
     """Return the events, shape (events, 2): their clocks, and 2 * (tile * taxels + taxel) + polarity."""
     tiles = len(s.samples)
     at = np.zeros((tiles, 4), np.int64)
     state = np.zeros(4, np.uint64)
+    lines = np.zeros((tiles, relays, 4), np.uint64)
     log = np.empty((1024, 2), np.int64)
     events = 0
     t = 0
@@ -112,15 +113,19 @@ def _loop(p: Parameters, s: Inputs, r: Registers, taxels: int) -> NDArray[np.int
             events += 1
         asking = ZERO
         for i in range(tiles):
-            if arbiter.offers(r.latch[i]):
+            if relay.offers(lines[i]) if relays else arbiter.offers(r.latch[i]):
                 asking |= ONE << np.uint64(i)
         chosen = merge.chosen(state, asking)
         event = np.int64(0)
         if chosen >= 0:
-            event = 2 * chosen * taxels + arbiter.take(r.latch[chosen], p.columns)
+            event = np.int64(lines[chosen, -1, merge.OFFERED]) if relays else _take(p, r, chosen, taxels)
         merge.advance(state, chosen, event, ready)
 
         rests = state[merge.HELD] == ZERO
+        for i in range(tiles if relays else 0):
+            comes = arbiter.offers(r.latch[i]) and relay.room(lines[i])
+            relay.advance(lines[i], comes, _take(p, r, i, taxels) if comes else np.int64(0), i == chosen)
+            rests &= not lines[i, :, merge.HELD].any()
         for i in range(tiles):
             _clock(p, s, t, i, r.taxels[i], r.rows[i], r.latch[i], at[i])
             rests &= arbiter.idle(r.latch[i]) and at[i, TICK] == 0 and at[i, AGAIN] == 0
@@ -131,6 +136,12 @@ def _loop(p: Parameters, s: Inputs, r: Registers, taxels: int) -> NDArray[np.int
                 until = min(until, s.enable_clock[at[0, CHANGES]])
             t = max(t, min(until, s.clocks))
     return log[:events]
+
+
+@njit(cache=True)
+def _take(p: Any, r: Any, tile: int, taxels: int) -> np.int64:
+    """Take the event that a tile offers; return 2 * (tile * taxels + taxel) + polarity."""
+    return np.int64(2 * tile * taxels + arbiter.take(r.latch[tile], p.columns))
 
 
 @njit(cache=True, nogil=True)

@@ -1,1 +1,1 @@
-"""The merge of several readouts, and the skin of them."""
+"""The merge of several readouts, the relay stations on the way to it, and the skin of them."""

@@ -11,6 +11,7 @@ from model.tiles.config import TilesConfig
 from rtl.arbiter import event_ports
 from rtl.block import Block
 from rtl.logic import encode, exclusive_prefix_or, or_tree
+from rtl.tiles.relay import payload_fields, two_places
 
 
 class Merge(Block[TilesConfig]):
@@ -35,7 +36,6 @@ class Merge(Block[TilesConfig]):
     def __init__(self, config: TilesConfig) -> None:
         inner = event_ports(config.tile, In)
         ports = {f"tile{name.removeprefix('event')}": port for name, port in inner.items()}
-        self.fields = [name for name in ("col", "row", "polarity") if f"tile_{name}" in ports]
         of_tiles = {name: port.flow(port.shape * config.tiles) for name, port in ports.items()}
         super().__init__(config, of_tiles | merged_ports(config))
 
@@ -55,37 +55,21 @@ class Merge(Block[TilesConfig]):
         ]
 
         # What is offered, and one event behind it for the clock in which the sink stalls.
-        valid = Signal()
         full = Signal()
         comes = Signal()
-        moves = ~valid | self.event_ready
         m.d.comb += [
             comes.eq(self.tile_valid.any() & ~full),
             self.tile_ready.eq(chosen & (~full).replicate(tiles)),
-            self.event_valid.eq(valid),
         ]
         with m.If(comes):
             m.d.sync += behind.eq(thermometer[1:])
-        with m.If(moves):
-            m.d.sync += [valid.eq(full | comes), full.eq(0)]
-        with m.Elif(comes):
-            m.d.sync += full.eq(1)
-
-        new = self._fields_of(chosen)
-        outputs = [getattr(self, f"event_{name}") for name in new]
-        if outputs:
-            held, spare = (Signal(sum(map(len, outputs)), name=name) for name in ("held", "spare"))
-            with m.If(moves & (full | comes)):
-                m.d.sync += held.eq(Mux(full, spare, Cat(new.values())))
-            with m.If(comes & ~moves):
-                m.d.sync += spare.eq(Cat(new.values()))
-            m.d.comb += Cat(outputs).eq(held)
+        two_places(m, self, full, comes, self._fields_of(chosen))
         return m
 
     def _fields_of(self, chosen: Signal) -> dict[str, Value]:
         """Return the payload of the chosen tile, field by field."""
         fields = {}
-        for name in self.fields:
+        for name in payload_fields(self.config):
             words = getattr(self, f"tile_{name}")
             bits = len(words) // self.config.tiles
             gated = [words[i * bits : (i + 1) * bits] & chosen[i].replicate(bits) for i in range(self.config.tiles)]

@@ -1,10 +1,10 @@
-"""A whole skin: tiles of readouts and their merge."""
+"""A whole skin: tiles of readouts, the lines from them, and their merge."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from amaranth.hdl import Module, Shape, unsigned
+from amaranth.hdl import Module, Shape, Value, unsigned
 from amaranth.lib.wiring import In
 
 from model.errors import InputError
@@ -13,6 +13,7 @@ from rtl.arbiter import event_ports
 from rtl.block import Block
 from rtl.readout import Readout
 from rtl.tiles.merge import Merge, merged_ports
+from rtl.tiles.relay import Relay
 
 MOST_INPUT_BITS = 65_000
 """Of a module; Amaranth numbers the bits of all its inputs with 16 bits."""
@@ -57,8 +58,23 @@ class Skin(Block[TilesConfig]):
         for index in range(self.config.tiles):
             tile = Readout(self.config.tile)
             tile.place(m, f"tile_{index}", platform)
-            for name in (*self.outer, *self.stream):
-                outside = getattr(merge if name in self.stream else self, name.replace("event_", "tile_"))
-                width = len(getattr(tile, name))
-                tile.connect(m, name, outside if name in self.COMMON else outside[index * width : (index + 1) * width])
+            for name in self.outer:
+                outside = getattr(self, name)
+                tile.connect(m, name, outside if name in self.COMMON else _part(outside, index, getattr(tile, name)))
+            source: Block[Any] = tile
+            for stage in range(self.config.relays):
+                relay = Relay(self.config)
+                relay.place(m, f"relay_{index}_{stage}", platform)
+                for name in self.stream:
+                    source.connect(m, name, getattr(relay, name.replace("event_", "tile_")))
+                source = relay
+            for name in self.stream:
+                source.connect(
+                    m, name, _part(getattr(merge, name.replace("event_", "tile_")), index, getattr(source, name))
+                )
         return m
+
+
+def _part(words: Value, index: int, port: Value) -> Value:
+    """Return what of the ports of all tiles belongs to that of one."""
+    return words[index * len(port) : (index + 1) * len(port)]

@@ -15,6 +15,7 @@ from model.events.recording import Recording
 from model.readout import Stimulus, simulate
 from model.tiles.config import TilesConfig
 from model.tiles.merge import merge
+from model.tiles.relay import relay
 from model.tiles.run import simulate_skin
 
 TILE = ReadoutConfig(rows=2, columns=3)
@@ -52,6 +53,41 @@ def test_a_tile_alone_sends_what_its_readout_does_one_clock_later() -> None:
     assert len(merged) > 100
 
 
+@pytest.mark.parametrize("relays", [1, 4])
+def test_relay_stations_cost_a_clock_each_and_no_event(relays: int) -> None:
+    stimulus = Stimulus.from_samples(TILE, scan(2, 3, 12, 1)[:200])
+    near, far = (simulate_skin(TilesConfig.of(TILE, 1, 1, number), [stimulus]) for number in (0, relays))
+    near["t"] += relays
+    near = near[near["t"] < stimulus.clocks]
+    assert np.array_equal(near, far)
+    assert len(far) > 100
+
+
+def test_a_line_is_full_at_two_events_a_station_and_loses_none() -> None:
+    rng = np.random.default_rng(2)
+    offered = np.sort(rng.integers(0, 500, 400))
+    ready = (rng.random(64) < 0.8).astype(np.uint8)
+    ready[40:] = 0
+    for stations in (1, 2, 5):
+        taken, left = relay(offered, ready, 3000, stations)
+        assert len(left) == len(offered)
+        assert (np.diff(left) > 0).all()
+        assert ready[left % 64].all()
+        assert (taken >= offered).all()
+        held = [int((taken <= t).sum() - (left <= t).sum()) for t in range(1000)]
+        assert max(held) == 2 * stations
+    clock = relay(np.zeros(50, np.int64), np.ones(1, np.uint8), 100, 3).clock
+    assert clock.tolist() == list(range(3, 53))  # one event per clock, three clocks on their way
+
+
+def test_a_skin_without_relay_stations_says_nothing_of_them() -> None:
+    assert "relays" not in SKIN.to_dict()
+    far = TilesConfig.of(TILE, 2, 2, 3)
+    assert TilesConfig.from_dict(far.to_dict()) == far
+    assert far.to_dict() == SKIN.to_dict() | {"relays": 3}
+    assert far.tile == SKIN.tile
+
+
 def test_addresses_of_the_skin_and_of_its_tiles_belong_together() -> None:
     tile, row, column = (grid.ravel() for grid in np.mgrid[:4, :2, :3])
     events = make_events(0, row, column)
@@ -84,6 +120,7 @@ def test_a_recording_of_a_skin_is_read_as_any_other(tmp_path: Path) -> None:
         ({"link": "four_phase"}, "tiles talk to their merge by the link stream, not four_phase"),
         ({"tile_rows": 65}, "tile_rows must be in 1..64, not 65"),
         ({"tile_rows": 16, "tile_columns": 8}, "a merge takes at most 64 tiles, not 16 x 8"),
+        ({"relays": -1}, "relays must be in 0..16, not -1"),
         ({"registers": "spi"}, "tiles of a skin have no registers, not spi"),
     ],
 )

@@ -1,0 +1,112 @@
+"""The relay stations on the lines from the tiles to their merge, clock by clock.
+
+A station is two places deep and takes what it is offered while one of them is free: the merge of a single stream. So
+its state, and its clock, are those of ``model.tiles.merge``.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from model.files import forget_stale_kernels
+from model.tiles import merge
+
+forget_stale_kernels(Path(__file__), [Path(str(merge.__file__))])
+
+ZERO = np.uint64(0)
+
+
+@njit(cache=True)
+def room(line: NDArray[np.uint64]) -> bool:
+    """Return whether the first station of a line, shape (stations, 4), takes what the tile offers in this clock."""
+    return bool(line[0, merge.HELD] <= merge.ONE)
+
+
+@njit(cache=True)
+def offers(line: NDArray[np.uint64]) -> bool:
+    """Return whether the last station of a line, shape (stations, 4), offers an event."""
+    return bool(line[-1, merge.HELD] != ZERO)
+
+
+@njit(cache=True)
+def advance(line: NDArray[np.uint64], comes: bool, event: Any, ready: bool) -> None:
+    """Advance all stations of a line by the rising edge of a clock.
+
+    Parameters
+    ----------
+    line : ndarray of uint64, shape (stations, 4)
+        The states, the tile's end first; changed in place.
+    comes : bool
+        The tile offers an event and there is ``room`` for it.
+    event : int
+        That event, any number from 0 on.
+    ready : bool
+        The merge takes what the last station offers.
+    """
+    for station in range(len(line) - 1, 0, -1):  # those behind have moved on; those before still stand as they were
+        before, own = line[station - 1], line[station]
+        takes = before[merge.HELD] != ZERO and own[merge.HELD] <= merge.ONE
+        merge.advance(own, 0 if takes else -1, before[merge.OFFERED], ready)
+        ready = takes
+    merge.advance(line[0], 0 if comes else -1, event, ready)
+
+
+class Relayed(NamedTuple):
+    """What left a line.
+
+    Attributes
+    ----------
+    taken, clock : ndarray of int64, shape (events,)
+        For each event the clock in which the first station took it, and that in which it left the last.
+    """
+
+    taken: NDArray[np.int64]
+    clock: NDArray[np.int64]
+
+
+def relay(offered: NDArray[np.int64], ready: NDArray[np.uint8], clocks: int, stations: int = 1) -> Relayed:
+    """Return the events of a line whose tile holds every event until it is taken.
+
+    Parameters
+    ----------
+    offered : ndarray of int64, shape (events,)
+        First clock in which each event may be offered, rising; an event is offered behind those before it.
+    ready : ndarray of uint8, shape (pattern,)
+        Whether the other end takes an event, per clock, repeated.
+    clocks : int
+        Length of the run.
+    stations : int
+
+    Examples
+    --------
+    Three events at once through two stations: two clocks on their way, then one in every clock.
+
+    >>> [column.tolist() for column in relay(np.zeros(3, np.int64), np.ones(1, np.uint8), 10, 2)]
+    [[0, 1, 2], [2, 3, 4]]
+    """
+    taken, left = _relay(np.ascontiguousarray(offered, np.int64), ready, clocks, stations)
+    return Relayed(taken[: len(left)], left)
+
+
+@njit(cache=True, nogil=True)
+def _relay(offered: NDArray[np.int64], ready: NDArray[np.uint8], clocks: int, stations: int) -> Any:
+    """Return the clocks in which events were taken, and those in which they left."""
+    line = np.zeros((stations, 4), np.uint64)
+    taken, left = np.zeros(len(offered), np.int64), np.zeros(len(offered), np.int64)
+    came = gone = 0
+    for t in range(clocks):
+        leaves = ready[t % len(ready)] != 0 and offers(line)
+        comes = came < len(offered) and offered[came] <= t and room(line)
+        if leaves:
+            left[gone] = t
+            gone += 1
+        advance(line, comes, came, leaves)
+        if comes:
+            taken[came] = t
+            came += 1
+    return taken[:came], left[:gone]
