@@ -284,10 +284,13 @@ def test_ports_are_those_of_the_contract() -> None:
         (["--rows", "65"], "error: rows must be in 1..64, not 65"),
         (["--resolution", "11"], "error: resolution must be in 1..sample_bits - 2 = 10, not 11"),
         (["--merge"], "error: --merge needs to know how many tiles there are; add --tiles RxC"),
-        (["--relays", "1"], "error: --relays belongs to the lines of a whole skin; add --tiles RxC without --merge"),
+        (
+            ["--relays", "1"],
+            "error: --relays belongs to the lines of a whole skin; add --tiles RxC without --merge, or leave it out",
+        ),
         (
             ["--tiles", "2x2", "--merge", "--relays", "1"],
-            "error: --relays belongs to the lines of a whole skin; add --tiles RxC without --merge",
+            "error: --relays belongs to the lines of a whole skin; add --tiles RxC without --merge, or leave it out",
         ),
         (["--tiles", "2x2", "--relays", "17"], "error: relays must be in 0..16, not 17"),
         (["--tiles", "4"], "error: tiles must be rows and columns, as 4x4, not '4'"),
