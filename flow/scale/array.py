@@ -36,7 +36,7 @@ class End(NamedTuple):
         Of the cell; that of the taxel is its port with the number of the bit.
     load_f : float
     pins : int
-        Pins that it stands for.
+        Pins that it stands for. Of an output of a taxel: those within it that read it too.
     """
 
     what: str
@@ -126,31 +126,31 @@ class Array:
             kind = self.kinds[name]
             for pin, net in pins.items():
                 if pin in kind.outputs:
-                    drivers[net] = End("cell", index, pin, 0.0, 1)
+                    drivers[net] = End("cell", index, pin, 0.0, 0)
                 elif net != NONE:
                     readers[net].append(End("cell", index, pin, kind.loads.get(pin, 0.0), 1))
         inside = {bit: self._inside(bit) for bit in self.taxel_bits}
         for index, taxel in enumerate(self.taxels):
             for bit, net in taxel.items():
                 if self.taxel_bits[bit][0] == "output":
-                    drivers[net] = End("taxel", index, bit, 0.0, 1)
+                    drivers[net] = End("taxel", index, bit, *inside[bit])
                 elif net != NONE:
                     readers[net].append(End("taxel", index, bit, *inside[bit]))
         for index, (way, _, _, net) in enumerate(self.ports):
             if way == "input":
-                drivers[net] = End("port", index, "", 0.0, 1)
+                drivers[net] = End("port", index, "", 0.0, 0)
             elif net != NONE:
                 readers[net].append(End("port", index, "", self.port_load_f, 1))
         return drivers, readers
 
     def _inside(self, bit: str) -> tuple[float, int]:
-        """Return the load and the number of the pins in a taxel that a bit of its ports reaches."""
+        """Return the load and the number of the pins in a taxel that read a bit of its ports."""
         own = self.taxel_bits[bit][1]
         loads = [
-            self.kinds[cell["type"]].loads.get(pin, 0.0)
+            self.kinds[cell["type"]].loads[pin]
             for cell in self.taxel["cells"].values()
             for pin, bits in cell["connections"].items()
-            if bits == [own]
+            if bits == [own] and pin in self.kinds[cell["type"]].loads
         ]
         return sum(loads), len(loads)
 

@@ -138,8 +138,10 @@ class Lines:
             part = self._tree(y, x, upright)
         else:
             part = self._tree(x, y, spots)
-        part = self._at_driver(part, self.array.driving_cell(driver))
+        wire_f = self.wire.farad_per_um * self.wire.within_um * driver.pins
+        part = self._at_driver(part, self.array.driving_cell(driver), driver.load_f + wire_f)
         self._close(part, net)
+        self.load_f[net] += wire_f
 
     def _bin(self, at: float) -> float:
         return round(at / self.places.pitch_um) * self.places.pitch_um
@@ -207,13 +209,13 @@ class Lines:
             max((p.way_s for p in parts), default=0.0),
         )
 
-    def _at_driver(self, part: Open, driver: str) -> Open:
-        """Return a part behind as many repeaters at its driver as make the way faster."""
+    def _at_driver(self, part: Open, driver: str, beside_f: float) -> Open:
+        """Return a part behind as many repeaters at its driver, which has a load beside it, as make the way faster."""
         while True:
-            best, chosen = self._delay(driver, part.load_f) - LEAST_GAIN_S, ""
+            best, chosen = self._delay(driver, beside_f + part.load_f) - LEAST_GAIN_S, ""
             for kind in self.choice:
                 pin = next(iter(kind.loads.values()))
-                delay = self._delay(driver, pin) + self._delay(kind.name, part.load_f)
+                delay = self._delay(driver, beside_f + pin) + self._delay(kind.name, part.load_f)
                 if delay < best:
                     best, chosen = delay, kind.name
             if not chosen:

@@ -89,6 +89,23 @@ def test_a_line_with_repeaters_still_ends_where_it_did(plain: Array) -> None:
             assert source(now) == before_drivers[net][:3]
 
 
+def test_a_net_is_loaded_by_its_pins_and_its_wire_and_no_more(plain: Array) -> None:
+    """Also where a cell within the taxel reads what the taxel sends."""
+    found = drawn(plain)
+    load = Timing(found.array, found).load
+    drivers, readers = found.array.ends()
+    pins = {net: [*ends, *([drivers[net]] if net in drivers else [])] for net, ends in readers.items()}
+    assert any(drivers[net].load_f for net in found.load_f if drivers[net].what == "taxel")
+    for net, on in pins.items():
+        assert load[net] == pytest.approx(sum(end.load_f for end in on) + found.load_f.get(net, 0.0), rel=1e-9, abs=0)
+    near = drawn(plain, pitch_um=1e-6)  # all that is left of a wire is that to each pin
+    read = [end.pins for ends in plain.ends()[1].values() for end in ends]
+    drivers = {net: plain.ends()[0][net] for net in near.load_f if net < plain.nets}
+    trees = sum(end.pins for net in plain.trees() for end in plain.ends()[1].get(net, []))
+    wires = WIRE.farad_per_um * WIRE.within_um * (sum(read) - trees + sum(end.pins for end in drivers.values()))
+    assert sum(near.load_f.values()) == pytest.approx(wires, rel=1e-6, abs=0)
+
+
 def test_a_longer_line_has_more_repeaters_and_is_slower(plain: Array) -> None:
     near, far = drawn(plain, pitch_um=200.0), drawn(plain, pitch_um=4000.0)
     assert far.added > near.added
@@ -104,9 +121,9 @@ def test_the_fastest_line_has_the_least_delay_of_all_spacings(plain: Array) -> N
     found = best_repeater(repeaters(plain.kinds), WIRE)
     kind = plain.kinds[found.kind]
     pin = next(iter(kind.loads.values()))
-    assert found.load_f == pytest.approx(pin + WIRE.farad_per_um * found.spacing_um)
+    assert found.load_f == pytest.approx(pin + WIRE.farad_per_um * found.spacing_um, abs=0)
     delay = float(kind.through(found.slew_s, np.array([found.load_f]))[0][0]) + WIRE.way_s(found.spacing_um, pin)
-    assert found.s_per_mm == pytest.approx(1e3 * delay / found.spacing_um)
+    assert found.s_per_mm == pytest.approx(1e3 * delay / found.spacing_um, rel=0.001, abs=0)
     slower = best_repeater(repeaters(plain.kinds), Wire(10 * WIRE.ohm_per_um, WIRE.farad_per_um))
     assert slower.s_per_mm > found.s_per_mm
     assert slower.spacing_um < found.spacing_um
