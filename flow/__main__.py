@@ -263,6 +263,8 @@ def asic_scale(
     config: ReadoutConfig,
     lib: Annotated[Path, typer.Option(help="cell library (.lib)")],
     sizes: Annotated[str, typer.Option(metavar="RxC,...", help="rows and columns of the arrays")] = SIZES,
+    tiles: Annotated[str, typer.Option(metavar="RxC,...", help="cut each array into tiles, with their merge")] = "",
+    relays: Annotated[str, typer.Option(metavar="N,...", help="relay stations between each tile and the merge")] = "",
     pitch_um: Annotated[float, typer.Option("--pitch", min=0.0, metavar="UM", help="of the taxels")] = PITCH_UM,
     ohm: Annotated[float, typer.Option(min=0.0, metavar="PER_UM", help="resistance of a wire")] = OHM_PER_UM,
     farad: Annotated[float, typer.Option(min=0.0, metavar="PER_UM", help="capacitance of a wire")] = FARAD_PER_UM,
@@ -270,14 +272,14 @@ def asic_scale(
 ) -> None:
     """Estimate area and highest clock as the array grows, with wires of its size and repeaters in them."""
     from flow.asic.library import read
-    from flow.scale.measure import measure, sizes_of
+    from flow.scale.measure import designs_of, measure
     from model.cli.tables import new_table, show
 
-    chosen, library = sizes_of(sizes), read(lib)
+    chosen, library = designs_of(config, sizes, tiles, relays), read(lib)
     heads = ("taxels", "um2 a taxel", "with lines", "MHz without wires", "MHz with wires", "repeaters", "synthesis, s")
     table = new_table(heads, "Area and highest clock as the array grows")
     out.parent.mkdir(parents=True, exist_ok=True)
-    measure(config, chosen, library, Wire(ohm, farad), pitch_um, out, lambda found: table.add_row(*_scale_row(found)))
+    measure(chosen, library, Wire(ohm, farad), pitch_um, out, lambda found: table.add_row(*_scale_row(found)))
     show(table)
     print(out)
 
@@ -285,8 +287,11 @@ def asic_scale(
 def _scale_row(result: dict[str, Any]) -> list[str]:
     """Return a line of the table of an array."""
     without, wired = result["without_wires"], result["with_wires"]
+    cut = (
+        f" as {result['tile_rows']} x {result['tile_columns']}, relays {result['relays']}" if "relays" in result else ""
+    )
     return [
-        f"{result['rows']} x {result['columns']}",
+        f"{result['rows']} x {result['columns']}{cut}",
         f"{result['cells_um2_per_taxel']:.0f}",
         f"{wired['area_um2_per_taxel']:.0f}",
         f"{without['fmax_hz'] / 1e6:.0f}",

@@ -81,8 +81,13 @@ def verilog(config: Config) -> str:
 
 def rtlil(config: Config) -> str:
     """Return the readout as RTLIL text, one module per distinct block."""
-    netlist = Netlist(config.reset == "async")
-    netlist.add(top_block(config))
+    return block_rtlil(top_block(config))
+
+
+def block_rtlil(block: Block[Any]) -> str:
+    """Return a block and those within it as RTLIL text, one module per distinct one."""
+    netlist = Netlist(block.config.reset == "async")
+    netlist.add(block)
     return netlist.text
 
 

@@ -16,7 +16,8 @@ from model.errors import InputError
 from model.files import atomic_write
 from model.frame_config import FrameConfig
 from rtl import yosys
-from rtl.verilog import header, rtlil, top_block
+from rtl.block import Block
+from rtl.verilog import block_rtlil, header, top_block
 
 Config = ReadoutConfig | FrameConfig
 """What becomes a netlist: the spiking readout or that of frames."""
@@ -112,13 +113,14 @@ def netlist(config: Config, library: Library, period_ns: float = PERIOD_NS, fewe
     InputError
         If the library does not have the cells that the readout needs.
     """
-    top = top_block(config).module_name
-    text = _cells(config, library, period_ns, fewest, TO_VERILOG, "netlist.v")
+    top = top_block(config)
+    text = _cells(top, library, period_ns, fewest, TO_VERILOG, "netlist.v")
     gated = bool(gating.gate_module(library))
-    return Netlist(header(config, "//") + single_bits(text[text.index("module ") :]), top, config, library, gated)
+    verilog = header(config, "//") + single_bits(text[text.index("module ") :])
+    return Netlist(verilog, top.module_name, config, library, gated)
 
 
-def mapped(config: Config, library: Library, apart: Sequence[str]) -> dict[str, Any]:
+def mapped(top: Block[Any], library: Library, apart: Sequence[str] = ()) -> dict[str, Any]:
     """Return the design of Yosys with some modules synthesised once and left as they are, all else flat in the top.
 
     For large arrays: the blocks around those modules keep the depth that the RTL draws (``AS_DRAWN``), and the array
@@ -126,7 +128,7 @@ def mapped(config: Config, library: Library, apart: Sequence[str]) -> dict[str, 
 
     Parameters
     ----------
-    config : ReadoutConfig or FrameConfig
+    top : Block
     library : Library
     apart : sequence of str
         Names of the modules: ``eskin_taxel`` for an array too large to be flat.
@@ -136,28 +138,28 @@ def mapped(config: Config, library: Library, apart: Sequence[str]) -> dict[str, 
     InputError
         If the library does not have the cells that the readout needs.
     """
-    text = _cells(config, library, PERIOD_NS, FEWEST_FLOPS, TO_JSON, "mapped.json", apart)
+    text = _cells(top, library, PERIOD_NS, FEWEST_FLOPS, TO_JSON, "mapped.json", apart)
     return dict(json.loads(text))
 
 
 def _cells(
-    config: Config,
+    block: Block[Any],
     library: Library,
     period_ns: float,
     fewest: int,
     end: str,
     result: str,
-    apart: Sequence[str] = (),
+    apart: Sequence[str] | None = None,
 ) -> str:
-    """Return the file that is written of a readout as cells."""
-    top, content = top_block(config).module_name, library.path.read_bytes()
-    source = rtlil(config)
+    """Return the file that is written of a block as cells."""
+    top, content = block.module_name, library.path.read_bytes()
+    source = block_rtlil(block)
     gate = gating.gate_module(library)
-    keep = "".join(KEEP.format(name=name) for name in [*_blocks(source, top), *apart])
+    keep = "".join(KEEP.format(name=name) for name in [*_blocks(source, top), *(apart or ())])
     insert = INSERT.format(gate=gating.GATE, fewest=fewest) if gate else ""
     design = json.loads(yosys.run(TO_ENABLES.format(top=top, keep=keep, gates=insert), source, "enables.json"))
     if gate:
-        gating.stop_blocks(design, top, config.reset == "sync", root=not apart)
+        gating.stop_blocks(design, top, block.config.reset == "sync", root=apart is None)
     files = {"cells.lib": content, "enables.json": json.dumps(design).encode(), "gate.v": gate.encode()}
     script = (TO_CELLS + end).format(
         top=top,
@@ -166,8 +168,8 @@ def _cells(
         period_ps=1000 * period_ns,
         mapping=MAPPING,
         ties=_ties(library),
-        apart="".join(KEEP.format(name=name) for name in apart),
-        drawn=_drawn(source, apart),
+        apart="".join(KEEP.format(name=name) for name in apart or ()),
+        drawn="" if apart is None else _drawn(source, apart),
     )
     try:
         return yosys.run(script, "", result, files)
@@ -221,7 +223,7 @@ def _blocks(source: str, top: str) -> list[str]:
 
 def _drawn(source: str, apart: Sequence[str]) -> str:
     """Return the commands that map the blocks around modules that stand apart."""
-    return "".join(AS_DRAWN.format(name=name) for name in yosys.modules(source) if apart and name not in apart)
+    return "".join(AS_DRAWN.format(name=name) for name in yosys.modules(source) if name not in apart)
 
 
 def _ties(library: Library) -> str:

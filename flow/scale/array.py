@@ -184,8 +184,9 @@ def _same(kind: Kind) -> bool:
 
 def build(config: ReadoutConfig, library: Library) -> Array:
     """Return an array as cells of a library, without repeaters."""
-    design = mapped(config, library, [TAXEL])
-    top = design["modules"][top_block(config).module_name]
+    block = top_block(config)
+    design = mapped(block, library, [TAXEL])
+    top = design["modules"][block.module_name]
     taxel = design["modules"][TAXEL]
     used = {cell["type"] for module in (top, taxel) for cell in module["cells"].values()} - {TAXEL}
     used |= {cell.name for cell in library.buffers}

@@ -6,6 +6,7 @@ import copy
 import dataclasses
 import resource
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,17 +16,22 @@ from flow.scale.array import Array, build
 from flow.scale.delays import kind_of
 from flow.scale.lines import Lines, Repeater, best_repeater
 from flow.scale.places import Places
+from flow.scale.skin import SkinPlaces, build_skin
 from flow.scale.timing import Path as SlowestPath
 from flow.scale.timing import Timing
 from flow.scale.wire import FARAD_PER_UM, NO_WIRE, OHM_PER_UM, PITCH_UM, Wire
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.files import origin, read_json, write_json
+from model.tiles.config import TilesConfig, tiles_of
 
 LARGEST = 64
 
 FIELDS = ("encoding", "resolution", "frontend", "sample_bits")
 """Of the configuration, that the user may choose."""
+
+Standing = Callable[[Array, float], Places]
+"""Where the cells of an array stand, at a pitch."""
 
 
 def sizes_of(text: str) -> list[tuple[int, int]]:
@@ -52,9 +58,38 @@ def sizes_of(text: str) -> list[tuple[int, int]]:
     return found
 
 
+def designs_of(config: ReadoutConfig, sizes: str, tiles: str = "", relays: str = "") -> list[ReadoutConfig]:
+    """Return the array of each size, or each size cut into tiles with relay stations on their lines, in all ways.
+
+    Raises
+    ------
+    InputError
+        If a word is no size, no rows and columns of tiles, or no number of stations, or they do not fit together.
+
+    Examples
+    --------
+    >>> [(d.rows, d.tiles, d.relays) for d in designs_of(ReadoutConfig(), "64x64", "2x2,4x4", "0,1")]
+    [(64, 4, 0), (64, 4, 1), (64, 16, 0), (64, 16, 1)]
+    """
+    arrays = [config.replace(rows=rows, columns=columns) for rows, columns in sizes_of(sizes)]
+    if not tiles:
+        if relays:
+            raise InputError("--relays belongs to the lines of tiles; add --tiles, or leave it out")
+        return arrays
+    numbers = relays.split(",") if relays else ["0"]
+    for number in numbers:
+        if not number.strip().isdecimal():
+            raise InputError(f"--relays must be numbers of stations such as 0,1,2, not {number!r}")
+    return [
+        TilesConfig(**array.to_dict(), tile_rows=down, tile_columns=across, relays=int(number))
+        for array in arrays
+        for down, across in map(tiles_of, tiles.split(","))
+        for number in numbers
+    ]
+
+
 def measure(
-    config: ReadoutConfig,
-    sizes: list[tuple[int, int]],
+    designs: list[ReadoutConfig],
     library: Library,
     wire: Wire,
     pitch_um: float,
@@ -65,10 +100,8 @@ def measure(
 
     Parameters
     ----------
-    config : ReadoutConfig
-        Of any size.
-    sizes : list of (int, int)
-        Rows and columns of each array.
+    designs : list of ReadoutConfig
+        Arrays, or skins of tiles, alike but for their sizes.
     library : Library
     wire : Wire
     pitch_um : float
@@ -78,27 +111,50 @@ def measure(
     on_array : callable
         Called with what was found of each array.
     """
-    words = ["make asic SCALE=1", f"LIB={library.path.name}", *_words(config, wire, pitch_um)]
+    first = designs[0]
+    words = ["make asic SCALE=1", f"LIB={library.path.name}", *_words(first, wire, pitch_um)]
     tables = CellLibrary.read(library.path)
     repeater = best_repeater((kind_of(tables, tables.cells[cell.name]) for cell in library.buffers), wire)
     fixed = {
         "commit": origin("")["commit"],
         "library": library.path.name,
-        "configuration": {name: getattr(config, name) for name in FIELDS},
+        "configuration": {name: getattr(first, name) for name in FIELDS},
         "pitch_um": pitch_um,
         **dataclasses.asdict(wire),
         "repeater": dataclasses.asdict(repeater),
     }
-    found = _kept(out, fixed)
-    for rows, columns in sizes:
-        if (rows, columns) not in found:
-            found[rows, columns] = _measured(
-                config.replace(rows=rows, columns=columns), library, wire, pitch_um, repeater
-            )
-            said = origin(" ".join([*words, "SIZES=" + ",".join(f"{r}x{c}" for r, c in found)]))
-            results = sorted(found.values(), key=lambda array: array["taxels"])
+    wanted = {_key(_shape(config)) for config in designs}
+    tiled = isinstance(first, TilesConfig)  # such a file holds what its command says and no more
+    found = {key: r for key, r in _kept(out, fixed).items() if key in wanted or not (tiled or "relays" in r)}
+    for config in designs:
+        key = _key(_shape(config))
+        if key not in found:
+            found[key] = _measured(config, library, wire, pitch_um, repeater)
+            results = sorted(found.values(), key=lambda array: (array["taxels"], _key(array)))
+            said = origin(" ".join([*words, *_cut(results)]))
             write_json(out, said | fixed | {"results": results})
-        on_array(found[rows, columns])
+        on_array(found[key])
+
+
+def _shape(config: ReadoutConfig) -> dict[str, Any]:
+    """Return rows and columns of an array, and how it is cut into tiles."""
+    shape = {"rows": config.rows, "columns": config.columns, "taxels": config.taxels}
+    if isinstance(config, TilesConfig):
+        shape |= {name: getattr(config, name) for name in ("tile_rows", "tile_columns", "relays")}
+    return shape
+
+
+def _key(shape: dict[str, Any]) -> tuple[int, ...]:
+    return tuple(shape.get(name, 0) for name in ("rows", "columns", "tile_rows", "tile_columns", "relays"))
+
+
+def _cut(results: list[dict[str, Any]]) -> list[str]:
+    """Return sizes, tiles and relay stations of some results as variables of make."""
+    words = {"SIZES": [f"{r['rows']}x{r['columns']}" for r in results]}
+    tiled = [r for r in results if "relays" in r]
+    words["TILES"] = [f"{r['tile_rows']}x{r['tile_columns']}" for r in tiled]
+    words["RELAYS"] = [f"{r['relays']}" for r in tiled]
+    return [f"{name}={','.join(dict.fromkeys(values))}" for name, values in words.items() if values]
 
 
 def _words(config: ReadoutConfig, wire: Wire, pitch_um: float) -> list[str]:
@@ -113,14 +169,14 @@ def _words(config: ReadoutConfig, wire: Wire, pitch_um: float) -> list[str]:
     return [f"{name.upper()}={value}" for name, value in own.items()]
 
 
-def _kept(out: Path, fixed: dict[str, Any]) -> dict[tuple[int, int], dict[str, Any]]:
+def _kept(out: Path, fixed: dict[str, Any]) -> dict[tuple[int, ...], dict[str, Any]]:
     """Return the arrays that a file has, if it was made in the same way."""
     if not out.exists():
         return {}
     kept = read_json(out, "the estimate", dict)
     if any(kept.get(name) != value for name, value in fixed.items()):
         return {}
-    return {(array["rows"], array["columns"]): array for array in kept["results"]}
+    return {_key(array): array for array in kept["results"]}
 
 
 def _measured(
@@ -128,24 +184,28 @@ def _measured(
 ) -> dict[str, Any]:
     """Return what is found of an array, and the processor seconds of its synthesis."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    array = build(config, library)
+    if isinstance(config, TilesConfig):
+        array, tile, spots = build_skin(config, library)
+        places: Standing = partial(SkinPlaces, tile=tile, spots=spots)
+    else:
+        array, places = build(config, library), Places
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return estimate(array, wire, pitch_um, repeater) | {"synthesis_s": round(seconds, 2)}
+    return estimate(array, wire, pitch_um, repeater, places) | {"synthesis_s": round(seconds, 2)}
 
 
-def estimate(array: Array, wire: Wire, pitch_um: float, repeater: Repeater) -> dict[str, Any]:
+def estimate(
+    array: Array, wire: Wire, pitch_um: float, repeater: Repeater, places: Standing = Places
+) -> dict[str, Any]:
     """Return area and highest clock of an array, without wires and with them; repeaters are in both."""
     config = array.config
     found: dict[str, Any] = {
-        "rows": config.rows,
-        "columns": config.columns,
-        "taxels": config.taxels,
+        **_shape(config),
         "cells_um2_per_taxel": array.area_um2() / config.taxels,
         "taxel_um2": array.taxel_area_um2,
     }
     for name, kind in (("without_wires", NO_WIRE), ("with_wires", wire)):
-        drawn = lines(copy.deepcopy(array), kind, pitch_um, repeater)
+        drawn = lines(copy.deepcopy(array), kind, pitch_um, repeater, places)
         path = Timing(drawn.array, drawn).worst()
         found[name] = {
             "fmax_hz": 1 / path.period_s,
@@ -157,9 +217,9 @@ def estimate(array: Array, wire: Wire, pitch_um: float, repeater: Repeater) -> d
     return found
 
 
-def lines(array: Array, wire: Wire, pitch_um: float, repeater: Repeater) -> Lines:
+def lines(array: Array, wire: Wire, pitch_um: float, repeater: Repeater, places: Standing = Places) -> Lines:
     """Return the lines of an array, drawn; their repeaters are cells of it."""
-    drawn = Lines(array, Places(array, pitch_um), wire, repeater)
+    drawn = Lines(array, places(array, pitch_um), wire, repeater)
     drawn.draw()
     return drawn
 

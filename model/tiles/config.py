@@ -167,6 +167,20 @@ class MergeConfig:
         return self.skin.to_dict()
 
 
+def tiles_of(text: str) -> tuple[int, int]:
+    """Return rows and columns of tiles of a text as ``4x4``.
+
+    Raises
+    ------
+    InputError
+        If the text is none of that kind.
+    """
+    rows, _, columns = text.partition("x")
+    if not (rows.isdecimal() and columns.isdecimal()):
+        raise InputError(f"tiles must be rows and columns, as 4x4, not {text!r}")
+    return int(rows), int(columns)
+
+
 def skin_of(tile: ReadoutConfig, tiles: str, relays: int = 0) -> TilesConfig:
     """Return the skin of a tile and a text as ``4x4``, rows and columns of tiles, with relay stations.
 
@@ -175,10 +189,7 @@ def skin_of(tile: ReadoutConfig, tiles: str, relays: int = 0) -> TilesConfig:
     InputError
         If the text is none of that kind, or there are too many.
     """
-    rows, _, columns = tiles.partition("x")
-    if not (rows.isdecimal() and columns.isdecimal()):
-        raise InputError(f"tiles must be rows and columns, as 4x4, not {tiles!r}")
-    return TilesConfig.of(tile, int(rows), int(columns), relays)
+    return TilesConfig.of(tile, *tiles_of(tiles), relays)
 
 
 def config_of(fields: Any) -> ReadoutConfig:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import copy
 import json
+import re
 import shutil
 import subprocess
 import sys
+from collections import Counter
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +20,15 @@ from flow.scale import check
 from flow.scale.array import NONE, Array, build, repeaters
 from flow.scale.delays import look
 from flow.scale.lines import Lines, best_repeater
-from flow.scale.measure import lines, sizes_of
+from flow.scale.measure import designs_of, lines, measure, sizes_of
 from flow.scale.places import Places
+from flow.scale.skin import SkinPlaces, Spot, build_skin
 from flow.scale.timing import Timing
 from flow.scale.wire import NO_WIRE, Wire
 from model.config import ReadoutConfig
 from model.errors import InputError
+from model.tiles.config import TilesConfig
+from rtl.delivery import ports
 from tests.flow import quill
 
 NEEDS_STA = pytest.mark.skipif(shutil.which("sta") is None, reason="OpenSTA is not installed: apt-get install opensta")
@@ -172,6 +178,99 @@ def test_the_command_leaves_numbers(library: Library, tmp_path: Path) -> None:
         assert wired["area_um2_per_taxel"] > array["cells_um2_per_taxel"] > array["taxel_um2"] > 0
         assert array["synthesis_s"] > 0
         assert wired["path_s"] > wired["path_in_repeaters_s"] + wired["path_in_wires_s"]
+
+
+@pytest.fixture(scope="module")
+def far_tiles(library: Library) -> tuple[Array, Array, list[Spot]]:
+    """Return two tiles of a row of two taxels, with two relay stations each, and one of these tiles."""
+    return build_skin(TilesConfig.of(ReadoutConfig(rows=1, columns=2), 2, 1, 2), library)
+
+
+def test_a_skin_has_all_cells_of_its_tiles_stations_and_merge(
+    far_tiles: tuple[Array, Array, list[Spot]], library: Library
+) -> None:
+    skin, tile, spots = far_tiles
+    owners = Counter(name.split(".")[0] for name in skin.names)
+    assert owners["tile_0"] == owners["tile_1"] == len(tile.cells)
+    assert owners["relay_0_0"] == owners["relay_0_1"] == owners["relay_1_0"] == owners["relay_1_1"] > 0
+    assert set(owners) == {"tile_0", "tile_1", "merge", *(f"relay_{i}_{k}" for i in (0, 1) for k in (0, 1))}
+    assert len(spots) == len(skin.cells)
+    drivers, readers = skin.ends()
+    assert {net for net in readers if net not in drivers} == set()
+    outside = {(way, name, bit) for way, name, bit, _ in skin.ports}
+    given = ports(skin.config)
+    assert outside - {("input", "test_enable", 0)} == {
+        (port["direction"], port["name"], bit) for port in given for bit in range(port["width"])
+    }
+
+
+def test_the_lines_of_a_skin_go_from_tile_to_station_to_merge(far_tiles: tuple[Array, Array, list[Spot]]) -> None:
+    skin, tile, spots = far_tiles
+    drivers, readers = skin.ends()
+
+    def reads(name: str) -> set[str]:
+        """Return the parts whose cells look at what a part drives, the port of the tile's own taxels left out."""
+        nets = {net for net, end in drivers.items() if end.what == "cell" and skin.names[end.number].startswith(name)}
+        ends = [end for net in nets for end in readers.get(net, []) if end.what == "cell"]
+        return {skin.names[end.number].split(".")[0] for end in ends} - {name.rstrip(".")}
+
+    assert reads("tile_1.") == {"relay_1_0"}
+    assert reads("relay_1_0.") == {"tile_1", "relay_1_1"}
+    assert reads("relay_1_1.") == {"relay_1_0", "merge"}
+    assert reads("merge.") == {"relay_0_1", "relay_1_1"}
+    places = SkinPlaces(skin, 200.0, tile, spots)
+    where = {
+        name.split(".")[0]: spot
+        for name, spot in zip(skin.names, places.of_cells, strict=True)
+        if not name.startswith("tile")
+    }
+    assert where["merge"] == where["relay_0_1"] == where["relay_1_1"] == (200.0, 200.0)
+    assert where["relay_0_0"] == (0.0, 100.0)
+    assert where["relay_1_0"] == (0.0, 300.0)
+    samples = [number for number, port in enumerate(skin.ports) if port[:3] == ("input", "sample", 3 * 12)]
+    assert [places.of_ports[number] for number in samples] == [(300.0, 300.0)]  # taxel 1 of tile 1
+
+
+@NEEDS_STA
+def test_the_clock_of_a_skin_is_that_of_opensta(far_tiles: tuple[Array, Array, list[Spot]], library: Library) -> None:
+    skin, tile, spots = far_tiles
+    wire = Wire(0.0, WIRE.farad_per_um)
+    found = lines(
+        copy.deepcopy(skin),
+        wire,
+        4000.0,
+        best_repeater(repeaters(skin.kinds), WIRE),
+        partial(SkinPlaces, tile=tile, spots=spots),
+    )
+    timing = Timing(found.array, found)
+    assert timing.worst().period_s == pytest.approx(check.period_s(timing, library), rel=0.02)
+
+
+def test_tiles_are_measured_in_all_ways_that_are_asked_for(library: Library, tmp_path: Path) -> None:
+    out = tmp_path / "scale.json"
+    designs = designs_of(ReadoutConfig(), "1x2", "1x2", "0,1")
+    seen: list[dict[str, object]] = []
+    for _ in range(2):  # the second finds all of it
+        measure(designs, library, WIRE, 500.0, out, seen.append)
+    assert seen[:2] == seen[2:]
+    found = json.loads(out.read_text())
+    assert found["command"] == "make asic SCALE=1 LIB=quill.lib PITCH=500 SIZES=1x2 TILES=1x2 RELAYS=0,1"
+    assert [(r["tile_rows"], r["tile_columns"], r["relays"]) for r in found["results"]] == [(1, 2, 0), (1, 2, 1)]
+    assert found["results"][1]["cells_um2_per_taxel"] > found["results"][0]["cells_um2_per_taxel"]
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("8x8", "", "1"), "--relays belongs to the lines of tiles; add --tiles, or leave it out"),
+        (("8x8", "2x2", "1,x"), "--relays must be numbers of stations such as 0,1,2, not 'x'"),
+        (("8x8", "3x2", "1"), "rows must be a multiple of the 3 tiles along them, not 8"),
+        (("8x8", "2", ""), "tiles must be rows and columns, as 4x4, not '2'"),
+    ],
+)
+def test_tiles_that_cannot_be_are_one_sentence(words: tuple[str, str, str], sentence: str) -> None:
+    with pytest.raises(InputError, match=f"^{re.escape(sentence)}"):
+        designs_of(ReadoutConfig(), *words)
 
 
 @pytest.mark.parametrize("sizes", ["8", "8x", "0x4", "65x1", "8x8;4x4", ""])

@@ -1,0 +1,243 @@
+"""A skin of tiles as cells: the tile's array as often as it stands, relay stations on the lines, and the merge."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from amaranth.lib.wiring import Out
+
+from flow.asic.library import Library
+from flow.asic.synthesis import mapped
+from flow.gates.liberty import CellLibrary
+from flow.scale.array import NONE, TREES, Array, build
+from flow.scale.delays import kind_of
+from flow.scale.places import Places
+from model.tiles.config import TilesConfig
+from rtl.arbiter import event_ports
+from rtl.tiles.merge import Merge, merged_ports
+from rtl.tiles.relay import Relay
+from rtl.tiles.skin import Skin
+
+MERGE = -1
+"""Stage of the merge, behind the last relay station."""
+
+
+class Spot(NamedTuple):
+    """Where a cell of a skin belongs: cell of a tile, else relay station of its line (``tile`` -1: merge)."""
+
+    tile: int
+    cell: int = NONE
+    station: int = NONE
+
+
+@dataclass
+class Piece:
+    """A part of a skin as cells, nets from 0 on.
+
+    Attributes
+    ----------
+    names, cells, pins : list
+        Name, kind and nets of the pins of every cell.
+    ports : dict of str to list of int
+        Nets of every port.
+    nets : int
+    """
+
+    names: list[str]
+    cells: list[str]
+    pins: list[dict[str, int]]
+    ports: dict[str, list[int]]
+    nets: int
+
+
+@dataclass
+class Joint:
+    """The nets of a skin while its parts are put together."""
+
+    parents: list[int] = field(default_factory=list)
+
+    def new(self, count: int) -> int:
+        """Return the first of some new nets."""
+        first = len(self.parents)
+        self.parents += range(first, first + count)
+        return first
+
+    def find(self, net: int) -> int:
+        """Return the net that a net has become a part of."""
+        while net != NONE and self.parents[net] != net:
+            net = self.parents[net]
+        return net
+
+    def join(self, nets: list[int], others: list[int]) -> None:
+        """Make nets one, pair by pair; with a constant they are one too."""
+        for net, other in zip(nets, others, strict=True):
+            one, two = self.find(net), self.find(other)
+            if one != two:
+                self.parents[one if two == NONE else two] = two if two == NONE else one
+
+
+def build_skin(config: TilesConfig, library: Library) -> tuple[Array, Array, list[Spot]]:
+    """Return a skin as cells of a library, the array of one of its tiles, and where each cell belongs.
+
+    The tiles are those that ``build`` makes of them alone.
+    """
+    tile = build(config.tile, library)
+    merge = _piece(mapped(Merge(config), library), Merge.module_name)
+    relay = _piece(mapped(Relay(config), library), Relay.module_name) if config.relays else None
+    tables = CellLibrary.read(library.path)
+    used = {kind for piece in (merge, relay) if piece for kind in piece.cells}
+    kinds = tile.kinds | {cell.name: kind_of(tables, cell) for cell in tables.used(used)}
+
+    work = _Assembly(config, kinds, tile)
+    into = work.place(merge, "merge", Spot(MERGE))
+    stream = list(event_ports(config.tile, Out))
+    for index in range(config.tiles):
+        source = work.place_tile(index)
+        stations = [
+            work.place(relay, f"relay_{index}_{station}", Spot(index, NONE, station))
+            for station in range(config.relays)
+            if relay
+        ]
+        for station in stations:
+            for name in stream:
+                work.joint.join(source[name], station[name.replace("event_", "tile_")])
+            source = station
+        for name in stream:
+            width = len(source[name])
+            work.joint.join(source[name], into[name.replace("event_", "tile_")][index * width : (index + 1) * width])
+    for name, port in merged_ports(config).items():
+        work.port("output" if port.flow is Out else "input", name, into[name])
+    return work.array(), tile, work.spots
+
+
+class _Assembly:
+    """Parts of a skin put together."""
+
+    def __init__(self, config: TilesConfig, kinds: dict[str, Any], tile: Array) -> None:
+        self.config, self.kinds, self.tile = config, kinds, tile
+        self.joint = Joint()
+        self.names: list[str] = []
+        self.cells: list[str] = []
+        self.pins: list[dict[str, int]] = []
+        self.spots: list[Spot] = []
+        self.taxels: list[dict[str, int]] = [{} for _ in range(config.taxels)]
+        self.ports: list[tuple[str, str, int, int]] = []
+        self.common: dict[str, list[int]] = {}
+        ports: dict[str, list[int]] = {}
+        for _, name, _, net in tile.ports:
+            ports.setdefault(name, []).append(net)
+        self.piece = Piece(tile.names, tile.cells, tile.pins, ports, tile.nets)
+        self.widths = {name: len(nets) for name, nets in ports.items()}
+
+    def place(self, piece: Piece, name: str, spot: Spot | None) -> dict[str, list[int]]:
+        """Add a part; return the nets of its ports. Clock, reset and what else is common are connected."""
+        first = self.joint.new(piece.nets)
+        self.names += [f"{name}.{cell}" for cell in piece.names]
+        self.cells += piece.cells
+        self.pins += [{pin: _moved(net, first) for pin, net in pins.items()} for pins in piece.pins]
+        self.spots += [spot] * len(piece.cells) if spot else []
+        ports = {port: [_moved(net, first) for net in nets] for port, nets in piece.ports.items()}
+        for port in (*TREES, *Skin.COMMON):
+            if port in ports:
+                if port not in self.common:
+                    self.common[port] = [self.joint.new(1)]
+                    self.port("input", port, self.common[port])
+                self.joint.join(self.common[port], ports[port])
+        return ports
+
+    def place_tile(self, index: int) -> dict[str, list[int]]:
+        """Add a tile, its taxels and its part of the ports; return the nets of all its ports."""
+        first = len(self.joint.parents)
+        self.spots += [Spot(index, cell) for cell in range(len(self.tile.cells))]
+        ports = self.place(self.piece, f"tile_{index}", None)
+        for number, taxel in zip(self.config.taxels_of(index), self.tile.taxels, strict=True):
+            self.taxels[int(number)] = {bit: _moved(net, first) for bit, net in taxel.items()}
+        ways = {name: way for way, name, _, _ in self.tile.ports}
+        for name, nets in ports.items():
+            if not name.startswith("event_") and name not in self.common:
+                self.port(ways[name], name, nets, index * len(nets))
+        return ports
+
+    def port(self, way: str, name: str, nets: list[int], first: int = 0) -> None:
+        """Add bits of a port of the skin."""
+        self.ports += [(way, name, first + bit, net) for bit, net in enumerate(nets)]
+
+    def array(self) -> Array:
+        """Return all of it, nets numbered anew."""
+        roots = [self.joint.find(net) for net in range(len(self.joint.parents))]
+        numbers = {root: n for n, root in enumerate(dict.fromkeys(root for root in roots if root != NONE))} | {
+            NONE: NONE
+        }
+        of = [*(numbers[root] for root in roots), NONE]  # the last is that of NONE
+        return Array(
+            config=self.config,
+            kinds=self.kinds,
+            names=self.names,
+            cells=self.cells,
+            pins=[{pin: of[net] for pin, net in pins.items()} for pins in self.pins],
+            taxel=self.tile.taxel,
+            taxel_bits=self.tile.taxel_bits,
+            taxels=[{bit: of[net] for bit, net in taxel.items()} for taxel in self.taxels],
+            ports=[(way, name, bit, of[net]) for way, name, bit, net in self.ports],
+            nets=len(numbers) - 1,
+        )
+
+
+def _moved(net: int, first: int) -> int:
+    return NONE if net == NONE else first + net
+
+
+def _piece(design: dict[str, Any], name: str) -> Piece:
+    """Return a module of Yosys without others in it."""
+    module = design["modules"][name]
+    groups = [port["bits"] for port in module["ports"].values()]
+    groups += [bits for cell in module["cells"].values() for bits in cell["connections"].values()]
+    numbers = {bit: n for n, bit in enumerate(sorted({b for bits in groups for b in bits if isinstance(b, int)}))}
+    cells = module["cells"].values()
+    return Piece(
+        names=list(module["cells"]),
+        cells=[cell["type"] for cell in cells],
+        pins=[{pin: numbers.get(b[0], NONE) for pin, b in cell["connections"].items() if b} for cell in cells],
+        ports={name: [numbers.get(bit, NONE) for bit in port["bits"]] for name, port in module["ports"].items()},
+        nets=len(numbers),
+    )
+
+
+class SkinPlaces(Places):
+    """Positions of a skin: within a tile those of the tile alone, the merge in the middle of the skin.
+
+    The first relay station of a line is at its tile, where the stream leaves it, the last at the merge, and the others
+    at equal ways between; one alone is at the tile.
+    """
+
+    def __init__(self, array: Array, pitch_um: float, tile: Array, spots: list[Spot]) -> None:
+        assert isinstance(array.config, TilesConfig)
+        self.skin, self.tile, self.spots = array.config, Places(tile, pitch_um), spots
+        self.within = [self.skin.taxels_of(index).tolist() for index in range(self.skin.tiles)]
+        super().__init__(array, pitch_um)
+
+    def _port(self, name: str, bit: int) -> tuple[float, float]:
+        taxels = self.rows * self.columns
+        if self.widths[name] % taxels == 0 and not name.startswith("event_"):
+            each = self.widths[name] // taxels
+            tile, taxel = divmod(bit // each, self.skin.tile.taxels)
+            return self._taxel(self.within[tile][taxel])
+        return 0.0, self.rows * self.pitch_um / 2
+
+    def _least_squares(self) -> list[tuple[float, float]]:
+        return [self._spot(spot) for spot in self.spots]
+
+    def _spot(self, spot: Spot) -> tuple[float, float]:
+        """Return where a cell stands."""
+        middle = self.columns * self.pitch_um / 2, self.rows * self.pitch_um / 2
+        if spot.tile == MERGE:
+            return middle
+        down, across = divmod(spot.tile, self.skin.tile_columns)
+        corner = across * self.tile.columns * self.pitch_um, down * self.tile.rows * self.pitch_um
+        if spot.station == NONE:
+            x, y = self.tile.of_cells[spot.cell]
+            return corner[0] + x, corner[1] + y
+        leaves = corner[0], corner[1] + self.tile.rows * self.pitch_um / 2
+        share = spot.station / max(1, self.skin.relays - 1)
+        return leaves[0] + share * (middle[0] - leaves[0]), leaves[1] + share * (middle[1] - leaves[1])
