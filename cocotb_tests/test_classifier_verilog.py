@@ -56,6 +56,7 @@ def test_command_writes_the_classifier_of_a_file(tmp_path: Path) -> None:
     subprocess.run([*command, str(tmp_path / "out"), "--reset", "async"], check=True, capture_output=True)
     described = json.loads((tmp_path / "out" / f"{TOP}.json").read_text())
     assert ClassifierConfig.from_dict(described["configuration"]) == config.replace(reset="async")
+    assert "| `reset` | async |" in (tmp_path / "out" / f"{TOP}_datasheet.md").read_text()
     done = subprocess.run([*command, str(tmp_path / "no"), "--rows", "3"], capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert "--rows has no effect with --classifier alone: add --chip, or leave one of the two out" in done.stderr

@@ -84,8 +84,8 @@ def test_command_writes_the_text_of_the_library(tmp_path: Path) -> None:
         subprocess.run(
             [*command, "-o", str(tmp_path / seed)], check=True, capture_output=True, env={"PYTHONHASHSEED": seed}
         )
-    for suffix in ("v", "sdc", "json", "core"):
-        first, second = ((tmp_path / seed / f"{TOP}.{suffix}").read_bytes() for seed in ("1", "2"))
+    for suffix in (".v", ".sdc", ".json", ".core", "_datasheet.md", "_start.svg", "_word.svg"):
+        first, second = ((tmp_path / seed / f"{TOP}{suffix}").read_bytes() for seed in ("1", "2"))
         assert first == second
     assert (tmp_path / "1" / f"{TOP}.v").read_text() == verilog(
         FrameConfig(readout=ReadoutConfig(rows=2), word_bits=12)

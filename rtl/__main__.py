@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,6 +15,9 @@ from model.config import ReadoutConfig
 from model.errors import InputError
 from model.frame_config import OWN_FIELDS, FrameConfig
 from model.tiles.config import MergeConfig, skin_of
+
+if TYPE_CHECKING:
+    from rtl.verilog import Config
 
 app = make_app("RTL of the spiking e-skin readout, and of the frame-based one.")
 
@@ -52,15 +55,10 @@ def verilog(
 ) -> None:
     """Write eskin_readout.v or eskin_frame_readout.v, .sdc, .json (configuration and ports) and .core (FuseSoC).
 
-    With --registers spi also eskin_registers.h and eskin_registers.md; of the spiking readout a datasheet.
+    With --registers spi also eskin_registers.h and eskin_registers.md; of all but a chip a datasheet.
     """
-    from rtl.datasheet.netlist import load_report
-    from rtl.datasheet.page import write_datasheet
-    from rtl.delivery import write
-    from rtl.verilog import Config
-
-    if report is not None and (tiles is not None or classifier is not None or readout != "spiking"):
-        raise InputError("--report belongs to the datasheet, which the spiking readout alone has; leave it out")
+    if report is not None and (tiles is not None or classifier is not None):
+        raise InputError("--report is of the netlist of a readout, spiking or frame; leave it out")
     if merge and tiles is None:
         raise InputError("--merge needs to know how many tiles there are; add --tiles RxC")
     if relays and (merge or tiles is None):
@@ -71,8 +69,7 @@ def verilog(
         if classifier is not None or readout != "spiking" or own:
             raise InputError("--tiles makes a skin of spiking readouts; leave --classifier, --readout and theirs out")
         skin = skin_of(config, tiles, relays)
-        for path in write(MergeConfig(skin) if merge else skin, out):
-            print(path)
+        _deliver(MergeConfig(skin) if merge else skin, out)
         return
     if chip and classifier is None:
         raise InputError("--chip needs the classifier's weights; add --classifier INTEGER.npz")
@@ -87,21 +84,31 @@ def verilog(
                 f"--{idle[0].replace('_', '-')} has no effect with --classifier{hint or ':'} leave one of the two out"
             )
         found = IntegerWeights.load(classifier).network.config.replace(reset=config.reset)
-        for path in write(ChipConfig(readout=config, classifier=found) if chip else found, out):
-            print(path)
+        _deliver(ChipConfig(readout=config, classifier=found) if chip else found, out)
         return
     if readout not in READOUTS:
         raise InputError(f"--readout must be one of {', '.join(READOUTS)}, not {readout!r}")
     own = stored | own
     if own and readout != "frame":
         raise InputError(f"--{next(iter(own)).replace('_', '-')} belongs to the frame readout; add --readout frame")
-    netlist = None if report is None else load_report(report, config)
-    chosen: Config = FrameConfig(readout=config, **own) if readout == "frame" else config
-    for path in write(chosen, out):
+    _deliver(FrameConfig(readout=config, **own) if readout == "frame" else config, out, report)
+
+
+def _deliver(config: Config, out: Path, report: Path | None = None) -> None:
+    """Write a design and its datasheet into a folder and name the files."""
+    from model.classifier.chip_config import ChipConfig
+    from rtl.datasheet.netlist import load_report
+    from rtl.datasheet.page import write_datasheet
+    from rtl.delivery import write
+
+    netlist = None
+    if report is not None and isinstance(config, ReadoutConfig | FrameConfig):
+        netlist = load_report(report, config)
+    paths = write(config, out)
+    if not isinstance(config, ChipConfig):
+        paths += write_datasheet(config, out, netlist)
+    for path in paths:
         print(path)
-    if readout == "spiking":
-        for path in write_datasheet(config, out, netlist):
-            print(path)
 
 
 @app.command()

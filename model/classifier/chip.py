@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.classifier.chip_config import ChipConfig
+from model.classifier.config import ClassifierConfig
 from model.classifier.network import IntegerNetwork
 from model.classifier.run import ClassifierRun, first_ready, simulate, work_clocks
 from model.events.address import EVENT_DTYPE, Events, taxel_of
@@ -83,7 +84,7 @@ def simulate_chip(config: ChipConfig, network: IntegerNetwork, samples: NDArray[
         events = simulate_readout(config.readout, stimulus)
         offered = list(zip(events["t"].tolist(), channels_of(config, events).tolist(), strict=True))
         run = simulate(network, offered, ends, clocks)
-        found = _ready(config, run, clocks)
+        found = ready_of(config.classifier, run, clocks)
         if np.array_equal(found, ready):
             if not config.polarity:
                 events["p"] = True
@@ -91,16 +92,13 @@ def simulate_chip(config: ChipConfig, network: IntegerNetwork, samples: NDArray[
         ready = found
 
 
-def _ready(config: ChipConfig, run: ClassifierRun, clocks: int) -> NDArray[np.uint8]:
-    """Return whether the classifier takes an event, for every clock."""
-    classifier = config.classifier
+def ready_of(config: ClassifierConfig, run: ClassifierRun, clocks: int) -> NDArray[np.uint8]:
+    """Return whether a classifier takes an event, for every clock of a run from the end of reset on."""
     change = np.zeros(clocks + 1, np.int64)
     taken = np.asarray(run.accepted, np.int64)
     # A clock after an event, for the rest of its row; from a bin's end to the last clock of its work; while it clears.
     begins = np.concatenate([taken + 1, np.asarray(run.ended, np.int64) + 1, [0]])
-    stops = np.concatenate(
-        [taken + classifier.groups, np.asarray(run.valid, np.int64) - 1, [first_ready(classifier, -1)]]
-    )
+    stops = np.concatenate([taken + config.groups, np.asarray(run.valid, np.int64) - 1, [first_ready(config, -1)]])
     np.add.at(change, np.minimum(begins, clocks), 1)
     np.add.at(change, np.minimum(stops, clocks), -1)
     return (change.cumsum()[:clocks] == 0).astype(np.uint8)

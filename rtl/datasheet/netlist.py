@@ -8,6 +8,7 @@ from typing import Any
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.files import read_json
+from model.frame_config import FrameConfig
 from rtl.datasheet.units import markdown, si
 
 POWERS = {
@@ -16,13 +17,20 @@ POWERS = {
     "energy_per_event_j": ("energy an event, one in every clock", "J"),
     "energy_per_lone_event_j": ("energy of a lone event", "J"),
 }
+OF_FRAMES = {name: POWERS[name] for name in ("leakage_w_per_taxel", "idle_w_per_taxel")} | {
+    "energy_per_event_j": ("energy a sample, of whole frames", "J")
+}
+OF_WINDOWS = {
+    "closing_w_per_taxel": ("power a taxel while its window closes", "W"),
+    "energy_per_closed_window_j": ("energy of a window until it is closed, beside the idle power", "J"),
+}
 ABSENT = [
     "Not known to this page: they need a cell library. `make asic LIB=typ.lib` leaves `out/asic/NAME/report.json`, "
     "and `make verilog REPORT=out/asic/NAME/report.json` of the same configuration puts its numbers here.",
 ]
 
 
-def load_report(path: Path, config: ReadoutConfig) -> dict[str, Any]:
+def load_report(path: Path, config: ReadoutConfig | FrameConfig) -> dict[str, Any]:
     """Return the report of a configuration's netlist.
 
     Raises
@@ -54,7 +62,8 @@ def of_netlist(report: dict[str, Any] | None) -> list[str]:
     ]
     rows += [(f"highest clock, {corner}", si(value, "Hz")) for corner, value in report["fmax_hz"].items()]
     rows.append(("flops, of which on a gated clock", f"{report['flops']}, {report['gated_flops']}"))
-    for name, (what, unit) in POWERS.items():
+    powers = OF_FRAMES if "word_bits" in report["configuration"] else POWERS
+    for name, (what, unit) in (powers | {name: said for name, said in OF_WINDOWS.items() if name in report}).items():
         value = report.get(name)
         rows.append((what, "not in the report" if value is None else si(value, unit)))
     if proof := report.get("equivalence"):

@@ -1,209 +1,39 @@
-"""The datasheet as a page of Markdown with two pictures."""
+"""The datasheets of all designs that have one."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from model import __version__
+from model.classifier.config import ClassifierConfig
 from model.config import ReadoutConfig
-from model.files import atomic_write
-from model.link import ACK_QUANTA
-from model.registers.description import NAME as REGISTERS
-from rtl.datasheet.analog import of_signals
-from rtl.datasheet.facts import Facts
-from rtl.datasheet.netlist import of_netlist
-from rtl.datasheet.pictures import timing_diagram
-from rtl.datasheet.units import markdown, si
-from rtl.datasheet.waves import ACK_DELAY, RESET_CLOCKS, STALL, TAXELS, TICK, reset_waves, waves
-from rtl.delivery import ports
+from model.frame_config import FrameConfig
+from model.tiles.config import MergeConfig, TilesConfig
+from rtl.datasheet import classifier, frames, readout, skin
+from rtl.datasheet.sheet import Sheet
 
-TOP = "eskin_readout"
-PICTURES = {
-    f"{TOP}_event.svg": "From a sample to its events",
-    f"{TOP}_reset.svg": "A reset while an event is on its way",
-}
-RESETS = {
-    "sync": "Active high, sampled at the rising edge of `clk`.",
-    "async": "Active high, asynchronous at every flop: assert it at any time, release it in step with `clk`.",
-}
+Described = ReadoutConfig | FrameConfig | ClassifierConfig | MergeConfig
+"""Designs that have a datasheet; of a chip readout and classifier have theirs."""
 
 
-def datasheet(config: ReadoutConfig, report: dict[str, Any] | None = None) -> str:
-    """Return the page.
+def sheet_of(config: Described, report: dict[str, Any] | None = None) -> Sheet:
+    """Return the datasheet of a design.
 
     Parameters
     ----------
-    config : ReadoutConfig
+    config : ReadoutConfig, FrameConfig, ClassifierConfig, MergeConfig or TilesConfig
     report : dict, optional
-        ``report.json`` of its netlist.
+        ``report.json`` of its netlist, of which there are those of readouts alone.
     """
-    facts = Facts.of(config)
-    sections = {
-        "Pins": _pins(config),
-        "Blocks": ["```text", *_blocks(config), "```"],
-        "Clock": _clock(config),
-        "Reset": _reset(config),
-        "Latency, throughput and the longest wait": _times(config, facts),
-        "Timing": _timing(config),
-        "Signals in": of_signals(config),
-        "Registers": _registers(config),
-        "Area, power and highest clock": of_netlist(report),
-    }
-    what = f"{config.rows} x {config.columns} taxels, {config.encoding}, {config.resolution} b"
-    what += f", {config.frontend} front end, link {config.link}"
-    head = [f"# {TOP}: {what}", "", f"Version {__version__}. Made from this configuration; every number is of it:", ""]
-    head += markdown(("parameter", "value"), ((f"`{name}`", f"{value}") for name, value in config.to_dict().items()))
-    body = (line for title, lines in sections.items() for line in ("", f"## {title}", "", *lines))
-    return "\n".join([*head, *body]) + "\n"
+    if isinstance(config, FrameConfig):
+        return frames.sheet_of(config, report)
+    if isinstance(config, ClassifierConfig):
+        return classifier.sheet_of(config)
+    if isinstance(config, MergeConfig | TilesConfig):
+        return skin.sheet_of(config)
+    return readout.sheet_of(config, report)
 
 
-def write_datasheet(config: ReadoutConfig, folder: Path, report: dict[str, Any] | None = None) -> list[Path]:
-    """Write page and pictures into a folder, each whole or not at all; return their paths."""
-    drawn = (waves(config), reset_waves(config))
-    texts = {f"{TOP}_datasheet.md": datasheet(config, report)}
-    texts |= {name: timing_diagram(shown, PICTURES[name]) for name, shown in zip(PICTURES, drawn, strict=True)}
-    for name, text in texts.items():
-        with atomic_write(folder / name) as file:
-            file.write(text.encode())
-    return [folder / name for name in texts]
-
-
-def _pins(config: ReadoutConfig) -> list[str]:
-    """Return the table of ports."""
-    return markdown(
-        ("pin", "direction", "bits", "meaning"),
-        ((f"`{port['name']}`", port["direction"], f"{port['width']}", port["meaning"]) for port in ports(config)),
-    )
-
-
-def _blocks(config: ReadoutConfig) -> Iterator[str]:
-    """Yield the picture of the blocks, in letters."""
-    names = _names(config)
-    inward = [port for port in ("sample", "above", "below", "sample_valid") if port in names]
-    outward = ", ".join(port for port in ("reference_code", "half_width") if port in names)
-    edge, up = ("|", f"          ^ {outward}") if outward else ("-", "")
-    yield f"  {', '.join(inward)}, taxel_enable"
-    yield f"          |{up}"
-    yield f"  +-------v----------{edge}----------------------+ request +---------+"
-    yield f"  | {f'{config.rows} rows of {config.columns} taxels':<40}|-------->| arbiter |---+"
-    yield f"  | {_taxel(config):<40}|<--------|         |   |"
-    yield f"  +{'-' * 41}+  grant  +---------+   |"
-    if config.link == "four_phase":
-        pad = " " * 35
-        outs = ", ".join(name for name in ("aer_addr", "aer_req") if name in names)
-        yield f"{pad}+---------------------+          |"
-        yield f"{outs:>27} <-----| link, four-phase    |<----------+"
-        yield f"{'aer_ack':>27} ----->| two flops take ACK  |"
-        yield f"{pad}+---------------------+"
-    else:
-        event = ", ".join(name for name in names if name.startswith("event_") and name != "event_ready")
-        yield f"  {event} <{'-' * (64 - len(event))}+"
-        yield "  event_ready -----> arbiter and taxels, in the same clock"
-    if config.registers != "none":
-        yield "  spi_* <----------> registers: settings of taxels, counters of events"
-
-
-def _names(config: ReadoutConfig) -> list[str]:
-    """Return the names of the ports."""
-    return [port["name"] for port in ports(config)]
-
-
-def _taxel(config: ReadoutConfig) -> str:
-    """Return what stands in a taxel."""
-    parts = ["sample", "comparator"] if config.frontend == "digital" else []
-    parts += ["reference", *(["window"] if config.closes else []), "request"]
-    return ", ".join(parts)
-
-
-def _clock(config: ReadoutConfig) -> list[str]:
-    """Return what is to be known of the clock."""
-    period, tick = si(1 / config.clock_hz, "s"), si(1 / config.sample_rate_hz, "s")
-    lines = [
-        f"One clock, rising edge: {si(config.clock_hz, 'Hz')}, a period T of {period}. "
-        f"A sample tick comes every {config.clocks_per_sample} clocks, {tick}.",
-    ]
-    if "sample_valid" in _names(config):
-        lines[0] += " It is the time base: `sample_valid` high for one clock. No counter in here makes it."
-    else:
-        lines[0] += " No port needs it: a taxel decides in every clock, and there is no time in its encoder."
-    woken = ""
-    if config.link == "four_phase":
-        woken = "`eskin_link` listens to `aer_ack` in every clock and stays out of it. "
-    if config.registers != "none":
-        woken += "What listens to SPI stays out of it too. "
-    return [
-        *lines,
-        "",
-        "The internal wire `awake` of the top is low in a clock at whose end no register changes: a gate on it may "
-        f"stop the array. Rows and arbiter have one each. {woken}"
-        "It is a function of the state and the inputs of the same clock, so no event comes later.",
-    ]
-
-
-def _reset(config: ReadoutConfig) -> list[str]:
-    """Return what is to be known of the reset."""
-    lines = [
-        f"{RESETS[config.reset]} Every flop has it, none relies on an initial value. "
-        f"After it every reference is {config.reference_reset} codes, no request waits, and row 0 comes first.",
-    ]
-    if config.link == "four_phase":
-        lines[0] += (
-            " `aer_req` falls with it; ACK counts as high until it has been seen low. "
-            "Let a reset last until a handshake that it breaks off has ended."
-        )
-    return lines
-
-
-def _times(config: ReadoutConfig, facts: Facts) -> list[str]:
-    """Return the table of times."""
-    period_s = 1 / config.clock_hz
-    end = "`event_valid`" if config.link == "stream" else "the edge that raises `aer_req`"
-    taken = "the sink always ready" if config.link == "stream" else "ACK following REQ within a clock"
-
-    def row(what: str, clocks: int) -> tuple[str, str, str]:
-        return what, f"{clocks}", si(clocks * period_s, "s")
-
-    rows = [
-        *([row(f"sample tick to {end}, array idle", facts.latency)] if "sample_valid" in _names(config) else []),
-        row(f"decision of a taxel to {end}", facts.latency - 1),
-        row(f"from one event to the next, {taken}", facts.clocks_per_event),
-        row(f"longest wait of a request for its event, bound, {taken}", facts.bound_clocks),
-        row("longest time between two events of one taxel while all ask, simulated", facts.longest_gap),
-    ]
-    rate = si(config.clock_hz / facts.clocks_per_event, "events/s")
-    return [
-        f"Throughput: {rate}, {taken}. The simulation is that of the golden model, to which the RTL is bit-exact.",
-        "",
-        *markdown(("from, to", "clocks", "time"), rows),
-        "",
-        f"Whatever the sink does, the event of a request is among the next {facts.bound_events} that leave.",
-    ]
-
-
-def _timing(config: ReadoutConfig) -> list[str]:
-    """Return the pictures and what is to be seen in them."""
-    event, reset = PICTURES
-    first = f"The sample tick is at clock {TICK}; " if "sample_valid" in _names(config) else ""
-    first += f"{min(TAXELS, config.taxels)} of the taxels cross a level in clock {TICK + 1}, from a reference of 0. "
-    if config.link == "stream":
-        first += f"The sink takes nothing in the clocks {STALL[0]} and {STALL[-1]}: the event stands still."
-    else:
-        first += f"ACK follows every edge of REQ in {ACK_DELAY / ACK_QUANTA:g} clock."
-    return [
-        f"![{PICTURES[event]}]({event})",
-        "",
-        first,
-        "",
-        f"![{PICTURES[reset]}]({reset})",
-        "",
-        f"A reset of {RESET_CLOCKS} clocks takes the event that is on its way; behind it the same inputs come again.",
-    ]
-
-
-def _registers(config: ReadoutConfig) -> Iterable[str]:
-    """Return where the registers are described."""
-    if config.registers == "none":
-        return ["None: the configuration is built in. `registers=spi` puts them beside the array."]
-    return [f"Over SPI: [{REGISTERS}.md]({REGISTERS}.md), with the times of SPI; [{REGISTERS}.h]({REGISTERS}.h) for C."]
+def write_datasheet(config: Described, folder: Path, report: dict[str, Any] | None = None) -> list[Path]:
+    """Write page and pictures into a folder; return their paths."""
+    return sheet_of(config, report).write(folder)

@@ -16,8 +16,16 @@ STYLE = (
 )
 
 
-def timing_diagram(waves: Sequence[Wave], title: str) -> str:
-    """Return a timing diagram as the text of an SVG file: a column for each clock, which ends with its rising edge."""
+def timing_diagram(waves: Sequence[Wave], title: str, first: int = 0) -> str:
+    """Return a timing diagram as the text of an SVG file: a column for each clock, which ends with its rising edge.
+
+    Parameters
+    ----------
+    waves : sequence of Wave
+    title : str
+    first : int
+        Number of the first column.
+    """
     clocks = len(waves[0].values)
     wide, high = LABELS + CLOCK * clocks + 10, LINE * (len(waves) + 3) + 10
     bottom = LINE * (len(waves) + 2)
@@ -31,7 +39,7 @@ def timing_diagram(waves: Sequence[Wave], title: str) -> str:
     for column in range(clocks):
         x = LABELS + CLOCK * column
         lines.append(f'<line class="grid" x1="{x}" y1="{LINE}" x2="{x}" y2="{bottom}"/>')
-        lines.append(f'<text class="value note" x="{x + CLOCK / 2:g}" y="{bottom + 12}">{column}</text>')
+        lines.append(f'<text class="value note" x="{x + CLOCK / 2:g}" y="{bottom + 12}">{first + column}</text>')
     ticks = [(column + half, 1 - 2 * half) for column in range(clocks) for half in (0.0, 0.5)]
     lines += [_name("clk", LINE), _line([(0.0, 0.0), *_steps(ticks), (clocks, 0.0)], LINE, "clk")]
     for number, wave in enumerate(waves, 2):
