@@ -127,7 +127,7 @@ def mutants(
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for what is found")] = Path("out/mutants"),
 ) -> None:
     """Mutate the RTL's source, and see which mutants the tests and proofs kill; goes on where it was stopped."""
-    from flow.mutants.campaign import chosen, closing_line, write
+    from flow.mutants.campaign import chosen, closing_line, summary, write
     from flow.mutants.campaign import run as judge
     from flow.mutants.plan import GROUNDS
 
@@ -142,9 +142,34 @@ def mutants(
         print(f"{finding.verdict:<11}{'quick' if finding.quick else '':<6}{finding.name}", flush=True)
 
     found = judge(picked, out, seed, again, tell)
-    write(found, len(picked), command, out / "mutants.json")
+    write(out / "mutants.json", command, summary(found, len(picked)))
     print(closing_line(found, len(picked)))
     if len(found) < len(picked) or any(finding.verdict == "alive" for finding in found):
+        raise typer.Exit(1)
+
+
+@app.command()
+def model_mutants(
+    share: Annotated[float, typer.Option(min=0.0, max=1.0, help="share of all places that is tried")] = 0.07,
+    seed: Annotated[int, typer.Option(min=0, help="of the edits that are drawn")] = 1,
+    again: Annotated[bool, typer.Option(help="judge anew what is alive: tests are new")] = False,
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder for what is found")] = Path("out/mutants"),
+) -> None:
+    """Mutate a sample of places of model/ and snn/, each before the tests of its file; goes on where it was stopped."""
+    from flow.mutants.campaign import OF_MODEL, write
+    from flow.mutants.model.sampled import closing_line, drawn, judge, summary
+
+    picked, places = drawn(share, seed)
+    print(f"{len(picked)} edits drawn with SEED={seed}, of {sum(places.values())} places")
+    found = judge(picked, out, again, lambda finding: print(f"{finding.verdict:<8}{finding.name}", flush=True))
+    write(
+        out / "mutants.json",
+        f"make mutants MODEL=1 SHARE={share:g} SEED={seed}",
+        summary(found, len(picked), places),
+        OF_MODEL,
+    )
+    print(closing_line(found, len(picked)))
+    if any(finding.verdict == "alive" for finding in found):
         raise typer.Exit(1)
 
 

@@ -46,6 +46,7 @@ COMMANDS = {
     "rtl gates": "tests/rtl/test_gates.py::test_command_compares_the_readouts_of_one_array",
     "flow properties": "tests/flow/test_bind.py::test_the_command_writes_what_goes_with_the_verilog",
     "flow mutants": "tests/flow/test_campaign.py::test_every_edit_is_another_program",  # a campaign takes seconds
+    "flow model-mutants": "tests/flow/test_model_mutants.py::test_a_stopped_campaign_goes_on_and_the_file_is_as_before",
     "flow crosscheck": "tests/flow/test_cross.py::test_slang_takes_what_is_delivered",  # compiling takes seconds
     "flow asic": "tests/flow/test_asic_report.py::test_bad_input_is_one_sentence",  # runs take ten seconds and more
     "flow asic-scale": "tests/flow/test_scale.py::test_what_is_no_size_is_one_sentence",  # an array takes longer

@@ -10,12 +10,16 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from flow.mutants.argued import argue
 from flow.mutants.changes import Change, changes
 from flow.mutants.facts import Facts
 from flow.mutants.judge import Finding, Judge
 from flow.mutants.plan import GROUNDS
 from flow.mutants.suite import Suite
 from model.files import origin, write_json
+
+OF_MODEL = "model_and_snn"
+"""The other campaign, within the file of that of the RTL."""
 
 FEWEST = 24
 """Mutants of a module, where it has so many."""
@@ -77,7 +81,9 @@ def run(
     if todo:
         tests = {test for change in todo for test in GROUNDS[change.file].tests}
         Suite().collect([f"cocotb_tests/test_{test}.py" for test in sorted(tests)], ask)
-    return [known[change.key] for change in picked if change.key in known]
+    found = [known[change.key] for change in picked if change.key in known]
+    argue(found)
+    return found
 
 
 def read(log: Path) -> Iterator[Finding]:
@@ -97,6 +103,7 @@ def _counted(findings: list[Finding]) -> dict[str, int]:
     return {
         "total": len(real),
         "equivalent": sum(finding.verdict == "equivalent" for finding in real),
+        "argued": sum(finding.verdict == "argued" for finding in real),
         "killed": sum(finding.verdict == "killed" for finding in real),
         "killed_quick": sum(finding.quick for finding in real),
         "alive": sum(finding.verdict == "alive" for finding in real),
@@ -122,6 +129,10 @@ def summary(findings: list[Finding], planned: int) -> dict[str, Any]:
             for name in ("block", "kind")
         },
         "survivors": alive,
+        "argued_one_by_one": [
+            {"name": finding.name, "why": finding.why} for finding in findings if finding.verdict == "argued"
+        ],
+        "by_a_property_alone": sum(finding.by.startswith("property ") for finding in findings),
         "only_by_the_whole_suite": [
             {"name": finding.name, "by": finding.by}
             for finding in findings
@@ -133,15 +144,30 @@ def summary(findings: list[Finding], planned: int) -> dict[str, Any]:
 def closing_line(findings: list[Finding], planned: int) -> str:
     """Return the last line of ``make mutants``."""
     count = _counted(findings)
-    rest = count["total"] - count["equivalent"]
+    rest = count["total"] - count["equivalent"] - count["argued"]
     shares = [f"{100 * count[name] / rest:.1f} %" if rest else "none" for name in ("killed", "killed_quick")]
     left = f", {planned - len(findings)} not yet judged" if planned > len(findings) else ""
-    return (
-        f"mutants: {count['total']}, {count['equivalent']} of them equivalent; of the others {count['killed']} killed "
-        f"({shares[0]}), by the quick check alone {shares[1]}; {count['alive']} alive{left}"
-    )
+    same = f"{count['equivalent']} of them proved equivalent, {count['argued']} argued"
+    killed = f"of the others {count['killed']} killed ({shares[0]}), by the quick check alone {shares[1]}"
+    return f"mutants: {count['total']}, {same}; {killed}; {count['alive']} alive{left}"
 
 
-def write(findings: list[Finding], planned: int, command: str, path: Path) -> None:
-    """Write what a campaign found, with the command, the commit and the date."""
-    write_json(path, {**origin(command), **summary(findings, planned)})
+def write(path: Path, command: str, content: dict[str, Any], part: str = "") -> None:
+    """Write what a campaign found, with the command, the commit and the date; what the file has of the other stays.
+
+    Parameters
+    ----------
+    path : Path
+    command : str
+    content : dict
+        See ``summary``.
+    part : str
+        Name of the campaign within the file; that of the RTL is the file itself.
+    """
+    kept = json.loads(path.read_text()) if path.exists() else {}
+    found = {**origin(command), **content}
+    if part:
+        kept[part] = found
+    else:
+        kept = found | ({OF_MODEL: kept[OF_MODEL]} if OF_MODEL in kept else {})
+    write_json(path, kept)

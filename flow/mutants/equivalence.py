@@ -5,11 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from flow.formal.engine import ASSERTED, CONVERGED, MAPPED_GATE, ONE_GATE, RUN_ABC
+from flow.formal.engine import CONVERGED, MAPPED_GATE, ONE_GATE, RUN_ABC
 from flow.mutants.plan import GUARDS
 from rtl import yosys
 
 PORT = re.compile(r"^  wire (?:width (\d+) )?(?:signed )?(input|output) \d+ +(?:signed )?\\(\S+)$", re.MULTILINE)
+
+DIFFERS = re.compile(r"Output\s+0 was asserted in frame")
+"""Of the bounded search, or of the proof's."""
 
 TO_GATES = (
     "read_rtlil readout.il; read_verilog miter.v; hierarchy -check -top miter; proc; flatten; opt_clean; "
@@ -70,6 +73,6 @@ def same(module: str, original: Mapping[str, str], mutated: Mapping[str, str], l
     files = {"one_gate.v": ONE_GATE, "gate.blif": MAPPED_GATE, "solve.abc": "\n".join(commands).encode() + b"\n"}
     files["miter.v"] = miter(module, ports).encode()
     said = yosys.run(TO_GATES + RUN_ABC, "\n".join(texts), "said.txt", files)
-    if ASSERTED.search(said):
+    if DIFFERS.search(said):
         return False
     return True if CONVERGED.search(said) else None

@@ -17,7 +17,7 @@ class Facts:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._known: dict[str, str | bool] = {}
+        self._known: dict[str, str] = {}
         path.parent.mkdir(parents=True, exist_ok=True)
         for line in path.read_text().splitlines() if path.exists() else ():
             try:
@@ -26,11 +26,11 @@ class Facts:
                 continue
             self._known[question] = answer
 
-    def get(self, question: str) -> str | bool | None:
+    def get(self, question: str) -> str | None:
         """Return an answer, None if there is none."""
         return self._known.get(question)
 
-    def add(self, question: str, answer: str | bool) -> None:
+    def add(self, question: str, answer: str) -> None:
         """Keep an answer."""
         self._known[question] = answer
         with self.path.open("a") as file:

@@ -34,7 +34,7 @@ class Finding:
         Digest of the file with the edit.
     name, block, file, kind : str
     verdict : str
-        ``killed``, ``equivalent``, ``alive`` or ``stillborn``; empty while it is open.
+        ``killed``, ``equivalent``, ``alive``, ``argued`` or ``stillborn``; empty while it is open.
     quick : bool
         Whether the quick check kills it.
     by : str
@@ -44,7 +44,9 @@ class Finding:
     proved : int
         Configurations in which it is proved to do the same as the original, where its RTLIL is another.
     differs : tuple of str
-        Modules, each with a configuration, that are not proved to do the same.
+        Modules, each with a configuration, that are not proved to do the same, or were seen to differ there.
+    why : str
+        Why no test can notice it, where that is argued.
     """
 
     key: str
@@ -58,6 +60,7 @@ class Finding:
     tried: int = 0
     proved: int = 0
     differs: tuple[str, ...] = ()
+    why: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as JSON content."""
@@ -166,19 +169,22 @@ class Judge:
             return () if made == "same" else (module,)
         original = self.suite.original(config)
         unlike = [name for name in made if made[name] != original[name]]
-        different = [name for name in unlike if not self._same_module(name, original, made)]
+        answers = {name: self._same_module(name, original, made) for name in unlike}
+        different = tuple(f"{name} ({answer})" for name, answer in answers.items() if answer != "same")
         finding.proved += not different
-        return tuple(different)
+        return different
 
-    def _same_module(self, module: str, original: Mapping[str, str], mutated: Mapping[str, str]) -> bool:
+    def _same_module(self, module: str, original: Mapping[str, str], mutated: Mapping[str, str]) -> str:
+        """Return ``same``, ``differs`` or ``not proved``."""
         pair = [text for side in (original, mutated) for text in within(module, side).values()]
         key = "same " + hashlib.sha256("\0".join(pair).encode()).hexdigest()[:16]
         if (known := self.facts.get(key)) is not None:
-            return bool(known)
+            return str(known)
         try:
-            answer = same(module, within(module, original), within(module, mutated)) is True
+            proved = same(module, within(module, original), within(module, mutated))
+            answer = {True: "same", False: "differs", None: "not proved"}[proved]
         except Exception:  # what Yosys refuses is not proved
-            answer = False
+            answer = "not proved"
         self.facts.add(key, answer)
         return answer
 
@@ -194,7 +200,7 @@ class Judge:
                 if failed:
                     self._decide(finding, "killed", f"property {proof.block}: {failed}")
                     break
-                self.facts.add(question, True)
+                self.facts.add(question, "holds")
             else:
                 alive[change] = finding
         return alive

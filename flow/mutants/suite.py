@@ -65,6 +65,7 @@ class Suite:
 
     def collect(self, files: list[str], ask: Callable[[Suite], None]) -> None:
         """Collect the tests of some files, and call ``ask`` while they can be run."""
+        wrong: list[Exception] = []
 
         class Plugin:
             """Takes the place of pytest's own loop over the tests."""
@@ -72,12 +73,18 @@ class Suite:
             @pytest.hookimpl(tryfirst=True)
             def pytest_runtestloop(_, session: pytest.Session) -> bool:
                 self.items = {item.nodeid: item for item in session.items if "verilator" not in item.nodeid}
-                ask(self)
+                try:
+                    ask(self)
+                except Exception as error:  # pytest would only print it
+                    wrong.append(error)
                 return True
 
         words = ["-q", "-q", "-s", "-p", "no:cacheprovider", "-p", "no:xdist", "--rootdir", str(ROOT), "-o", "addopts="]
         words += ["-o", "tmp_path_retention_policy=none", "--no-header", *(str(ROOT / file) for file in files)]
-        pytest.main(words, plugins=[Plugin()])
+        with tempfile.TemporaryDirectory(prefix="mutants-") as folder:  # others' runs of pytest clear the common one
+            pytest.main([*words, f"--basetemp={folder}/tests"], plugins=[Plugin()])
+        if wrong:
+            raise wrong[0]
 
     def learn(self, name: str) -> tuple[Config, str] | None:
         """Return what a test builds; None if it builds nothing. No mutant may be there."""
@@ -93,7 +100,11 @@ class Suite:
                 return ""
 
             with _changed(verilog_text=take, digest=note):
-                runtestprotocol(self.items[name], log=False, nextitem=None)
+                reports = runtestprotocol(self.items[name], log=False, nextitem=None)
+            if not asked and any(report.failed for report in reports):
+                raise RuntimeError(
+                    f"{name} fails before it builds: {[str(report.longrepr)[-2000:] for report in reports]}"
+                )
             config, top = asked[:2] if len(asked) >= 2 else (None, "")
             if config is not None and top == "harness":
                 top = top_block(config).module_name

@@ -134,9 +134,10 @@ TARGETS = {
         defaults={"OUT": "out/verilog"},
     ),
     "mutants": Target(
-        "wrong edits of the RTL, each to be killed by tests or proofs; resumable [BLOCK= SHARE= SEED= AGAIN=1 OUT=]",
+        "wrong edits of RTL or model, to be killed by tests or proofs; resumable [BLOCK= SHARE= SEED= MODEL=1 AGAIN=1]",
         "flow mutants",
         ("sim", "dev"),
+        switches={"MODEL": Target("", "flow model-mutants", ("sim", "snn", "dev", "mutants"))},
     ),
     "crosscheck": Target(
         "the delivered Verilog in CXXRTL, a third simulator, against the model; lint by slang [TEXTURE= TICKS= OUT=]",

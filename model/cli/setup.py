@@ -21,6 +21,9 @@ BASE = "base"
 APART = {"layout": (Path(".venv-layout"), Path("flow/layout/requirements.txt"))}
 """Environments of their own, for packages that do not go with the others: folder, and pinned requirements."""
 
+RARE = ("mutants",)
+"""Groups of packages that neither ``make setup`` nor the tests install: a target that names one does."""
+
 PROGRAMS = {"sim": ("g++", "make", "perl"), "layout": ("klayout",)}
 """System programs that a group or an environment needs."""
 
@@ -46,10 +49,11 @@ def requirements(group: str) -> list[str]:
 
 
 def groups() -> list[str]:
-    """Return the names of all groups."""
+    """Return the names of all groups but those that one target alone needs."""
     import tomllib
 
-    return [BASE, *tomllib.loads(Path("pyproject.toml").read_text())["project"]["optional-dependencies"]]
+    optional = tomllib.loads(Path("pyproject.toml").read_text())["project"]["optional-dependencies"]
+    return [BASE, *(name for name in optional if name not in RARE)]
 
 
 def missing(wanted: Iterable[str]) -> list[str]:

@@ -78,11 +78,11 @@ def _size(config: Any) -> tuple[int, int, int]:
 def test_nothing_is_asked_twice(tmp_path: Path) -> None:
     facts = Facts(tmp_path / "facts.jsonl")
     facts.add("test a", "passed")
-    facts.add("same b", False)
+    facts.add("same b", "differs")
     with facts.path.open("a") as file:
         file.write('["test c", "pas')  # as one that was stopped while it wrote
     again = Facts(facts.path)
-    assert [again.get(question) for question in ("test a", "same b", "test c")] == ["passed", False, None]
+    assert [again.get(question) for question in ("test a", "same b", "test c")] == ["passed", "differs", None]
 
 
 @pytest.mark.parametrize("file", sorted(GROUNDS))
@@ -110,7 +110,7 @@ def test_what_differs_only_where_no_test_looks_is_not_equivalent(
         found[new] = finding.verdict, finding.differs
     same_one, other = found.values()
     assert same_one == ("equivalent", ())
-    assert other == ("", ("eskin_link in configuration 1 that no test has, of seed 1",))
+    assert other == ("", ("eskin_link (differs) in configuration 1 that no test has, of seed 1",))
 
 
 def test_a_campaign_judges_keeps_and_goes_on(tmp_path: Path) -> None:
@@ -119,7 +119,8 @@ def test_a_campaign_judges_keeps_and_goes_on(tmp_path: Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
     line = (
-        "mutants: 5, 0 of them equivalent; of the others 5 killed (100.0 %), by the quick check alone 100.0 %; 0 alive"
+        "mutants: 5, 0 of them proved equivalent, 0 argued; of the others 5 killed (100.0 %), "
+        "by the quick check alone 100.0 %; 0 alive"
     )
     assert done.stdout.splitlines()[-1] == line
     kept = json.loads((tmp_path / "mutants.json").read_text())
@@ -130,10 +131,10 @@ def test_a_campaign_judges_keeps_and_goes_on(tmp_path: Path) -> None:
 
 
 def test_the_closing_line_counts_what_lives_and_what_is_left() -> None:
-    verdicts = ["killed", "killed", "killed", "alive", "equivalent", "stillborn"]
+    verdicts = ["killed", "killed", "killed", "alive", "equivalent", "stillborn", "argued"]
     findings = [Finding("", "", "", "", "", verdict, quick=n < 2) for n, verdict in enumerate(verdicts)]
     assert Counter(verdicts)["stillborn"] == 1
-    assert closing_line(findings, 8) == (
-        "mutants: 5, 1 of them equivalent; of the others 3 killed (75.0 %), by the quick check alone 50.0 %; 1 alive, "
-        "2 not yet judged"
+    assert closing_line(findings, 9) == (
+        "mutants: 6, 1 of them proved equivalent, 1 argued; of the others 3 killed (75.0 %), by the quick check alone "
+        "50.0 %; 1 alive, 2 not yet judged"
     )

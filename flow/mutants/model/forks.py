@@ -1,0 +1,79 @@
+"""What runs in a copy of the checkout: tests in forks of a process that has the large packages, for one edit each."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import shutil
+import signal
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+CPU_S, WALL_S = 120, 300
+"""Seconds that the tests of one edit may take: an endless loop counts as a failure."""
+
+OPTIONS = ("-q", "-x", "--tb=no", "-rfE", "-p", "no:cacheprovider", "-p", "no:xdist", "-o", "addopts=")
+LOG = "said.txt"
+
+
+def serve() -> None:
+    """Run the tests of each line on standard input, a JSON list; answer with exit code and the first that failed."""
+    import hypothesis
+    import numba  # noqa: F401
+    import scipy.signal  # noqa: F401
+    import torch
+
+    torch.set_num_threads(1)
+    hypothesis.settings.register_profile(
+        "first failure", phases=[hypothesis.Phase.explicit, hypothesis.Phase.generate], derandomize=True, database=None
+    )
+    hypothesis.settings.load_profile("first failure")
+    for line in sys.stdin:
+        sys.stdout.write(json.dumps(_run(json.loads(line))) + "\n")
+        sys.stdout.flush()
+
+
+def _run(tests: list[str]) -> dict[str, Any]:
+    child = os.fork()
+    if not child:
+        os.setsid()
+        resource.setrlimit(resource.RLIMIT_CPU, (CPU_S, CPU_S + 5))
+        sys.stdout = sys.stderr = Path(LOG).open("w")  # noqa: SIM115 - until the fork ends
+        for stream in (1, 2):
+            os.dup2(sys.stdout.fileno(), stream)
+        import pytest
+
+        code = 3
+        try:
+            code = int(pytest.main([*OPTIONS, *tests]))
+        finally:
+            sys.stdout.flush()
+            os._exit(code)
+    code = _ended(child)
+    shutil.rmtree(".hypothesis", ignore_errors=True)
+    failed = [line.split()[1] for line in Path(LOG).read_text(errors="replace").splitlines() if _tells(line)]
+    return {"code": code, "failed": failed[0] if failed else ""}
+
+
+def _tells(line: str) -> bool:
+    return line.startswith(("FAILED ", "ERROR ")) and len(line.split()) > 1
+
+
+def _ended(child: int) -> int:
+    """Return the exit code of a child; one that takes too long is ended, which is a failure."""
+    end = time.monotonic() + WALL_S
+    while time.monotonic() < end:
+        done, status = os.waitpid(child, os.WNOHANG)
+        if done:
+            return os.waitstatus_to_exitcode(status)
+        time.sleep(0.02)
+    os.killpg(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    return -signal.SIGKILL
+
+
+if __name__ == "__main__":
+    serve()
