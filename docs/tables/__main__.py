@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from docs.tables import accuracy, classifier, merits, netlists, power, rates, speed, verification
+from docs.tables import accuracy, classifier, merits, mutants, netlists, power, rates, speed, verification
 from docs.tables.written import PAGES, ROOT, filled
 
-MODULES = (rates, accuracy, merits, power, netlists, speed, classifier, verification)
+MODULES = (rates, accuracy, merits, power, netlists, speed, classifier, verification, mutants)
 """Each registers its tables when it is imported."""
 
 if __name__ == "__main__":

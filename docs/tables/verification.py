@@ -46,6 +46,10 @@ EVIDENCE = {
     "proved": ("formal", "properties of the RTL, runs of any length"),
     "covered": ("coverage", "RTL lines, branches, toggles; points of the specification"),
     "killed": ("mutants", "automatic mutants of the RTL that the tests notice"),
+    "killed, model": (
+        "mutants/model_and_snn",
+        "a sample of mutants of `model/` and `snn/`, by the tests of their files",
+    ),
     "faults": ("faults", "upsets of every flop, and hostile surroundings"),
     "soaked": ("soak", "clocks of random configurations, RTL against model"),
     "hostile input": ("fuzz", "damaged files and absurd options"),
@@ -54,9 +58,13 @@ EVIDENCE = {
 
 
 def evidence(name: str) -> dict[str, Any] | None:
-    """Return a report of the verification, None if there is none."""
+    """Return a report of the verification, or a part of one ("report/part"); None if there is none."""
+    name, _, part = name.partition("/")
     path = f"docs/data/verification/{name}.json"
-    return dict(read(path)) if (ROOT / path).is_file() else None
+    if not (ROOT / path).is_file():
+        return None
+    kept = dict(read(path))
+    return kept.get(part) if part else kept
 
 
 @table
