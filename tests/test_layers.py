@@ -50,7 +50,7 @@ LAYERS = {
         "faults.gates faults.lanes faults.course",
         "faults.bench",
         "faults.outcomes faults.cases faults.plan",
-        "faults.frames",
+        "faults.frames faults.merge faults.host faults.classifier",
         "faults.run",
         "asic.library asic.opensta",
         "asic.gating",

@@ -124,15 +124,15 @@ def faults() -> str:
     kept = evidence("faults")
     if kept is None:
         return _not_yet()
-    outcomes = ("nothing", "own events", "others moved", "others changed", "never recovers")
+    outcomes = ("nothing", "own events", "others moved", "others changed", "until written", "never recovers")
     rows = []
-    for block in dict.fromkeys(line["block"] for line in kept["blocks"]):
-        for course in ("calm", "loaded"):
-            lines = [one for one in kept["blocks"] if (one["block"], one["trial"].split(", ")[-1]) == (block, course)]
-            if not lines:
-                continue
+    by: dict[str, dict[str, list[dict[str, Any]]]] = {}
+    for line in kept["blocks"]:
+        by.setdefault(line["block"], {}).setdefault(line["trial"].split(", ")[-1], []).append(line)
+    for block, courses in by.items():
+        for course, lines in courses.items():
             total = sum(line["upsets"] for line in lines)
-            shares = [f"{sum(line[name] for line in lines) / total:.1%}" for name in outcomes[:-1]]
+            shares = [f"{sum(line.get(name, 0) for line in lines) / total:.1%}" for name in outcomes[:-1]]
             never = str(sum(line[outcomes[-1]] for line in lines))
             worst = f"{max(line['lost'] for line in lines)}, {max(line['added'] for line in lines)}"
             rows.append([block.replace("_", " "), course, f"{total:,}", *shares, worst, never])

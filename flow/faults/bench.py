@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from amaranth.back import rtlil
@@ -22,10 +23,15 @@ from amaranth.hdl import (
 from amaranth.lib import wiring
 
 from flow.faults.gates import Gates, gates_of
+from model.classifier.config import ClassifierConfig
 from model.config import ReadoutConfig
 from rtl.block import Block, Netlist
+from rtl.classifier.chip import BinTimer
 
-TOP, DUT = "bench", "dut"
+TOP, DUT, TIMER = "bench", "dut", "timer"
+FIELDS = ("col", "row", "polarity")
+"""Of an event, as far as it has them, from the lowest bit of its number on."""
+NUMBER_BITS = 8
 ADC_CLOCKS = 3
 """Clocks from the start of a conversion to its code."""
 
@@ -62,6 +68,7 @@ class Bench(Elaboratable):
                 self.outputs.append(port)
         setattr(m.submodules, DUT, Instance(self.block.module_name, **wires))
         driven = self._receiver(m, inner) | self._comparators(m, inner) | self._converter(m, inner)
+        driven |= self._tiles(m, inner) | self._events(m, inner)
         for name, member in self.block.signature.members.items():
             if member.flow is wiring.In and name not in driven:
                 m.d.comb += inner[name].eq(self._input(name, len(inner[name])))
@@ -107,6 +114,48 @@ class Bench(Elaboratable):
         m.d.comb += [inner["adc_done"].eq(left == 1), inner["adc_code"].eq(code)]
         return {"adc_done", "adc_code"}
 
+    def _tiles(self, m: Module, inner: dict[str, Value]) -> set[str]:
+        """Add tiles: each has an event more with every clock of its bit of ``offer``; an event's fields number it."""
+        if "tile_valid" not in inner:
+            return set()
+        tiles = len(inner["tile_valid"])
+        offer = self._input("offer", tiles)
+        fields = [f"tile_{name}" for name in FIELDS if f"tile_{name}" in inner]
+        numbers, valid = [], []
+        for tile in range(tiles):
+            bits = sum(len(inner[name]) for name in fields) // tiles
+            number, any_left = self._numbered(m, offer[tile], inner["tile_ready"][tile], bits)
+            numbers.append(number)
+            valid.append(any_left)
+        start = 0
+        for name in fields:
+            bits = len(inner[name]) // tiles
+            m.d.comb += inner[name].eq(Cat(number[start : start + bits] for number in numbers))
+            start += bits
+        m.d.comb += inner["tile_valid"].eq(Cat(valid))
+        return {"tile_valid", *fields}
+
+    def _events(self, m: Module, inner: dict[str, Value]) -> set[str]:
+        """Add a source of events, one more with every clock of ``offer``, and the timer of the bins."""
+        config = self.block.config
+        if not isinstance(config, ClassifierConfig):
+            return set()
+        number, valid = self._numbered(m, self._input("offer", 1), inner["event_ready"], NUMBER_BITS)
+        m.d.comb += [inner["event_valid"].eq(valid), inner["event_channel"].eq(channel_of(number, config.inputs))]
+        restart = self._input("scan_start", 1)
+        m.d.comb += inner["scan_start"].eq(restart)
+        ports = {"i_clk": ClockSignal(), "i_rst": ResetSignal(), "i_scan_start": restart, "o_bin_end": inner["bin_end"]}
+        setattr(m.submodules, TIMER, Instance(BinTimer.module_name, **ports))
+        return {"event_valid", "event_channel", "scan_start", "bin_end"}
+
+    @staticmethod
+    def _numbered(m: Module, offer: Value, ready: Value, bits: int) -> tuple[Signal, Value]:
+        """Return the number of the event that a stream offers, and whether it offers one."""
+        left, number = Signal(NUMBER_BITS), Signal(bits)
+        taken = (left != 0) & ready
+        m.d.sync += [left.eq(left + offer - taken), number.eq(number + taken)]
+        return number, left != 0
+
     def _comparators(self, m: Module, inner: dict[str, Value]) -> set[str]:
         """Add ideal comparators, which look at the signal that the last sample tick brought."""
         config = self.block.config
@@ -140,11 +189,29 @@ class Bench(Elaboratable):
         return done
 
 
+def channel_of(number: Any, inputs: int) -> Any:
+    """Return the channel of an event of some number."""
+    return (number + (number >> 2)) % inputs
+
+
 def bench_gates(block: Block[Any], slow: int = 0) -> Gates:
-    """Return a block with its surroundings as gates; its flops' names begin with ``dut.``."""
+    """Return a block with its surroundings as gates; see ``inside`` for its flops."""
     made = Netlist(async_reset=False)
     made.add(block)
+    if isinstance(block.config, ClassifierConfig):
+        made.add(BinTimer(block.config))
     bench = Bench(block, slow)
     fragment = Fragment.get(bench, None)
     ports = [*bench.inputs, *bench.outputs]
     return gates_of(made.text + "\n" + rtlil.convert(fragment, name=TOP, ports=ports, emit_src=False), TOP)
+
+
+def inside(gates: Gates, pattern: str = "") -> list[int]:
+    """Return the numbers of a block's own flops whose names begin with a pattern; the surroundings have others."""
+    own = re.compile(rf"({DUT}\.|(?={TIMER}\.)){pattern}")
+    return [number for number, name in enumerate(gates.flops) if own.match(name)]
+
+
+def name_of(gates: Gates, flop: int) -> str:
+    """Return the name of a flop of a block."""
+    return gates.flops[flop].removeprefix(f"{DUT}.")

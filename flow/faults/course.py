@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,13 +68,10 @@ def course(config: ReadoutConfig, calm: bool, slow: int = 0, seed: int = 0) -> C
     clocks = (3 + gap * np.arange(ticks)).tolist()
     end = gap * ticks
     # All go up and down: thrice to become alike again, and once more to be compared.
-    pause = (2 * config.full_scale // config.step + 2) * config.taxels * per_event + 40
-    for number in range(4):
-        levels.append(np.full(config.taxels, SWING * config.step * (1 - 2 * (number % 2))))
-        clocks.append(end + number * pause)
-        for _ in range(_quiet_ticks(config)):
-            levels.append(levels[-1])
-            clocks.append(clocks[-1] + (pause - 8) // (_quiet_ticks(config) + 1))
+    pause = pause_of(config, per_event)
+    for clock, level in swings(config, end, 4, pause):
+        clocks.append(clock)
+        levels.append(level)
     total = end + 4 * pause
     masks = np.ones((3, config.taxels), bool)
     masks[1] = calm | (rng.random(config.taxels) < 0.5)
@@ -92,6 +90,23 @@ def course(config: ReadoutConfig, calm: bool, slow: int = 0, seed: int = 0) -> C
     )
     ticks_at = np.array([0, *(RESET + clock for clock in clocks if clock < end)])
     return Course(stimulus, inputs_of(config, stimulus), RESET, RESET + end, RESET + end + 3 * pause, ticks_at)
+
+
+def pause_of(config: ReadoutConfig, per_event: int = 1) -> int:
+    """Return the clocks in which all taxels come from one end of the scale to the other."""
+    return (2 * config.full_scale // config.step + 2) * config.taxels * per_event + 40
+
+
+def swings(config: ReadoutConfig, start: int, number: int, pause: int) -> Iterator[tuple[int, NDArray[np.int64]]]:
+    """Yield sample ticks, clock and levels: all taxels go up and down in turn, the last time up, which all answer.
+
+    Behind each swing they rest so that windows close.
+    """
+    quiet = _quiet_ticks(config)
+    for swing in range(number):
+        level = np.full(config.taxels, SWING * config.step * (1 - 2 * ((number - 1 - swing) % 2)))
+        for tick in range(quiet + 1):
+            yield start + swing * pause + tick * ((pause - 8) // (quiet + 1)), level
 
 
 def clocks_per_event(config: ReadoutConfig, slow: int) -> int:
@@ -120,7 +135,7 @@ def _quiet_ticks(config: ReadoutConfig) -> int:
     """Return how many ticks a swing has beside the first: windows shall close, and leaky references leak."""
     if config.closes:
         return config.window_period << config.closing_levels_log2
-    return 4 * config.leak_period if config.encoding == "nlcs" else 0
+    return 12 * config.leak_period if config.encoding == "nlcs" else 0
 
 
 def inputs_of(config: ReadoutConfig, stimulus: Stimulus) -> dict[str, NDArray[np.uint8]]:

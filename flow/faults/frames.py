@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from flow.faults.bench import ADC_CLOCKS, DUT, bench_gates
+from flow.faults.bench import ADC_CLOCKS, bench_gates, inside, name_of
 from flow.faults.course import RESET
-from flow.faults.lanes import LANES, simulate
-from flow.faults.outcomes import CLASSES, UnlikeModel, Upset
+from flow.faults.lanes import upset_runs
+from flow.faults.outcomes import CHANGED, MOVED, NEVER, NOTHING, UnlikeModel, Upset
 from model.frame import FrameModel
 from model.frame import Inputs as ModelInputs
 from model.frame_config import FrameConfig
@@ -29,16 +29,12 @@ def upsets(config: FrameConfig, stride: int = 1, flops: str = "") -> Iterator[Up
     gates = bench_gates(FrameReadout(config))
     period = config.taxels * (config.settle_clocks + ADC_CLOCKS + 4) + 3 * config.words_per_frame + 12
     inputs = _inputs(config, period)
-    inside = [n for n, name in enumerate(gates.flops) if name.startswith(f"{DUT}.") and flops in name]
     clocks = range(RESET, RESET + UPSET_FRAMES * period, stride)
-    todo = [(clock, flop) for clock in clocks for flop in inside]
-    for start in range(0, len(todo), LANES - 1):
-        part = todo[start : start + LANES - 1]
-        turned = np.array([(clock, flop, lane) for lane, (clock, flop) in enumerate(part, 1)], np.int64)
-        outputs = simulate(gates, inputs, turned).outputs
+    expected = _model(config, inputs)
+    for part, outputs in upset_runs(gates, inputs, clocks, inside(gates, flops)):
         taken = (outputs["word_valid"] & inputs["word_ready"].astype(np.int64)) != 0
         words = np.where(taken, 1 + outputs["word_data"] * 2 + outputs["word_sync"], 0)
-        if start == 0 and not np.array_equal(words[:, 0], _model(config, inputs)):
+        if not np.array_equal(words[:, 0], expected):
             raise UnlikeModel("the gates of the frame readout do not give the model's words")
         wrong = _hashes(words, period)
         wrong = wrong[:, 1:] != wrong[:, :1]
@@ -47,9 +43,9 @@ def upsets(config: FrameConfig, stride: int = 1, flops: str = "") -> Iterator[Up
             bad = np.flatnonzero(wrong[:, lane])
             last = int(bad[-1]) if len(bad) else -1
             never = last >= FRAMES - 2
-            outcome = CLASSES[4 if never else 3 if len(bad) else 2 if moved[lane] else 0]
+            outcome = NEVER if never else CHANGED if len(bad) else MOVED if moved[lane] else NOTHING
             ticks = last - (clock - RESET) // period if len(bad) else -1
-            yield Upset(gates.flops[flop].removeprefix(f"{DUT}."), clock, outcome, -1, -1, ticks, len(bad), 0)
+            yield Upset(name_of(gates, flop), clock, outcome, -1, -1, ticks, len(bad), 0)
 
 
 def _inputs(config: FrameConfig, period: int) -> dict[str, NDArray[np.uint8]]:

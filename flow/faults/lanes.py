@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,6 +72,32 @@ def simulate(gates: Gates, inputs: dict[str, NDArray[np.uint8]], upsets: NDArray
             values |= _unpacked(recorded[:, start + place]).astype(np.int64) << place
         found[name], start = values, start + len(bits)
     return Traces(found, _unpacked(astray).astype(bool))
+
+
+def upset_runs(
+    gates: Gates, inputs: dict[str, NDArray[np.uint8]], clocks: Iterable[int], flops: Iterable[int]
+) -> Iterator[tuple[list[tuple[int, int]], dict[str, NDArray[np.int64]]]]:
+    """Turn each of some flops in each of some clocks, one in each run from run 1 on; run 0 has no upset.
+
+    Yields
+    ------
+    part : list of (clock, flop)
+        Upsets of the runs 1, 2, ...
+    outputs : dict of str to ndarray, shape (clocks, runs)
+    """
+    flops = list(flops)
+    todo = [(clock, flop) for clock in clocks for flop in flops]
+    driven = {name: bits for name, bits in inputs.items() if name in gates.inputs}
+    for start in range(0, len(todo), LANES - 1):
+        part = todo[start : start + LANES - 1]
+        turned = np.array([(clock, flop, lane) for lane, (clock, flop) in enumerate(part, 1)], np.int64)
+        outputs = simulate(gates, driven, turned).outputs
+        yield part, {name: values[:, : len(part) + 1] for name, values in outputs.items()}
+
+
+def last_clock(happens: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return the last clock in which something happens in each run, -1 where it never does."""
+    return np.where(happens.any(axis=0), len(happens) - 1 - happens[::-1].argmax(axis=0), -1)
 
 
 def _packed(bits: NDArray[np.uint8]) -> NDArray[np.uint64]:

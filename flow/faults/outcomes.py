@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flow.faults.bench import DUT, bench_gates
+from flow.faults.bench import bench_gates, inside, name_of
 from flow.faults.course import Course, codes_of, course, events_of
 from flow.faults.gates import Gates
-from flow.faults.lanes import LANES, simulate
+from flow.faults.lanes import last_clock, upset_runs
 from model.config import ReadoutConfig
 from model.readout import simulate as simulate_model
 from rtl.readout import Readout
@@ -20,9 +20,21 @@ from rtl.readout import Readout
 NOBODY = -9
 """The taxel of a flop that belongs to none."""
 TAXEL = re.compile(r"row_(\d+)\.taxel_(\d+)\.")
-CLASSES = ("nothing", "own events", "others moved", "others changed", "never recovers")
+PLACES = (
+    (r"(sequencer|packer)\.", "frame_readout"),
+    (TAXEL.pattern + r"window\.", "window"),
+    (TAXEL.pattern, "taxel"),
+    (r"classifier\.(weights|neurons)\.memory", "weights"),
+    *((rf"{block}\.", block) for block in ("arbiter", "link", "decay_ticks", "merge", "relay", "classifier")),
+    *((rf"host\.{block}\.", block) for block in ("spi", "registers", "pattern")),
+    (r"host\.", "host"),
+    (r"ticks\.", "settable_ticks"),
+)
+"""What the names of a block's flops begin with, and the block; all others are the readout's."""
+CLASSES = ("nothing", "own events", "others moved", "others changed", "until written", "never recovers")
 """From the least to the worst: no event differs; those of the flop's own taxel; those of others, in time alone; in
-number or address; and the last swing is not answered as ever."""
+number or address; so until a host writes anew what it has written; and the last swing is not answered as ever."""
+NOTHING, OWN, MOVED, CHANGED, WRITTEN, NEVER = CLASSES
 
 
 @dataclass(frozen=True)
@@ -41,6 +53,8 @@ class Upset:
         Sample ticks from the upset to the last that others answer by other events; -1 where they never do.
     lost, added : int
         Events of others that are missing, and that are too many; a wrong address is both.
+    may_stay : bool
+        Whether what was turned is a setting, or a transfer of one: then it may stay until it is written anew.
     """
 
     flop: str
@@ -51,14 +65,12 @@ class Upset:
     ticks: int
     lost: int
     added: int
+    may_stay: bool = False
 
     @property
     def block(self) -> str:
         """The block that the flop is in."""
-        place = self.flop.rpartition(".")[0]
-        if place in ("sequencer", "packer"):
-            return "frame_readout"
-        return "window" if place.endswith(".window") else "taxel" if TAXEL.match(self.flop) else place or "readout"
+        return next((block for pattern, block in PLACES if re.match(pattern, self.flop)), "readout")
 
 
 class UnlikeModel(AssertionError):
@@ -87,14 +99,9 @@ def upsets(config: ReadoutConfig, calm: bool, slow: int = 0, stride: int = 1, fl
     """
     gates, played = bench_gates(Readout(config), slow), course(config, calm, slow)
     expected = simulate_model(config, played.stimulus)
-    inside = [number for number, name in enumerate(gates.flops) if re.match(rf"{DUT}\.{flops}", name)]
-    todo = [(clock, flop) for clock in range(played.first, played.last, stride) for flop in inside]
-    for start in range(0, len(todo), LANES - 1):
-        part = todo[start : start + LANES - 1]
-        turned = np.array([(clock, flop, lane) for lane, (clock, flop) in enumerate(part, 1)], np.int64)
-        inputs = {name: bits for name, bits in played.inputs.items() if name in gates.inputs}
-        traces = simulate(gates, inputs, turned)
-        codes = codes_of(config, traces.outputs, played.inputs["event_ready"])
+    turned = inside(gates, flops)
+    for part, outputs in upset_runs(gates, played.inputs, range(played.first, played.last, stride), turned):
+        codes = codes_of(config, outputs, played.inputs["event_ready"])
         found = events_of(config, codes[:, 0])
         if not len(expected) or not np.array_equal(found[: len(expected)], expected):
             raise UnlikeModel(f"{config.encoding}, {config.link}: the gates do not give the model's events")
@@ -112,27 +119,30 @@ def _judged(
 ) -> Iterator[Upset]:
     """Compare runs with run 0, which had no upset; events are counted until the swings where the course is calm."""
     played, calm = run
-    names = [gates.flops[flop].removeprefix(f"{DUT}.") for _, flop in part]
+    names = [name_of(gates, flop) for _, flop in part]
     own = np.array([own_taxel(config, name) for name in names])
-    good, runs = codes[:, :1], codes[:, 1 : len(part) + 1]
+    good, runs = codes[:, :1], codes[:, 1:]
     differs = runs != good
     of_own = (_taxel(runs) == own) | (_taxel(good) == own)
     of_others = ((runs >= 0) & (_taxel(runs) != own)) | ((good >= 0) & (_taxel(good) != own))
-    own_last, other_last = _last(differs & of_own), _last(differs & of_others)
+    own_last, other_last = last_clock(differs & of_own), last_clock(differs & of_others)
     until = played.last if calm else None  # the swings are no calm course: there a taxel waits for others
-    more = _counted(config, runs[:until]) - _counted(config, good[:until])
+    more = counted(config, runs[:until]) - counted(config, good[:until])
     others = np.where(np.arange(len(more))[:, None] >> 1 == own, 0, more)
     answers = _answers(config, runs, played) != _answers(config, good, played)
     odd = (answers & (np.arange(len(more))[:, None, None] >> 1 != own)).any(axis=0)
     since = np.searchsorted(played.ticks, [clock for clock, _ in part], side="right") - 1
-    ticks = np.where(odd.any(axis=0), _last(odd) - since, -1)
-    lasting = np.abs(_counted(config, runs[played.answer :]) - _counted(config, good[played.answer :]))
+    ticks = np.where(odd.any(axis=0), last_clock(odd) - since, -1)
+    answer = counted(config, good[played.answer :])
+    assert answer.reshape(config.taxels, 2).sum(axis=1).all(), "the last swing is not answered by every taxel"
+    lasting = np.abs(counted(config, runs[played.answer :]) - answer)
     never = lasting.max(axis=0) > slack(config)
     for lane, (name, (clock, _)) in enumerate(zip(names, part, strict=True)):
         lost, added = int(-others[:, lane].clip(max=0).sum()), int(others[:, lane].clip(min=0).sum())
-        outcome = 4 if never[lane] else 3 if lost or added else 2 if other_last[lane] >= 0 else int(own_last[lane] >= 0)
+        own_differ = OWN if own_last[lane] >= 0 else NOTHING
+        outcome = NEVER if never[lane] else CHANGED if lost or added else MOVED if other_last[lane] >= 0 else own_differ
         own_clocks, other_clocks = (max(int(last[lane]) - clock, -1) for last in (own_last, other_last))
-        yield Upset(name, clock, CLASSES[outcome], own_clocks, other_clocks, int(ticks[lane]), lost, added)
+        yield Upset(name, clock, outcome, own_clocks, other_clocks, int(ticks[lane]), lost, added)
 
 
 def _answers(config: ReadoutConfig, codes: NDArray[np.int16], played: Course) -> NDArray[np.int64]:
@@ -144,8 +154,8 @@ def _answers(config: ReadoutConfig, codes: NDArray[np.int16], played: Course) ->
 def slack(config: ReadoutConfig) -> int:
     """Return by how many events of a kind an answer of a taxel may differ that is as good as the other.
 
-    The reference of LCS comes to the same level from everywhere. That of the others need not: it is on the way of the
-    signal, but a closing step, or less than a code, beside.
+    The reference of LCS comes to the same level from everywhere. That of CW-LCS need not: it is on the way of the
+    signal, but a closing step, or less than a code, beside. So is that of N-LCS, whose leak may have another phase.
     """
     return 0 if config.encoding == "lcs" else 1
 
@@ -154,11 +164,6 @@ def _taxel(codes: NDArray[np.int16]) -> NDArray[np.int16]:
     return np.where(codes >= 0, codes >> 1, -1)
 
 
-def _last(happens: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return the last clock in which something happens in each run, -1 where it never does."""
-    return np.where(happens.any(axis=0), len(happens) - 1 - happens[::-1].argmax(axis=0), -1)
-
-
-def _counted(config: ReadoutConfig, codes: NDArray[np.int16]) -> NDArray[np.int64]:
+def counted(config: ReadoutConfig, codes: NDArray[np.int16]) -> NDArray[np.int64]:
     """Return how many events of each taxel and polarity there are, shape (2 * taxels, runs)."""
     return np.stack([(codes == kind).sum(axis=0) for kind in range(2 * config.taxels)])

@@ -8,13 +8,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from flow.faults import frames
+from flow.faults import classifier, frames, host, merge
 from flow.faults.cases import cases
-from flow.faults.outcomes import CLASSES, Upset, upsets
+from flow.faults.outcomes import CLASSES, NEVER, WRITTEN, Upset, upsets
 from flow.faults.plan import Trial, most_changed, most_ticks
+from model.classifier.config import ClassifierConfig
 from model.config import ReadoutConfig
 from model.files import origin, write_json
 from model.frame_config import FrameConfig
+from model.tiles.config import TilesConfig
 
 
 @dataclass
@@ -47,8 +49,10 @@ class Tally:
 
 def problems_of(trial: Trial, upset: Upset) -> str:
     """Return in what an upset goes beyond what is stated; empty if in nothing."""
-    if upset.outcome == CLASSES[-1]:
+    if upset.outcome == NEVER:
         return "never recovers"
+    if upset.outcome == WRITTEN and not upset.may_stay:
+        return "stays until the host writes anew, which only a setting may"
     if not trial.calm:
         return ""
     most = most_changed(trial.config, upset.block)
@@ -72,9 +76,16 @@ def run(trial: Trial) -> tuple[list[dict[str, Any]], list[str]]:
 
 
 def _upsets(trial: Trial) -> Iterator[Upset]:
-    if isinstance(trial.config, FrameConfig):
-        return frames.upsets(trial.config, trial.stride)
-    return upsets(trial.config, trial.calm, trial.slow, trial.stride)
+    config, stride = trial.config, trial.stride
+    if isinstance(config, FrameConfig):
+        return frames.upsets(config, stride)
+    if isinstance(config, ClassifierConfig):
+        return classifier.upsets(config, stride)
+    if isinstance(config, TilesConfig):
+        return merge.upsets(config, stride)
+    if config.registers != "none":
+        return host.upsets(config, trial.mode, stride)
+    return upsets(config, trial.calm, trial.slow, stride)
 
 
 def _line(trial: Trial, block: str, tally: Tally) -> dict[str, Any]:
@@ -103,7 +114,7 @@ def meet(config: ReadoutConfig) -> Iterator[dict[str, Any]]:
 
 def closing_line(lines: list[dict[str, Any]], met: list[dict[str, Any]], problems: list[str]) -> str:
     """Return the last line of ``make faults``."""
-    total, never = (sum(line[name] for line in lines) for name in ("upsets", CLASSES[-1]))
+    total, never = (sum(line[name] for line in lines) for name in ("upsets", NEVER))
     runs, good = (sum(line[name] for line in met) for name in ("runs", "as stated"))
     wrong = len(problems) + runs - good
     return f"faults: {total} upsets, {never} of them for good, {runs} hostile runs, {wrong} beyond what is stated"

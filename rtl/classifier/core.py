@@ -183,7 +183,7 @@ class Classifier(Block[ClassifierConfig]):
                 m.d.comb += advance.eq(~fired | spike_ends)
                 with m.If(advance):
                     self._next(m, last_neuron, State.OUTPUTS)
-            with m.Case(State.OUTPUTS):
+            with m.Default():  # OUTPUTS, and a state that there is not: it ends as well
                 self._next(m, self.index == config.classes - 1, State.IDLE)
         self._ring(m, advance)
         self._execute(m, fired)

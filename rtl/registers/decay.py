@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from amaranth.hdl import Module, Mux, Signal
+from amaranth.hdl import Cat, Module, Mux, Signal
 from amaranth.lib.wiring import In, Out
 
 from model.config import ReadoutConfig
@@ -49,7 +49,7 @@ class SettableDecayTicks(Block[ReadoutConfig]):
             m.d.comb += self.decay.eq(due)
             return m
         line = Signal(rows, init=1)
-        with m.If(due | self.restart):
-            m.d.sync += line.eq(Mux(self.restart, 1, line.rotate_left(1)))
+        with m.If(due | self.restart):  # a line that was lost comes back, one too many falls off the end
+            m.d.sync += line.eq(Mux(self.restart, 1, Cat(~line[:-1].any(), line[:-1])))
         m.d.comb += self.decay.eq(line & due.replicate(rows))
         return m

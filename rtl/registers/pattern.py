@@ -76,7 +76,8 @@ class TestPattern(Block[ReadoutConfig]):
             m.d.sync += request.eq(rises & ~self.restart)
         gap = (Const(1, 1) << self.interval)[: len(count)] - 1
         with m.If(self.restart | rises | count.any()):
-            m.d.sync += count.eq(Mux(self.restart, 0, Mux(rises, gap, count - 1))[: len(count)])
+            # Of the gap's bits alone: a higher one, turned over, would hold the pattern up for long.
+            m.d.sync += count.eq(Mux(self.restart, 0, Mux(rises, gap, (count - 1) & gap))[: len(count)])
 
         # The place moves on with every request of a round that is taken.
         last_column, last, goes_on = (Signal(name=name) for name in ("last_column", "last", "goes_on"))
@@ -99,5 +100,9 @@ class TestPattern(Block[ReadoutConfig]):
         return m
 
     def _one_hot(self, place: Signal, count: int) -> Any:
-        """Return a place as one of some lines; the only one there is always is it."""
-        return Cat(place == index for index in range(count)) if len(place) else Const(1, 1)
+        """Return a place as one of some lines; the only one there is always is it.
+
+        A place behind the last is the last: a bit that is turned over must not leave a request without a line.
+        """
+        lines = Cat(place == index for index in range(count - 1))
+        return Cat(lines, place >= count - 1) if len(place) else Const(1, 1)

@@ -9,11 +9,11 @@ import pytest
 from typer.testing import CliRunner
 
 from flow.__main__ import app
-from flow.faults import frames
+from flow.faults import classifier, frames, host, merge
 from flow.faults.bench import bench_gates
 from flow.faults.cases import ack_never_falls, cases
 from flow.faults.outcomes import CLASSES, UnlikeModel, Upset, upsets
-from flow.faults.plan import FEW, Trial, surroundings, trials
+from flow.faults.plan import FEW, Trial, classifiers, hosts, surroundings, tiles, trials
 from flow.faults.run import problems_of, run
 from flow.formal.mutants import Mutant, planted
 from rtl.readout import Readout
@@ -64,7 +64,7 @@ def test_a_link_that_an_upset_stops_for_good_is_found() -> None:
     assert not any(u.outcome == "never recovers" for u in upsets(HANDSHAKE, calm=True, stride=9, flops="link"))
 
 
-FRAMES = trials(small=True)[-1]
+FRAMES = trials(small=True)[4]
 
 
 def test_a_frame_readout_is_right_again_after_two_frames() -> None:
@@ -90,6 +90,75 @@ def test_a_frame_readout_that_an_upset_stops_for_good_is_found(old: str, new: st
     assert any(upset.outcome == "never recovers" for upset in found)
 
 
+def test_a_merge_loses_repeats_or_changes_one_event_at_most() -> None:
+    (line,), problems = run(Trial(tiles()[1], stride=5))
+    assert problems == []
+    assert (line["block"], line["flops"], line["lost"], line["added"]) == ("merge", 22, 1, 1)
+    assert line["others changed"] > line["others moved"] > 0
+
+
+def test_a_merge_or_relay_station_that_an_upset_stops_for_good_is_found() -> None:
+    bug = Mutant(
+        "waits for the sink where nothing is offered",
+        "tiles.relay",
+        "moves = ~valid | block.event_ready",
+        "moves = (~valid & ~full) | (valid & block.event_ready)",
+    )
+    with planted(bug):
+        found = [list(merge.upsets(config, stride=9, flops="(valid|full|event_valid)")) for config in tiles()[:2]]
+    assert all(any(upset.outcome == "never recovers" for upset in upsets) for upsets in found)
+
+
+def test_what_the_host_wrote_stays_until_it_writes_again_and_all_else_passes() -> None:
+    lines, problems = run(Trial(hosts()[-1], stride=197))
+    assert problems == []
+    of = {line["block"]: line for line in lines}
+    assert set(of) == {"host", "pattern", "registers", "settable_ticks", "spi"}
+    assert of["host"]["until written"] > 0  # the step of all taxels
+    assert of["registers"]["until written"] > 0
+    assert of["settable_ticks"]["until written"] == 0 < of["settable_ticks"]["others changed"]
+
+
+RANGE = "Cat(lines, place >= count - 1)"
+GAP = "Mux(rises, gap, (count - 1) & gap)"
+LINE = "Cat(~line[:-1].any(), line[:-1])"
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "flops", "readout", "mode"),
+    [
+        ("spi", "m.d.sync += [count.eq(0), in_data.eq(0)]", "m.d.sync += in_data.eq(0)", "host.spi.count", 0, 0),
+        ("file", "with m.If(write):\n", "with m.If(write & (kept <= field.most)):\n", "host.registers.test_mode", 0, 2),
+        ("pattern", RANGE, "Cat(lines, place == count - 1)", "host.pattern.at_row", 0, 2),
+        ("pattern", GAP, "Mux(rises, gap, count - 1)", "host.pattern.count", 0, 1),
+        ("decay", LINE, "line.rotate_left(1)", "ticks.line", 2, 0),
+    ],
+)
+def test_a_host_side_that_does_not_come_back_is_found(
+    file: str, old: str, new: str, flops: str, readout: int, mode: int
+) -> None:
+    config = hosts()[readout]
+    with planted(Mutant("stays", f"registers.{file}", old, new)):
+        found = list(host.upsets(config, mode, stride=97, flops=flops))
+    assert any(problems_of(Trial(config, mode=mode), upset) for upset in found)
+
+
+def test_a_classifier_is_right_again_with_the_next_scan_and_its_weights_once_loaded() -> None:
+    lines, problems = run(Trial(classifiers()[0], stride=29))
+    assert problems == []
+    of = {line["block"]: line for line in lines}
+    assert set(of) == {"classifier", "weights"}
+    assert of["weights"]["until written"] > of["classifier"]["until written"] == 0
+    assert of["classifier"]["others changed"] > 0
+
+
+def test_a_classifier_that_an_upset_stops_is_found() -> None:
+    bug = Mutant("a state without an end", "classifier.core", "with m.Default():", "with m.Case(State.OUTPUTS):")
+    with planted(bug):
+        found = list(classifier.upsets(classifiers()[0], stride=2, flops="state"))
+    assert any(problems_of(Trial(classifiers()[0]), upset) for upset in found)
+
+
 def test_what_goes_beyond_what_is_stated_is_a_problem() -> None:
     trial = Trial(HANDSHAKE, calm=True)
     taxel = Upset("row_0.taxel_1.pending", 9, "others changed", 3, 3, 0, 0, 1)
@@ -97,6 +166,10 @@ def test_what_goes_beyond_what_is_stated_is_a_problem() -> None:
     link = Upset("link.setup", 9, "others changed", -1, 1000, 2, 1, 0)
     assert problems_of(trial, link) == "others answer 2 ticks later by other events, 1 stated"
     assert problems_of(Trial(HANDSHAKE, calm=False), link) == ""
+    mask = Upset("host.registers.mask_rest_taxels[0]", 9, "until written", -1, 9, -1, 0, 0, may_stay=True)
+    assert problems_of(Trial(hosts()[0]), mask) == ""
+    count = Upset("host.pattern.count[14]", 9, "until written", -1, 9, -1, 0, 0)
+    assert problems_of(Trial(hosts()[0]), count) == "stays until the host writes anew, which only a setting may"
     gone = Upset("link.setup", 9, CLASSES[-1], -1, 1000, 2, 1, 0)
     assert problems_of(Trial(HANDSHAKE, calm=False), gone) == "never recovers"
 
