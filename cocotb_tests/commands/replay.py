@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 from pathlib import Path
@@ -10,13 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from model.cli.app import printable
+from model.cli.app import asked_for, printable
 from model.cli.config_options import with_config
 from model.cli.crew_options import Scheduler, Workers, open_crew
 from model.cli.progress import bars
 from model.commands.recordings import OwnData, check_alone, own_recordings, with_preparation
 from model.config import ReadoutConfig
-from model.files import atomic_write
+from model.files import origin, read_json, write_json
 
 if TYPE_CHECKING:
     from cocotb_tests.session.replay import Plan
@@ -38,6 +37,7 @@ def replay(
     only: Annotated[str | None, typer.Option(help="only one texture or recording, by its name")] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
+    keep: Annotated[Path | None, typer.Option(help="file of JSON that gets the sums, beside other encoders'")] = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for the event files")] = Path("out/replay"),
 ) -> None:
     """Drive a whole dataset, or your recordings, through RTL and model, compare every event, keep the RTL's events.
@@ -63,7 +63,7 @@ def replay(
             print(f"{mismatch}\nMISMATCH")
             raise typer.Exit(1) from None
     now = {"clocks": total.clocks, "seconds": round(time.monotonic() - started, 1), "workers": crew.workers}
-    _conclude(plan, len(missing), now)
+    _conclude(plan, len(missing), now, keep)
 
 
 def _plan_own(
@@ -85,7 +85,7 @@ def _plan_own(
     return Plan(material.recordings.config, material, chosen(material, limit, only), out)
 
 
-def _conclude(plan: Plan, played: int, now: dict[str, Any]) -> None:
+def _conclude(plan: Plan, played: int, now: dict[str, Any], keep: Path | None) -> None:
     """Write and print what all recordings hold together; fail where some are missing or none has an event."""
     from cocotb_tests.session.replay import summarise
 
@@ -96,7 +96,10 @@ def _conclude(plan: Plan, played: int, now: dict[str, Any]) -> None:
     noun = "images" if plan.material.preset else "recordings"
     summary["played_now"] = {noun: played} | now
     summary["configuration"] = plan.config.to_dict()
-    with atomic_write(plan.folder / "summary.json") as file:
-        file.write((json.dumps(summary, indent=2) + "\n").encode())
+    write_json(plan.folder / "summary.json", summary)
+    if keep is not None:
+        kept = read_json(keep, "the kept sums", dict)["runs"] if keep.exists() else []
+        runs = {run["configuration"]["encoding"]: run for run in [*kept, origin(asked_for("cocotb_tests")) | summary]}
+        write_json(keep, {"runs": list(runs.values())})
     print(printable(f"events per {noun[:-1]}: {plan.events}; played now: {played} {noun} in {now['seconds']:.0f} s"))
     print(f"bit-exact: {count} runs, {summary['clocks']} clocks, {summary['events']} events, 0 mismatches")

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from model.cli.app import printable
+from model.cli.app import asked_for, printable
 from model.cli.config_options import with_config
 from model.cli.progress import bar, bars
 from model.commands.recordings import OwnData, check_alone, own_recordings, with_preparation
 from model.config import ReadoutConfig
 from model.errors import InputError
+from model.files import origin, write_json
 
 if TYPE_CHECKING:
     from cocotb_tests.session.session import Tally
@@ -36,6 +37,7 @@ def sim(
         Path | None, typer.Option(help="Verilog netlist to hold to the model instead of the RTL")
     ] = None,
     cells: Annotated[Path | None, typer.Option(help="Verilog of the cells of the netlist")] = None,
+    keep: Annotated[Path | None, typer.Option(help="file for the sums, JSON")] = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for pictures and event files")] = Path("out/sim"),
 ) -> None:
     """Hold the RTL to the model on scenarios and texture scans, or your recordings; exit code 1 if they differ."""
@@ -57,7 +59,10 @@ def sim(
     if not total.events or not total.drained:
         print(f"FAILED: {total.events} events were compared, {total.drained} runs left nothing outstanding")
         raise typer.Exit(1)
-    print(f"bit-exact: {total.runs} runs, {total.clocks} clocks, {total.events} events, 0 mismatches")
+    result = f"bit-exact: {total.runs} runs, {total.clocks} clocks, {total.events} events, 0 mismatches"
+    if keep is not None:
+        write_json(keep, origin(asked_for("cocotb_tests")) | {"result": result})
+    print(result)
 
 
 def _play_textures(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import sys
 import unicodedata
 from collections.abc import Sequence
@@ -106,6 +107,11 @@ def missing_group(error: ModuleNotFoundError) -> str:
 def leave_without(error: ModuleNotFoundError) -> NoReturn:
     """Say how to get what is not installed, and leave: for a program whose commands import it themselves."""
     sys.exit(_report(missing_group(error)))
+
+
+def asked_for(package: str) -> str:
+    """Return the command of a package that runs, as it was typed; what it keeps says so."""
+    return shlex.join(["python", "-m", package, *sys.argv[1:]])
 
 
 def printable(text: object) -> str:
