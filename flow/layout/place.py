@@ -15,7 +15,8 @@ sys.path.insert(0, sys.argv[1])
 
 from coriolis import CRL, Cfg
 from coriolis.helpers import overlay, u
-from coriolis.Hurricane import Cell, DbU, UpdateSession
+from coriolis.helpers.technology import setEnclosures
+from coriolis.Hurricane import Cell, DataBase, DbU, UpdateSession
 from techno import StdCellLib, techno
 
 TOP_LAYER = "m4"
@@ -31,6 +32,13 @@ NO_DIODES_UM = 1e5
 
 STEPS = 4000000
 """Of the router before it gives up."""
+
+ENCLOSURES_UM = {("m1_via_m2", "m1"): (0.085, 0.085), ("m2_via2_m3", "m2"): (0.085, 0.06)}
+"""Of vias by a metal, east and north. The exported ones fill the pitch of the wires, so that a via off its track, where
+a pin is, came too close to the next, or the ends of two wires did."""
+
+LARGE_ENOUGH = ("m1", "m2")
+"""Metals whose wires have the least area with their vias: what the router added to be sure came too close to others."""
 
 FILLERS = "tie,tie_w2,tie_w4"
 """Between the cells: contacts of the wells, without transistors, which the netlist would lack."""
@@ -52,6 +60,11 @@ def main() -> None:
     """Place and route."""
     techno.setup()
     StdCellLib.setup()
+    tech = DataBase.getDB().getTechnology()
+    for (via, metal), sides in ENCLOSURES_UM.items():
+        setEnclosures(tech.getLayer(via), tech.getLayer(metal), tuple(map(u, sides)))
+    for metal in LARGE_ENOUGH:
+        tech.getLayer(metal).setMinimalArea(0)
     with overlay.CfgCache(priority=Cfg.Parameter.Priority.UserFile) as cfg:
         cfg.misc.catchCore = False
         cfg.misc.verboseLevel1 = False
