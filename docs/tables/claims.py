@@ -11,7 +11,8 @@ from docs.tables.written import ROOT, read
 CLAIMS: dict[str, tuple[str, Callable[[], str]]] = {}
 """Name of a claim: its page, and what makes its words."""
 
-CODE, LINK = re.compile(r"(?m)^    .*$|`[^`]*`|<!-- table .*?<!-- end -->", re.DOTALL), re.compile(r"\]\([^)]*\)")
+CODE = re.compile(r"`[^`]*`|<!-- table .*?<!-- end -->", re.DOTALL)
+LINK = re.compile(r"\]\([^)]*\)")
 NUMBER = re.compile(r"(?<![\w.,-])\d[\d.,]*\d|(?<![\w.,-])\d")
 
 
@@ -71,18 +72,6 @@ def _points(pair: dict[str, Any]) -> tuple[float, float, float, float]:
 def simulated() -> str:
     """The last line of ``make sim``."""
     return str(read("docs/data/verification/sim.json")["result"])
-
-
-@claim("README.md")
-def replayed() -> str:
-    """Events of all images and encoders."""
-    runs = read("docs/data/verification/replay.json")["runs"]
-    images = {run["images"] for run in runs}
-    assert len(images) == 1
-    assert len(runs) == 3
-    return (
-        f"every event of {images.pop()} texture scans and three encoders, {sum(run['events'] for run in runs):,} in all"
-    )
 
 
 @claim("README.md")
