@@ -206,9 +206,11 @@ def estimate(
     }
     for name, kind in (("without_wires", NO_WIRE), ("with_wires", wire)):
         drawn = lines(copy.deepcopy(array), kind, pitch_um, repeater, places)
-        path = Timing(drawn.array, drawn).worst()
+        timing = Timing(drawn.array, drawn)
+        path = timing.worst()
         found[name] = {
             "fmax_hz": 1 / path.period_s,
+            "between_flops_hz": 1 / timing.worst(ports=False).period_s,
             "area_um2_per_taxel": drawn.array.area_um2() / config.taxels,
             "repeaters": drawn.added,
             "lines_m": drawn.length_um * 1e-6,

@@ -244,8 +244,8 @@ class Timing:
 
     # -- the period ----------------------------------------------------------------------------------
 
-    def worst(self) -> Path:
-        """Return the path that sets the period."""
+    def worst(self, ports: bool = True) -> Path:
+        """Return the path that sets the period, of all or of those that touch no port."""
         best: tuple[float, int, int, int, str] = (0.0, NONE, 0, 0, "")
         for group in self.groups.values():
             for pin, tables in group.kind.setup.items():
@@ -253,11 +253,11 @@ class Timing:
                 slew, arrival = self._at_pins(nets)
                 for edge, table in tables.items():
                     needs = look(table, slew[edge], np.zeros(len(nets)))
-                    for start, share in ((FROM_FLOP, 0.0), (FROM_PORT, OUTSIDE)):
+                    for start, share in ((FROM_FLOP, 0.0), (FROM_PORT, OUTSIDE))[: 1 + ports]:
                         period = (arrival[start, edge] + needs) / (1 - UNCERTAINTY - share)
                         at = int(np.argmax(period))
                         best = max(best, (period[at], int(nets[at]), edge, start, self.name(int(group.cells[at]))))
-        for way, name, bit, net in self.array.ports:
+        for way, name, bit, net in self.array.ports if ports else ():
             for edge in (0, 1) if way == "output" and net >= 0 else ():
                 for start, share in ((FROM_FLOP, OUTSIDE), (FROM_PORT, 2 * OUTSIDE)):
                     arrived = self.arrival[start, edge, net] + self.wire[net]

@@ -23,7 +23,7 @@ from flow.scale.lines import Lines, best_repeater
 from flow.scale.measure import designs_of, lines, measure, sizes_of
 from flow.scale.places import Places
 from flow.scale.skin import SkinPlaces, Spot, build_skin
-from flow.scale.timing import Timing
+from flow.scale.timing import FROM_PORT, Timing
 from flow.scale.wire import NO_WIRE, Wire
 from model.config import ReadoutConfig
 from model.errors import InputError
@@ -154,6 +154,17 @@ def test_a_table_is_read_as_one_looks_a_number_up(plain: Array) -> None:
     assert look(table, slews, loads) * 1e9 == pytest.approx(wanted)
 
 
+def test_a_path_between_flops_touches_no_port(plain: Array) -> None:
+    timing = Timing(plain, drawn(plain, NO_WIRE))
+    names = {name for _, name, _, _ in plain.ports}
+    inner, whole = timing.worst(ports=False), timing.worst()
+    assert inner.period_s <= whole.period_s
+    assert not {inner.start.split("[")[0], inner.end.split("[")[0]} & names
+    timing.arrival[FROM_PORT] += 1e-6  # nothing that comes from a port is looked at
+    assert timing.worst(ports=False).period_s == inner.period_s
+    assert timing.worst().period_s > whole.period_s + 1e-6
+
+
 @NEEDS_STA
 @pytest.mark.parametrize("wire", [NO_WIRE, Wire(0.0, WIRE.farad_per_um)], ids=["no wires", "wires"])
 def test_the_highest_clock_is_that_of_opensta(plain: Array, library: Library, wire: Wire) -> None:
@@ -175,6 +186,7 @@ def test_the_command_leaves_numbers(library: Library, tmp_path: Path) -> None:
     for array in found["results"]:
         without, wired = array["without_wires"], array["with_wires"]
         assert without["fmax_hz"] > wired["fmax_hz"] > 1e6
+        assert wired["between_flops_hz"] >= wired["fmax_hz"]
         assert wired["area_um2_per_taxel"] > array["cells_um2_per_taxel"] > array["taxel_um2"] > 0
         assert array["synthesis_s"] > 0
         assert wired["path_s"] > wired["path_in_repeaters_s"] + wired["path_in_wires_s"]
