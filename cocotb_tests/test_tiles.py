@@ -40,7 +40,7 @@ async def skin_plays_its_stimulus(dut: Any) -> None:
         if clock in played["enable_clock"]:
             block.drive(taxel_enable=bits(enable[list(played["enable_clock"]).index(clock)]))
         takes = bool(ready[clock % len(ready)])
-        block.drive(sample_valid=valid, event_ready=takes)
+        block.drive(sample_valid=-int(valid), event_ready=takes)  # of all tiles, where each has its own
         await block.settle()
         if takes and block.read("event_valid"):
             names = ("event_tile", "event_row", "event_col", "event_polarity")

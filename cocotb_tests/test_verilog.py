@@ -133,6 +133,7 @@ def test_a_skin_and_its_merge_are_delivered_as_the_readout_is(
     )
     assert {n: (way, int(high or 0) + 1) for way, high, n in found} == listed
     assert listed["event_tile"] == ("output", skin.tile_bits)
+    assert alone or listed["sample_valid"] == ("input", skin.tiles if relays else 1)
     assert not alone or listed["tile_ready"] == ("output", skin.tiles)
     assert text.count("module eskin_taxel(") == (0 if alone else 1)
     assert len(re.findall(r"^  eskin_relay relay_\d_\d \(", text, re.MULTILINE)) == (

@@ -122,7 +122,8 @@ def ports(config: Config) -> Iterator[dict[str, Any]]:
         meanings = MERGE_PORTS
     if isinstance(config, TilesConfig):
         own = {name: f"{meaning}{OF_TILES}" for name, meaning in PORTS.items() if name not in MERGE_PORTS}
-        own["sample_valid"] = f"{PORTS['sample_valid']}, of all tiles"
+        if not config.relays:
+            own["sample_valid"] = f"{PORTS['sample_valid']}, of all tiles"
         meanings = PORTS | own | {name: text for name, text in MERGE_PORTS.items() if name.startswith("event_")}
     for name, meaning in meanings.items():
         if name in ("clk", "rst"):

@@ -17,7 +17,7 @@ from model.tiles.config import TilesConfig
 from rtl.arbiter import event_ports
 from rtl.tiles.merge import Merge, merged_ports
 from rtl.tiles.relay import Relay
-from rtl.tiles.skin import Skin
+from rtl.tiles.skin import common_ports
 
 MERGE = -1
 """Stage of the merge, behind the last relay station."""
@@ -138,7 +138,7 @@ class _Assembly:
         self.pins += [{pin: _moved(net, first) for pin, net in pins.items()} for pins in piece.pins]
         self.spots += [spot] * len(piece.cells) if spot else []
         ports = {port: [_moved(net, first) for net in nets] for port, nets in piece.ports.items()}
-        for port in (*TREES, *Skin.COMMON):
+        for port in (*TREES, *common_ports(self.config)):
             if port in ports:
                 if port not in self.common:
                     self.common[port] = [self.joint.new(1)]
@@ -223,18 +223,25 @@ class SkinPlaces(Places):
             each = self.widths[name] // taxels
             tile, taxel = divmod(bit // each, self.skin.tile.taxels)
             return self._taxel(self.within[tile][taxel])
+        if name == "sample_valid" and self.skin.relays:  # that of a tile alone is at the tile, as its samples are
+            x, y = self._corner(bit)
+            return x, y + self.tile.rows * self.pitch_um / 2
         return 0.0, self.rows * self.pitch_um / 2
 
     def _least_squares(self) -> list[tuple[float, float]]:
         return [self._spot(spot) for spot in self.spots]
+
+    def _corner(self, tile: int) -> tuple[float, float]:
+        """Return where a tile begins."""
+        down, across = divmod(tile, self.skin.tile_columns)
+        return across * self.tile.columns * self.pitch_um, down * self.tile.rows * self.pitch_um
 
     def _spot(self, spot: Spot) -> tuple[float, float]:
         """Return where a cell stands."""
         middle = self.columns * self.pitch_um / 2, self.rows * self.pitch_um / 2
         if spot.tile == MERGE:
             return middle
-        down, across = divmod(spot.tile, self.skin.tile_columns)
-        corner = across * self.tile.columns * self.pitch_um, down * self.tile.rows * self.pitch_um
+        corner = self._corner(spot.tile)
         if spot.station == NONE:
             x, y = self.tile.of_cells[spot.cell]
             return corner[0] + x, corner[1] + y

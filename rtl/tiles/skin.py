@@ -20,18 +20,18 @@ MOST_INPUT_BITS = 65_000
 
 
 class Skin(Block[TilesConfig]):
-    """All tiles with one sample tick; tile i has the i-th part of every other port, tile 0 the lowest.
+    """All tiles; tile i has the i-th part of every port that is not common, tile 0 the lowest.
 
     Attributes
     ----------
     event_valid, event_ready, event_tile, event_row, event_col, event_polarity
         The stream of all events, see ``Merge``.
     others
-        Those of ``Readout``, one after the other for each tile, but for ``sample_valid``, which is common.
+        Those of ``Readout``, one after the other for each tile, but for ``sample_valid``, which is common. With relay
+        stations each tile has its own: a line to all of them would take longer than a clock may.
     """
 
     module_name = "eskin_tiles"
-    COMMON = ("sample_valid",)
 
     def __init__(self, config: TilesConfig) -> None:
         members = Readout(config.tile).signature.members
@@ -39,7 +39,7 @@ class Skin(Block[TilesConfig]):
         self.outer = [name for name in members if name not in self.stream]
         ports = {}
         for name in self.outer:
-            width = Shape.cast(members[name].shape).width * (1 if name in self.COMMON else config.tiles)
+            width = Shape.cast(members[name].shape).width * (1 if name in common_ports(config) else config.tiles)
             ports[name] = members[name].flow(unsigned(width))
         inputs = sum(Shape.cast(port.shape).width for port in ports.values() if port.flow is In)
         if inputs > MOST_INPUT_BITS:
@@ -60,7 +60,8 @@ class Skin(Block[TilesConfig]):
             tile.place(m, f"tile_{index}", platform)
             for name in self.outer:
                 outside = getattr(self, name)
-                tile.connect(m, name, outside if name in self.COMMON else _part(outside, index, getattr(tile, name)))
+                part = outside if name in common_ports(self.config) else _part(outside, index, getattr(tile, name))
+                tile.connect(m, name, part)
             source: Block[Any] = tile
             for stage in range(self.config.relays):
                 relay = Relay(self.config)
@@ -73,6 +74,11 @@ class Skin(Block[TilesConfig]):
                     m, name, _part(getattr(merge, name.replace("event_", "tile_")), index, getattr(source, name))
                 )
         return m
+
+
+def common_ports(config: TilesConfig) -> tuple[str, ...]:
+    """Return the inputs that all tiles of a skin share, beside clock and reset."""
+    return () if config.relays else ("sample_valid",)
 
 
 def _part(words: Value, index: int, port: Value) -> Value:

@@ -239,8 +239,10 @@ def test_the_lines_of_a_skin_go_from_tile_to_station_to_merge(far_tiles: tuple[A
     assert where["merge"] == where["relay_0_1"] == where["relay_1_1"] == (200.0, 200.0)
     assert where["relay_0_0"] == (0.0, 100.0)
     assert where["relay_1_0"] == (0.0, 300.0)
-    samples = [number for number, port in enumerate(skin.ports) if port[:3] == ("input", "sample", 3 * 12)]
-    assert [places.of_ports[number] for number in samples] == [(300.0, 300.0)]  # taxel 1 of tile 1
+    at = {port[1:3]: place for port, place in zip(skin.ports, places.of_ports, strict=True)}
+    assert at["sample", 3 * 12] == (300.0, 300.0)  # taxel 1 of tile 1
+    assert (at["sample_valid", 0], at["sample_valid", 1]) == ((0.0, 100.0), (0.0, 300.0))
+    assert at["event_valid", 0] == (0.0, 200.0)
 
 
 @NEEDS_STA
