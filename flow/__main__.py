@@ -74,30 +74,19 @@ def faults(
     small: Annotated[bool, typer.Option(help="only a few readouts, and few upsets of each flop")] = False,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON")] = None,
 ) -> None:
-    """Turn every flop over, one at a time, and meet hostile surroundings; exit code 1 if more breaks than is stated."""
-    from flow.faults.plan import surroundings, trials
-    from flow.faults.run import closing_line, meet, run, write
+    """Turn every flop over, one at a time, and meet hostile surroundings; with --out it goes on where it was stopped.
 
-    lines: list[dict[str, Any]] = []
-    met: list[dict[str, Any]] = []
-    problems: list[str] = []
-    for trial in trials(small):
-        found, wrong = run(trial)
-        lines += found
-        problems += wrong
-        print(f"{trial.name:<62}{sum(line['upsets'] for line in found):>8} upsets{len(wrong):>4} problems", flush=True)
-    for config in surroundings(small):
-        for line in meet(config):
-            met.append(line)
-            print(
-                f"{line['readout']:<36}{line['case']:<32}{line['as stated']:>4} of {line['runs']} as stated", flush=True
-            )
-    for problem in problems:
+    Exit code 1 if more breaks than is stated.
+    """
+    from flow.faults.run import campaign, closing_line, write
+
+    done = campaign(small, out, lambda line: print(line, flush=True))
+    for problem in done.problems:
         print(problem)
     if out:
-        write(out, f"make faults{' SMALL=1' if small else ''}", lines, met, problems)
-    print(closing_line(lines, met, problems))
-    if problems or any(line["as stated"] < line["runs"] for line in met):
+        write(out, f"make faults{' SMALL=1' if small else ''}", done)
+    print(closing_line(done))
+    if done.problems or any(line["as stated"] < line["runs"] for line in done.cases):
         raise typer.Exit(1)
 
 

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from flow.faults import classifier, frames, host, merge
+from flow.faults import classifier, frames, host, merge, plan
 from flow.faults.cases import cases
 from flow.faults.outcomes import CLASSES, NEVER, WRITTEN, Upset, upsets
 from flow.faults.plan import Trial, most_changed, most_ticks
 from model.classifier.config import ClassifierConfig
 from model.config import ReadoutConfig
-from model.files import origin, write_json
+from model.crew.cluster import Needs, version
+from model.files import check_writable, origin, write_json
 from model.frame_config import FrameConfig
 from model.tiles.config import TilesConfig
+
+CODE = Needs(packages=("model", "rtl", "flow.faults"))
+"""What results depend on."""
 
 
 @dataclass
@@ -45,6 +51,25 @@ class Tally:
         self.flops.add(upset.flop)
         for name in ("own_clocks", "other_clocks", "ticks", "lost", "added"):
             setattr(self, name, max(getattr(self, name), getattr(upset, name)))
+
+
+@dataclass
+class Done:
+    """A campaign.
+
+    Attributes
+    ----------
+    blocks : list of dict
+        What came of the upsets of each block in each trial.
+    cases : list of dict
+        What came of each hostile case.
+    problems : list of str
+        What went beyond what is stated.
+    """
+
+    blocks: list[dict[str, Any]]
+    cases: list[dict[str, Any]]
+    problems: list[str]
 
 
 def problems_of(trial: Trial, upset: Upset) -> str:
@@ -112,17 +137,69 @@ def meet(config: ReadoutConfig) -> Iterator[dict[str, Any]]:
         yield {"case": case.name, "stated": case.stated, "readout": said, "runs": runs, "as stated": good}
 
 
-def closing_line(lines: list[dict[str, Any]], met: list[dict[str, Any]], problems: list[str]) -> str:
+def campaign(small: bool, out: Path | None, tell: Callable[[str], None]) -> Done:
+    """Run all trials and meet all surroundings.
+
+    Parameters
+    ----------
+    small : bool
+        Only a few.
+    out : Path or None
+        File for the results. Beside it each piece is kept as it comes, until ``write``: a campaign that was stopped
+        goes on behind them, unless the code has changed.
+    tell : callable
+        Takes a line for each piece.
+    """
+    known, code = {}, version(CODE)
+    if out:
+        check_writable(out)
+        if _pieces(out).exists():
+            found = (json.loads(line) for line in _pieces(out).read_text().splitlines() if line.endswith("}"))
+            known = {piece["name"]: piece for piece in found if piece["code"] == code}
+    done = Done([], [], [])
+    jobs: list[tuple[str, Callable[[], dict[str, Any]]]] = []
+    jobs += [(f"{trial}", partial(_tried, trial)) for trial in plan.trials(small)]
+    jobs += [(f"{config}", partial(_met, config)) for config in plan.surroundings(small)]
+    for name, job in jobs:
+        piece = known.get(name) or {"name": name, "code": code, **job()}
+        if out and name not in known:
+            with _pieces(out).open("a") as file:
+                file.write(json.dumps(piece) + "\n")
+        done.blocks += piece["blocks"]
+        done.cases += piece["cases"]
+        done.problems += piece["problems"]
+        for line in piece["said"]:
+            tell(line)
+    return done
+
+
+def _tried(trial: Trial) -> dict[str, Any]:
+    lines, wrong = run(trial)
+    said = f"{trial.name:<70}{sum(line['upsets'] for line in lines):>8} upsets{len(wrong):>4} problems"
+    return {"blocks": lines, "cases": [], "problems": wrong, "said": [said]}
+
+
+def _met(config: ReadoutConfig) -> dict[str, Any]:
+    met = list(meet(config))
+    said = [
+        f"{line['readout']:<36}{line['case']:<42}{line['as stated']:>4} of {line['runs']} as stated" for line in met
+    ]
+    return {"blocks": [], "cases": met, "problems": [], "said": said}
+
+
+def _pieces(out: Path) -> Path:
+    return out.with_name(f".{out.name}.pieces")
+
+
+def closing_line(done: Done) -> str:
     """Return the last line of ``make faults``."""
-    total, never = (sum(line[name] for line in lines) for name in ("upsets", NEVER))
-    runs, good = (sum(line[name] for line in met) for name in ("runs", "as stated"))
-    wrong = len(problems) + runs - good
+    total, never = (sum(line[name] for line in done.blocks) for name in ("upsets", NEVER))
+    runs, good = (sum(line[name] for line in done.cases) for name in ("runs", "as stated"))
+    wrong = len(done.problems) + runs - good
     return f"faults: {total} upsets, {never} of them for good, {runs} hostile runs, {wrong} beyond what is stated"
 
 
-def write(
-    path: Path, command: str, lines: list[dict[str, Any]], met: list[dict[str, Any]], problems: list[str]
-) -> None:
-    """Write all results as JSON."""
-    result = {"result": closing_line(lines, met, problems), "blocks": lines, "cases": met, "problems": problems}
-    write_json(path, {**origin(command), **result})
+def write(path: Path, command: str, done: Done) -> None:
+    """Write all results as JSON; their pieces are needed no more."""
+    write_json(path, {**origin(command), "result": closing_line(done), **vars(done)})
+    _pieces(path).unlink(missing_ok=True)

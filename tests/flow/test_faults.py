@@ -14,7 +14,7 @@ from flow.faults.bench import bench_gates
 from flow.faults.cases import ack_never_falls, cases
 from flow.faults.outcomes import CLASSES, UnlikeModel, Upset, upsets
 from flow.faults.plan import FEW, Trial, classifiers, hosts, surroundings, tiles, trials
-from flow.faults.run import problems_of, run
+from flow.faults.run import campaign, problems_of, run, write
 from flow.formal.mutants import Mutant, planted
 from rtl.readout import Readout
 
@@ -203,3 +203,32 @@ def test_the_command_ends_with_its_one_line(tmp_path: Path, monkeypatch: pytest.
     kept = json.loads((tmp_path / "faults.json").read_text())
     assert kept["result"] == last
     assert kept["command"] == "make faults SMALL=1"
+
+
+def test_a_campaign_that_was_stopped_goes_on_behind_what_is_done(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried = []
+
+    def stopped_once(trial: Trial) -> tuple[list[dict[str, int]], list[str]]:
+        tried.append(trial.stride)
+        if tried == [1, 2]:
+            raise KeyboardInterrupt
+        return [{"upsets": trial.stride, "never recovers": 0}], []
+
+    monkeypatch.setattr("flow.faults.plan.trials", lambda small: [Trial(FEW, stride=1), Trial(FEW, stride=2)])
+    monkeypatch.setattr("flow.faults.plan.surroundings", lambda small: [])
+    monkeypatch.setattr("flow.faults.run.run", stopped_once)
+    out, said = tmp_path / "faults.json", []
+    with pytest.raises(KeyboardInterrupt):
+        campaign(True, out, said.append)
+    done = campaign(True, out, said.append)
+    assert tried == [1, 2, 2]
+    assert len(said) == 3  # the first piece is told again
+    write(out, "make faults", done)
+    assert json.loads(out.read_text())["result"].startswith("faults: 3 upsets, 0 of them for good")
+    assert list(tmp_path.iterdir()) == [out]
+    monkeypatch.setattr("flow.faults.run.version", lambda needs: "another")
+    (tmp_path / ".faults.json.pieces").write_text('{"name": "' + str(Trial(FEW, stride=1)) + '", "code": "old"}\n{"na')
+    campaign(True, out, said.append)
+    assert tried == [1, 2, 2, 1, 2]
