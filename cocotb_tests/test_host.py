@@ -127,31 +127,37 @@ def pins_of(config: ReadoutConfig, clocks: int, rng: random.Random) -> list[Any]
     return pins[:clocks]
 
 
-def prepare(config: ReadoutConfig, folder: Path, seed: int) -> tuple[Path, Counter[str]]:
-    """Write what is to be played and what the model makes of it; return the file, and what happens in it."""
+def prepare(
+    config: ReadoutConfig, folder: Path, seed: int, given: list[Any] | None = None
+) -> tuple[Path, Counter[str]]:
+    """Write what is to be played and what the model makes of it; return the file, and what happens in it.
+
+    The pins of the host are those given, while masks change often, else ``pins_of`` says them.
+    """
     from model.readout import Stimulus
     from model.registers.host import play
 
     rng, draw = random.Random(seed), np.random.default_rng(seed)
+    clocks = CLOCKS if given is None else len(given)
     period = 24
-    ticks = CLOCKS // period
+    ticks = clocks // period
     # A walk whose steps are large and small in turn, so that requests wait and references rest.
     size = np.repeat(draw.choice([1, 20, 200], ticks // 20 + 1), 20)[:ticks, None]
     walk = np.cumsum(draw.normal(0, 1, (ticks, config.taxels)) * size, axis=0)
     turned = np.abs((walk + config.full_scale) % (4 * config.full_scale) - 2 * config.full_scale)
     samples = np.clip(turned - config.full_scale, -config.full_scale, config.full_scale - 1).astype(np.int32)
-    clocks = sorted(rng.sample(range(1, CLOCKS), 6))
+    changes = sorted(rng.sample(range(1, clocks), 6 if given is None else 60))
     stimulus = Stimulus(
         samples=samples,
         sample_clock=np.arange(ticks, dtype=np.int64) * period + 3,
-        clocks=CLOCKS,
-        enable_clock=np.array([0, *clocks], np.int64),
-        enable=draw.random((7, config.taxels)) < 0.9,
+        clocks=clocks,
+        enable_clock=np.array([0, *changes], np.int64),
+        enable=draw.random((len(changes) + 1, config.taxels)) < 0.9,
         ready=(draw.random(4096) < 0.6).astype(np.uint8),
     )
-    pins = pins_of(config, CLOCKS, rng)
+    pins = pins_of(config, clocks, rng) if given is None else given
     played = play(config, stimulus, pins)
-    mask = stimulus.enable[np.searchsorted(stimulus.enable_clock, np.arange(CLOCKS), side="right") - 1]
+    mask = stimulus.enable[np.searchsorted(stimulus.enable_clock, np.arange(clocks), side="right") - 1]
     path = folder / "host.npz"
     events = np.array([[int(e["t"]), int(e["x"]), int(e["y"]), int(e["p"])] for e in played.events]).reshape(-1, 4)
     np.savez(

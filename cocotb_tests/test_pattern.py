@@ -31,7 +31,9 @@ async def pattern_follows_its_model(dut: Any) -> None:
         if restart:
             row, column = rng.randrange(config.rows), rng.randrange(config.columns)
             on, turns = (rng.randrange(2), rng.randrange(2)) if config.has_polarity else (1, 0)
-            now = pattern.Pattern(rng.choice([0, 1, 1, 2, 2, 2]), on, turns, rng.choice([0, 0, 1, 2, 5]), row, column)
+            now = pattern.Pattern(
+                rng.choice([0, 1, 1, 2, 2, 2]), on, turns, rng.choice([0, 0, 1, 2, 5, rng.randrange(16)]), row, column
+            )
             willing = rng.choice([1.0, 0.3])
         asks = pattern.requests(state, restart)
         granted = 1 << state[pattern.ROW] if rng.random() < willing else 1 << rng.randrange(config.rows)

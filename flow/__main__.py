@@ -91,6 +91,35 @@ def faults(
 
 
 @app.command()
+def coverage(
+    small: Annotated[bool, typer.Option(help="only a few runs")] = False,
+    only: Annotated[str, typer.Option(help="runs whose names begin so")] = "",
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder for what is found")] = Path("out/coverage"),
+) -> None:
+    """Count what runs that are held to the models reach, of Verilog and specification; goes on where it was stopped."""
+    from flow.coverage.plan import runs
+    from flow.coverage.run import closing_line, judge, play, write
+    from flow.coverage.waivers import waivers
+
+    chosen = [run for run in runs() if (run.small or not small) and run.name.startswith(only)]
+    if not chosen:
+        raise InputError(f"no run begins with {only!r}; one of them is {runs()[0].name!r}")
+
+    def tell(name: str, total: int, hit: int) -> None:
+        print(f"{name:<45}{hit:>6} of {total:<6} constructs", flush=True)
+
+    reached = play(chosen, out, tell)
+    verdict = judge(reached, waivers(), whole=not (small or only))
+    for problem in verdict.problems:
+        print(problem)
+    command = " ".join(["make coverage", *["SMALL=1"] * small, *([f"ONLY={only!r}"] if only else [])])
+    write(out / "coverage.json", command, reached, verdict)
+    print(closing_line(reached, verdict))
+    if verdict.problems:
+        raise typer.Exit(1)
+
+
+@app.command()
 @with_config
 def properties(
     config: ReadoutConfig,

@@ -27,7 +27,7 @@ GAPS = (1, 3, 12, 70, 300)
 """Most clocks from one sample tick to the next."""
 
 FIELDS = frozenset(field.name for field in dataclasses.fields(ReadoutConfig))
-PARTS = ("signal", "gap", "sink", "masks")
+PARTS = ("signal", "gap", "sink", "masks", "share")
 Set = Mapping[str, Any]
 
 
@@ -43,7 +43,7 @@ class Draw:
         Of the runs of one configuration.
     set : mapping
         Parts that are not drawn: fields of the configuration, ``signal``, ``gap``, ``sink``, ``masks`` (how often
-        the mask changes in a thousand clocks).
+        the mask changes in a thousand clocks), ``share`` (of the taxels that a mask enables, 0.7 if not set).
     most_taxels : int
     """
 
@@ -111,6 +111,7 @@ class Draw:
         signal = self._drawn("signal", SIGNALS)
         sink = self._drawn("sink", SINKS)
         masks = self._drawn("masks", [0, 0, 3, 100])
+        share = self.set.get("share", 0.7)
         whole = isinstance(gap, int) and isinstance(masks, int)
         if signal not in SIGNALS or sink not in SINKS or not whole or gap < 1 or masks < 0:
             raise InputError(
@@ -121,7 +122,7 @@ class Draw:
         at = at[at < clocks]
         changes = np.flatnonzero(self.rng("changes").random(clocks) < masks / 1000)
         enable_clock = np.unique(np.concatenate([[0], changes])).astype(np.int64)
-        enable = self.rng("mask").random((len(enable_clock), config.taxels)) < 0.7
+        enable = self.rng("mask").random((len(enable_clock), config.taxels)) < share
         enable |= masks == 0
         return Stimulus(
             samples=self._samples(config, signal, len(at)),

@@ -186,6 +186,46 @@ def soak() -> str:
 
 
 @table
+def coverage() -> str:
+    """What of the Verilog was reached, by kind."""
+    kept = evidence("coverage")
+    if kept is None:
+        return _not_yet()
+    words = {"line": "lines", "branch": "branches", "toggle": "toggles", "condition": "terms of conditions"}
+    rows = []
+    for kind, word in words.items():
+        line = kept["constructs"][kind]
+        left = line["total"] - line["reached"] - line["explained"]
+        rows.append([word, *(f"{line[key]:,}" for key in ("total", "reached", "explained")), str(left)])
+    head = ["", "in all", "reached", "explained", "neither"]
+    said = f"`{kept['command']}`, {kept['commit']}, {kept['date']}: {kept['result']}; {len(kept['runs'])} runs.\n"
+    return f"{markdown(head, rows)}\n{said}"
+
+
+@table
+def unreached() -> str:
+    """Why some of the Verilog is never reached."""
+    kept = evidence("coverage")
+    if kept is None:
+        return _not_yet()
+    rows = [
+        [reason, f"{line['constructs']:,}", "proved" if line["proved"] else "argued"]
+        for reason, line in sorted(kept["reasons"].items(), key=lambda item: -item[1]["constructs"])
+    ]
+    return markdown(["never reached, because", "constructs", ""], rows)
+
+
+@table
+def points() -> str:
+    """Functional points, group by group."""
+    kept = evidence("coverage")
+    if kept is None:
+        return _not_yet()
+    rows = [[group, f"{line['reached']:,} of {line['points']:,}"] for group, line in kept["points"].items()]
+    return markdown(["points of", "reached"], rows)
+
+
+@table
 def load() -> str:
     """Four arbiters under the same loads."""
     kept = read("benchmarks/results/load.json")

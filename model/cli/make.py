@@ -128,6 +128,11 @@ TARGETS = {
         "upset every flop, one at a time, and meet hostile surroundings [SMALL=1 OUT=]",
         "flow faults",
     ),
+    "coverage": Target(
+        "lines, branches, toggles, points of the specification that runs held to the models reach [SMALL=1 ONLY= OUT=]",
+        "flow coverage",
+        ("sim", "dev", "registers"),
+    ),
     "properties": Target(
         "the properties as SystemVerilog, bound to the Verilog of make verilog [OUT=]",
         "flow properties",

@@ -1,0 +1,153 @@
+"""What is played: designs that together have every block, encoder, front end and link, with runs held to the models."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from flow.coverage import stimuli
+from model.classifier.chip_config import ChipConfig
+from model.classifier.config import ClassifierConfig
+from model.config import ReadoutConfig
+from model.frame_config import FrameConfig
+from model.tiles.config import MergeConfig, TilesConfig
+from rtl.verilog import Config
+
+
+@dataclass(frozen=True)
+class Run:
+    """A design, and what plays it.
+
+    Attributes
+    ----------
+    name : str
+    config : Config
+    player : callable
+        Simulates a configuration in Verilator, in a folder, and holds everything to a model.
+    small : bool
+        Part of the gate.
+    """
+
+    name: str
+    config: Config
+    player: Callable[[Any, Path], object]
+    small: bool = False
+
+    def play(self, folder: Path) -> None:
+        """Simulate it."""
+        self.player(self.config, folder)
+
+
+SMALL = ReadoutConfig(
+    rows=3,
+    columns=3,
+    sample_bits=6,
+    resolution=3,
+    closing_shift=1,
+    window_period=3,
+    leak_shift=3,
+    leak_period=4,
+    fraction_bits=2,
+)
+"""Few bits, in which every end is near, and three of everything."""
+
+
+GATE = ("lcs digital stream", "cw-lcs digital stream")
+"""Readouts that the gate plays; the others have the same in other clothes."""
+
+
+def runs() -> list[Run]:
+    """Return all runs."""
+    return [*_readouts(), *_frames(), *_hosts(), *_skins(), *_classifiers()]
+
+
+def _readouts() -> Iterator[Run]:
+    """Yield every encoder with both front ends and both links, and every encoder that decides by the sample."""
+    variants = itertools.product(("lcs", "cw-lcs", "nlcs"), ("digital", "analog"), ("stream", "four_phase"))
+    for number, (encoding, frontend, link) in enumerate(variants):
+        own = {"encoding": encoding, "frontend": frontend, "link": link}
+        config = ReadoutConfig.from_dict(SMALL.to_dict() | own | {"reset": ("sync", "async")[number % 3 % 2]})
+        name = f"{encoding} {frontend} {link}"
+        yield Run(name, config, stimuli.readout, small=name in GATE)
+        if link == "stream":
+            yield Run(f"{name} by the sample", config.replace(decide_every="sample"), stimuli.readout)
+
+
+def _frames() -> Iterator[Run]:
+    """Yield frame readouts: words with a rest, of one code, longer than a frame, of two codes with a long settling."""
+    for rows, columns, resolution, word_bits, own in (
+        (3, 5, 5, 12, {}),
+        (3, 2, 6, 6, {"reset": "async"}),
+        (1, 3, 6, 16, {"reset": "async"}),
+        (2, 2, 4, 8, {"settle_clocks": 3}),
+    ):
+        fields = {"rows": rows, "columns": columns, "resolution": resolution, "word_bits": word_bits, "sample_bits": 8}
+        config = FrameConfig.from_dict(fields | own)
+        name = f"frames {rows}x{columns}, {resolution} in {word_bits} bits"
+        yield Run(name, config, stimuli.frame, small=word_bits == 12)
+
+
+def _hosts() -> Iterator[Run]:
+    """Yield readouts with registers, and the blocks of their host alone."""
+    for encoding, frontend in itertools.product(("lcs", "cw-lcs", "nlcs"), ("digital", "analog")):
+        own = {"encoding": encoding, "frontend": frontend, "registers": "spi"}
+        config = ReadoutConfig.from_dict(SMALL.to_dict() | own)
+        yield Run(f"registers {encoding} {frontend}", config, stimuli.host)
+    lcs = SMALL.replace(registers="spi")
+    for name, test in (
+        ("registers", "file_follows_its_model"),
+        ("pattern", "pattern_follows_its_model"),
+        ("spi", "slave_follows_its_model"),
+    ):
+        for config in (lcs, lcs.replace(encoding="cw-lcs"), lcs.replace(encoding="nlcs"))[: 1 if name == "spi" else 3]:
+            yield Run(f"{name} alone {config.encoding}", config, stimuli.alone(f"eskin_{name}", test))
+
+
+def _skins() -> Iterator[Run]:
+    """Yield skins of tiles and merges alone."""
+    for down, across, encoding in ((2, 2, "lcs"), (1, 3, "nlcs")):
+        tile = SMALL.replace(rows=2, columns=2, encoding=encoding)
+        config = TilesConfig.of(tile, down, across)
+        yield Run(f"merge {config.tiles} tiles {encoding}", MergeConfig(config), stimuli.merge)
+        yield Run(f"skin {config.tiles} tiles {encoding}", config, stimuli.skin)
+
+
+def _classifiers() -> Iterator[Run]:
+    """Yield classifiers that saturate, leak, are held at a floor, or only add, and chips with one in them."""
+    base = {"clocks_per_bin": 64 * 9, "threshold": 300, "out_threshold": 200, "lanes": 4, "inputs": 5, "hidden": 9}
+    variants: dict[str, dict[str, Any]] = {
+        "plain": {"classes": 3, "floor": -300, "out_floor": -200},
+        "saturating": {
+            "classes": 3,
+            "membrane_bits": 10,
+            "output_bits": 9,
+            "evidence_bits": 5,
+            "in_shift": 3,
+            "rec_shift": 6,
+            "out_shift": 4,
+            "lanes": 2,
+        },
+        "leaky": {
+            "classes": 2,
+            "neuron_reset": "subtract",
+            "leak_shift": 3,
+            "out_leak_shift": 2,
+            "floor": -50,
+            "membrane_bits": 10,
+            "reset": "async",
+            "lanes": 1,
+        },
+        "membrane": {"classes": 4, "readout": "membrane", "out_leak_shift": 4, "leak_shift": 1, "in_bits": 4},
+    }
+    for name, own in variants.items():
+        config = ClassifierConfig.from_dict(base | own)
+        yield Run(f"classifier {name}", config, stimuli.classifier)
+    for encoding, channels in (("lcs", 18), ("nlcs", 9)):
+        readout = SMALL.replace(encoding=encoding, clocks_per_sample=64)
+        network = ClassifierConfig.from_dict(
+            base | {"inputs": channels, "classes": 3, "bin_s": 0.0003, "floor": -200, "out_floor": -200}
+        )
+        yield Run(f"chip {encoding}", ChipConfig(readout=readout, classifier=network), stimuli.chip)

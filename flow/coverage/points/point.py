@@ -1,0 +1,46 @@
+"""A functional point."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+Named = Iterator[tuple[str, str]]
+"""Names of points, and their expressions."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """Something that a run is to reach.
+
+    Attributes
+    ----------
+    group : str
+        Kind of readout, or block.
+    name : str
+    module : str
+        Whose names the expression speaks of.
+    expression : str
+        SystemVerilog, true at a rising edge of the clock where the point is reached.
+    """
+
+    group: str
+    name: str
+    module: str
+    expression: str
+
+    @property
+    def label(self) -> str:
+        """A name for Verilator, the same in all designs of the group."""
+        return re.sub(r"\W+", "_", f"{self.group} {self.name}")
+
+
+def any_of(terms: Iterable[str]) -> str:
+    """Return an expression that is true where one of some is."""
+    return "(" + " || ".join(f"({term})" for term in terms) + ")"
+
+
+def began(state: str) -> str:
+    """Return an expression that is true in the first clock of a reset, where something held before it."""
+    return f"rst && !$past(rst) && $past({state})"

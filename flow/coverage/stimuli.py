@@ -1,0 +1,165 @@
+"""What plays the runs: the co-simulation's own benches, with stimuli that look for what is seldom."""
+
+from __future__ import annotations
+
+import json
+import random
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cocotb_tests.bench.draw import GAPS, SIGNALS, SINKS, Draw
+from cocotb_tests.soak.play import play
+from model.classifier.chip_config import ChipConfig
+from model.classifier.config import ClassifierConfig
+from model.config import ReadoutConfig
+from model.frame_config import FrameConfig
+from model.registers.description import Register, registers
+from model.tiles.config import MergeConfig, TilesConfig
+
+VERILATOR: Any = "verilator"
+SHORT_CLOCKS, LONG_CLOCKS = 300, 4000
+MASKS = (0, 100, 0, 3, 500)
+
+LONG: list[dict[str, Any]] = [
+    {"signal": "square", "sink": "always", "gap": 300, "masks": 0},
+    {"signal": "square", "sink": "always", "gap": 12, "masks": 0},
+    {"signal": "hold", "sink": "always", "gap": 12, "masks": 0},
+    {"signal": "hold", "sink": "random", "gap": 3, "masks": 3},
+    {"signal": "walk", "sink": "always", "gap": 70, "masks": 3},
+    {"signal": "noise", "sink": "random", "gap": 3, "masks": 300, "share": 0.1},
+    {"signal": "noise", "sink": "always", "gap": 70, "masks": 100, "share": 0.5},
+    {"signal": "near", "sink": "always", "gap": 1, "masks": 0},
+]
+"""What takes its time: both ends of the scale, windows that close, masks that leave one taxel, or none."""
+
+AT_REST: dict[str, Any] = {"signal": "hold", "sink": "always", "gap": 300, "masks": 0}
+"""A run of so few clocks that nothing happens before the next reset."""
+
+
+def readout(config: ReadoutConfig, folder: Path) -> None:
+    """Play every signal with every sink, at all rates of samples and masks, and what takes its time."""
+    short = [
+        {"signal": SIGNALS[number // len(SINKS)], "sink": SINKS[number % len(SINKS)]}
+        | {"gap": GAPS[number % len(GAPS)], "masks": MASKS[number % len(MASKS)]}
+        for number in range(len(SIGNALS) * len(SINKS))
+    ]
+    parts = [*((one, SHORT_CLOCKS) for one in short), *((one, LONG_CLOCKS) for one in LONG), (AT_REST, 4)]
+    fields = config.to_dict() | {"registers": "none"}
+    play([Draw(1, clocks, run, fields | own) for run, (own, clocks) in enumerate(parts)], VERILATOR)
+
+
+def _words(register: Register) -> Iterator[int]:
+    """Yield words for a register: every field at both ends and just beyond them, all ones, and the reset's."""
+    resting = {field.name: field.reset for field in register.fields}
+    for field in register.fields:
+        top = (1 << field.width) - 1
+        for value in (field.least, field.most, max(field.least - 1, 0), min(field.most + 1, top), top):
+            yield sum((resting | {field.name: value})[f.name] << f.low for f in register.fields)
+    yield (1 << 32) - 1
+    yield register.reset
+
+
+def directed_host(config: ReadoutConfig, rng: random.Random) -> list[Any]:
+    """Return the pins of a host that writes every register at its ends, reads all of them, and tests in every mode."""
+    from cocotb_tests.bench.spi import Timing, waveform
+    from cocotb_tests.test_host import pins_of
+    from model.registers.spi import Pins, transfer
+
+    found = {register.name: register for register in registers(config)}
+    pins: list[Any] = [Pins()] * 4
+
+    def write(address: int, *words: int, gap: int = 3) -> None:
+        pins.extend(waveform(transfer(address, list(words), True), Timing(2, 2, gap=gap)))
+
+    def read(address: int, count: int = 1) -> None:
+        pins.extend(waveform(transfer(address, [0] * count, False), Timing(2, 4)))
+
+    for register in found.values():
+        for word in _words(register):
+            write(register.address, word, gap=rng.choice([3, 40]))
+        read(register.address)
+        if register.writable:
+            write(register.address, register.reset)
+    test = found["test"]
+    modes = [(1, 0, 0), (1, 1, 2), (2, 0, 0), (2, 1, 1), (0, 0, 0), *((2, 1, interval) for interval in range(16))]
+    for number, (mode, turns, interval) in enumerate(modes):
+        values = {"mode": mode, "turns": turns, "interval": interval, "on": number % 2}
+        if number % 2:
+            values |= {"row": config.rows - 1, "column": config.columns - 1}
+        write(test.address, sum(values.get(f.name, 0) << f.low for f in test.fields), gap=60)
+    write(test.address, 2)
+    write(found["control"].address, 1)
+    read(0, 18)
+    for address in (0x30, 0x7FFC, 0x5554, 0x2AA8):  # holes; the address behind the last is the first again
+        write(address, rng.getrandbits(32), rng.getrandbits(32))
+        read(address, 2)
+    return [*pins, *pins_of(config, 2000, rng)]
+
+
+def host(config: ReadoutConfig, folder: Path) -> None:
+    """Play a host that sets everything while the array sends events; with comparators outside, one at random alone."""
+    from cocotb_tests.session.simulator import build
+    from cocotb_tests.test_host import JOB, pins_of, prepare
+
+    rng = random.Random(5)
+    pins = directed_host(config, rng) if config.frontend == "digital" else pins_of(config, 4000, rng)
+    path, _ = prepare(config, folder, 5, pins)
+    env = {JOB: json.dumps({"config": config.to_dict(), "seed": 5}), "ESKIN_HOST": str(path)}
+    program = build(config, VERILATOR, top="eskin_readout")
+    program.test("cocotb_tests.test_host", folder, "readout_follows_its_model", env)
+
+
+def alone(top: str, test: str) -> Callable[[Any, Path], None]:
+    """Return what plays the co-simulation of a block, with some seeds."""
+
+    def play_block(config: Any, folder: Path) -> None:
+        from cocotb_tests.session.block import cosimulate
+
+        for seed in (11, 12, 13):
+            cosimulate(config, VERILATOR, top, test, folder, seed)
+
+    return play_block
+
+
+def frame(config: FrameConfig, folder: Path) -> None:
+    """Play every ADC with every receiver."""
+    from cocotb_tests.test_frame import cosimulate
+
+    scale = config.readout.full_scale
+    samples = np.random.default_rng(config.taxels).integers(-scale, scale, (400, config.taxels))
+    for seed in range(1, 5):
+        cosimulate(config, VERILATOR, "frames_equal_the_model", folder, seed, samples)
+
+
+def skin(config: TilesConfig, folder: Path) -> None:
+    """Play a whole skin."""
+    from cocotb_tests.test_tiles import test_a_skin_equals_its_model
+
+    test_a_skin_equals_its_model(VERILATOR, config, folder)
+
+
+def merge(config: MergeConfig, folder: Path) -> None:
+    """Play busy and quiet tiles against all kinds of sinks."""
+    from cocotb_tests.test_merge import test_merge_keeps_its_contract_and_equals_its_models
+
+    test_merge_keeps_its_contract_and_equals_its_models(VERILATOR, config.skin, folder)
+
+
+def classifier(config: ClassifierConfig, folder: Path) -> None:
+    """Play random networks, events at all rates, and bins that come too early."""
+    from cocotb_tests.test_classifier import cosimulate
+
+    cosimulate(config, VERILATOR, folder, config.hidden)
+
+
+def chip(config: ChipConfig, folder: Path) -> None:
+    """Play a texture through readout and classifier."""
+    from cocotb_tests.test_touch import play as touch
+
+    touch(config, VERILATOR, folder)
+
+
+__all__ = ["alone", "chip", "classifier", "frame", "host", "merge", "readout", "skin"]
