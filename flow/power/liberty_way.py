@@ -17,6 +17,22 @@ INPUT_SLEW_S = 0.1e-9
 OTHER = {RISE: FALL, FALL: RISE}
 
 
+@dataclass(frozen=True)
+class Use:
+    """What a cell did, whatever its loads are.
+
+    Attributes
+    ----------
+    leakage_w : float
+        Mean over its states.
+    spent : list of (str, str, Energy, float)
+        Pin, edge of it, energy of the library, and how often that was spent.
+    """
+
+    leakage_w: float
+    spent: list[tuple[str, str, Energy, float]]
+
+
 @dataclass
 class LibertyWay:
     """A netlist with its loads and slews.
@@ -91,9 +107,24 @@ class LibertyWay:
 
     # -- power -----------------------------------------------------------------------------------
 
-    def power_w(self, activity: Activity, clock_hz: float) -> dict[str, tuple[float, float, float]]:
-        """Return internal, switching and leakage power of every cell in watts."""
-        return {cell.name: self._power(cell, activity, clock_hz) for cell in self.netlist.cells}
+    def power_w(
+        self, activity: Activity, clock_hz: float, uses: dict[str, Use] | None = None
+    ) -> dict[str, tuple[float, float, float]]:
+        """Return internal, switching and leakage power of every cell in watts.
+
+        Parameters
+        ----------
+        activity : Activity
+        clock_hz : float
+        uses : dict of str to Use
+            What this netlist does in that activity, where it is known already: it takes half the time.
+        """
+        known = self.uses(activity) if uses is None else uses
+        return {cell.name: self._power(cell, activity, clock_hz, known[cell.name]) for cell in self.netlist.cells}
+
+    def uses(self, activity: Activity) -> dict[str, Use]:
+        """Return what every cell does; wires change nothing in it."""
+        return {cell.name: self._use(cell, activity) for cell in self.netlist.cells}
 
     def inputs_w(self, activity: Activity, clock_hz: float) -> float:
         """Return what drives the nets at the inputs of the netlist, clock and reset too: C V^2 / 2 a toggle."""
@@ -107,16 +138,24 @@ class LibertyWay:
     def _switching(self, net: str, activity: Activity) -> float:
         return 0.5 * self.load_f.get(net, 0.0) * self.library.known.voltage_v**2 * activity.toggles(net)
 
-    def _power(self, cell: Cell, activity: Activity, clock_hz: float) -> tuple[float, float, float]:
-        tables = self.tables[cell.kind]
-        bits = {pin: _bits(net, activity) for pin, net in cell.pins.items()}
+    def _power(self, cell: Cell, activity: Activity, clock_hz: float, use: Use) -> tuple[float, float, float]:
         outputs = self._outputs(cell)
         switching = sum(self._switching(net, activity) for net in outputs.values())
         internal = 0.0
+        for pin, edge, energy, count in use.spent:
+            load = self.load_f.get(cell.pins[pin], 0.0) if pin in outputs else 0.0
+            internal += count * self._value(cell, pin, edge, energy, load) / activity.clocks
+        return internal * clock_hz, switching * clock_hz, use.leakage_w
+
+    def _use(self, cell: Cell, activity: Activity) -> Use:
+        tables = self.tables[cell.kind]
+        bits = {pin: _bits(net, activity) for pin, net in cell.pins.items()}
+        outputs = self._outputs(cell)
+        spent: list[tuple[str, str, Energy, float]] = []
         for pin in cell.pins:
             if tables.energies.get(pin) and len(bits[pin]) > 1:
-                internal += self._internal(cell, pin, bits, pin in outputs) / activity.clocks
-        return internal * clock_hz, switching * clock_hz, self._leakage(tables, bits)
+                spent += self._spent(cell, pin, bits, pin in outputs)
+        return Use(self._leakage(tables, bits), spent)
 
     def _leakage(self, tables: CellTables, bits: dict[str, Bits]) -> float:
         """Return the mean leakage over the states of a cell."""
@@ -131,8 +170,8 @@ class LibertyWay:
             share += part
         return total / share if share > 0.999 else total + (1 - share) * tables.leakage_w
 
-    def _internal(self, cell: Cell, pin: str, bits: dict[str, Bits], output: bool) -> float:
-        """Return the energy that the changes of a pin cost inside the cell, in joules."""
+    def _spent(self, cell: Cell, pin: str, bits: dict[str, Bits], output: bool) -> list[tuple[str, str, Energy, float]]:
+        """Return which energies the changes of a pin cost inside the cell, and how often."""
         tables = self.tables[cell.kind]
         clocks = set(tables.cell.clock_pins)
         after, before = bits[pin][1:], bits[pin][:-1]
@@ -142,42 +181,13 @@ class LibertyWay:
             name: values if len(values) == 1 else (values[:-1] if pin in clocks and name != pin else values[1:])
             for name, values in known.items()
         }
-        energy = 0.0
+        spent = []
         for edge, changed in ((RISE, after & ~before), (FALL, before & ~after)):
             if changed.any():
                 groups = [group for group in tables.energies[pin] if edge in group.tables]
-                energy += self._of_edge(cell, pin, edge, groups, (changed, shown, bits, output))
-        return energy
-
-    def _of_edge(
-        self,
-        cell: Cell,
-        pin: str,
-        edge: str,
-        groups: list[Energy],
-        seen: tuple[Bits, dict[str, Bits], dict[str, Bits], bool],
-    ) -> float:
-        """Return the energy of all rises or falls of a pin: that of the group which fits each, or the mean of those."""
-        changed, shown, bits, output = seen
-        at = np.flatnonzero(changed)
-        total, count = np.zeros(len(at)), np.zeros(len(at))
-        spare, spares = np.zeros(len(at)), 0
-        load = self.load_f.get(cell.pins[pin], 0.0)
-        for group in groups:
-            value = self._value(cell, pin, edge, group, load if output else 0.0)
-            holds = np.ones(len(at), bool)
-            if group.when:
-                holds &= np.broadcast_to(condition(group.when)(shown), changed.shape)[at]
-            if output and group.related:
-                moved = [bits[name] for name in group.related if len(bits.get(name, ())) > 1]
-                holds &= np.any([m[1:][at] != m[:-1][at] for m in moved], axis=0) if moved else False
-            if group.when or output:
-                total += holds * value
-                count += holds
-            if not group.when or output:
-                spare, spares = spare + value, spares + 1
-        default = spare / spares if spares else spare
-        return float(np.where(count > 0, total / np.maximum(count, 1), default).sum())
+                counts = _counts(groups, (changed, shown, bits, output))
+                spent += [(pin, edge, group, count) for group, count in zip(groups, counts, strict=True) if count]
+        return spent
 
     def _value(self, cell: Cell, pin: str, edge: str, group: Energy, load: float) -> float:
         """Return the energy of one change by the group's table; the slew is that of the causing pin, or its own."""
@@ -189,6 +199,30 @@ class LibertyWay:
             sources = {s for arc in arcs for s in _sources(arc, edge)} or {edge}
             values += [group.tables[edge].at(self._slew_of(cell, related, s), load) for s in sources]
         return sum(values) / len(values)
+
+
+def _counts(groups: list[Energy], seen: tuple[Bits, dict[str, Bits], dict[str, Bits], bool]) -> list[float]:
+    """Return how often each group is spent in all rises or falls of a pin.
+
+    A change costs the mean of those that fit it; where none does, the mean of those without a condition.
+    """
+    changed, shown, bits, output = seen
+    at = np.flatnonzero(changed)
+    fits = np.zeros((len(groups), len(at)), bool)
+    spare = np.array([not group.when or output for group in groups], bool)
+    for number, group in enumerate(groups):
+        if not (group.when or output):
+            continue
+        fits[number] = True
+        if group.when:
+            fits[number] &= np.broadcast_to(condition(group.when)(shown), changed.shape)[at]
+        if output and group.related:
+            moved = [bits[name] for name in group.related if len(bits.get(name, ())) > 1]
+            fits[number] &= np.any([m[1:][at] != m[:-1][at] for m in moved], axis=0) if moved else False
+    fitting = fits.sum(axis=0)
+    counts = (fits / np.maximum(fitting, 1)).sum(axis=1)
+    others = float(np.count_nonzero(fitting == 0)) / max(int(np.count_nonzero(spare)), 1)
+    return [float(count) for count in counts + others * spare]
 
 
 def _sources(arc: Arc, edge: str) -> tuple[str, ...]:

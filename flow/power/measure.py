@@ -14,7 +14,7 @@ from flow.gates.netlist import FlatNetlist, read
 from flow.power import frames
 from flow.power.activity import Activity
 from flow.power.bench import play
-from flow.power.liberty_way import LibertyWay
+from flow.power.liberty_way import LibertyWay, Use
 from flow.power.scenarios import CLOSING, IDLE, LONE, SATURATED, TEXTURE, closing_ticks, scenarios
 from flow.power.sta_way import StaWay
 from flow.power.wires import Wires, block_of
@@ -78,15 +78,15 @@ class Ways:
     opensta: StaWay
     clock_hz: float
 
-    def stretch(self, name: str, activity: Activity, events: int) -> Stretch:
-        """Return what the netlist draws with an activity.
+    def stretch(self, name: str, activity: Activity, events: int, uses: dict[str, Use] | None = None) -> Stretch:
+        """Return what the netlist draws with an activity; ``uses`` are what its cells do, where that is known.
 
         Raises
         ------
         Disagreement
             If the two ways lie more than ``MOST_APART`` apart.
         """
-        own = self.tables.power_w(activity, self.clock_hz)
+        own = self.tables.power_w(activity, self.clock_hz, uses)
         internal, switching, leakage = (sum(power[part] for power in own.values()) for part in range(3))
         other = sum(sum(power) for power in self.opensta.power_w(activity, self.clock_hz).values())
         agreement = other / (internal + switching + self.tables.stateless_w())
@@ -139,11 +139,13 @@ def measure(
     cells = models(library, {cell.kind for cell in flat.cells})
     with tempfile.TemporaryDirectory() as name:
         played, due = _played(config, flat, cells, Path(name))
-    results = []
+    results: list[dict[str, Any]] = []
+    uses: dict[str, dict[str, Use]] = {}
     for pitch in pitches_um:
         wires = Wires(config.rows, config.columns, pitch).capacitance_f(flat)
         ways = Ways(LibertyWay(flat, library, wires), StaWay(flat, library, wires), config.clock_hz)
-        found = {name: ways.stretch(name, activity, events) for name, (activity, events) in played.items()}
+        uses = uses or {name: ways.tables.uses(activity) for name, (activity, _) in played.items()}
+        found = {name: ways.stretch(name, activity, events, uses[name]) for name, (activity, events) in played.items()}
         sent = {"netlist": sum(stretch.events for stretch in found.values()), "rtl": due}
         results.append(_summary(config, flat, library, pitch, found) | {"gate_level_events": sent})
     return results
