@@ -115,15 +115,27 @@ def _deliver(config: Config, out: Path, report: Path | None = None) -> None:
 @with_config
 def gates(
     config: ReadoutConfig,
+    given: frozenset[str],
     stored: dict[str, Any],
     liberty: Annotated[Path | None, typer.Option(help="cell library (.lib): mapped to it, with its area")] = None,
+    classifier: Annotated[
+        Path | None,
+        typer.Option(metavar="INTEGER.npz", help="the classifier of such a file instead, memories left out"),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
 ) -> None:
-    """Count gates and flops of both readouts, synthesised for the same array."""
+    """Count gates and flops of both readouts, synthesised for the same array, or of a classifier."""
     import json
 
     from rtl.gates import count_gates
 
+    if classifier is not None:
+        if given:
+            raise InputError(
+                f"--{min(given).replace('_', '-')} has no effect with --classifier: leave one of the two out"
+            )
+        _count_classifier(classifier, liberty, as_json)
+        return
     designs: dict[str, ReadoutConfig | FrameConfig] = {
         encoding: config.replace(encoding=encoding) for encoding in ("lcs", "cw-lcs", "nlcs")
     }
@@ -145,6 +157,26 @@ def gates(
             "" if area is None else f"{area:.0f}",
         )
     show(table)
+
+
+def _count_classifier(path: Path, liberty: Path | None, as_json: bool) -> None:
+    """Count gates and flops of the classifier of a file, and print them."""
+    import json
+
+    from model.classifier.file import IntegerWeights
+    from rtl.gates import count_gates
+
+    config = IntegerWeights.load(path).network.config
+    found = count_gates(config, 1, liberty)
+    if as_json:
+        numbers = {"flops": found.flops, "gates": found.gates, "area_um2": found.area_um2}
+        numbers["memory_bits"] = config.memory_bits
+        said = {"liberty": liberty.name if liberty else None, "configuration": config.to_dict(), "classifier": numbers}
+        print(json.dumps(said, indent=2))
+        return
+    area = "" if found.area_um2 is None else f", {found.area_um2 / 1e6:.3f} mm2 of cells of {liberty and liberty.name}"
+    size = f"{config.inputs}-{config.hidden}-{config.classes}, {config.lanes} lanes"
+    print(f"{size}: {found.flops} flops, {found.gates} gates{area}, beside {config.memory_bits} bits of memory")
 
 
 def main() -> None:

@@ -7,12 +7,16 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+from model.classifier.config import ClassifierConfig
 from model.errors import InputError
 from rtl import yosys
 from rtl.verilog import Config, rtlil, top_block
 
 GENERIC = "abc -g AND,OR,XOR,MUX"
 """Without a library: two-input gates, multiplexers and inverters, each counted as one."""
+
+MEMORIES = "eskin_weights eskin_neuron_weights"
+"""Modules of the classifier that are macros: they are left out of what is counted."""
 
 GENERIC_FLOP = re.compile(r"\$_S?DFF\w*_")
 """Yosys' own flip-flops, as it names them without a library."""
@@ -109,9 +113,10 @@ def count_gates(config: Config, taxels: int, liberty: Path | None = None) -> Gat
 
     Parameters
     ----------
-    config : ReadoutConfig or FrameConfig
+    config : ReadoutConfig, FrameConfig or ClassifierConfig
+        Of a classifier the memories of weights are left out.
     taxels : int
-        Taxels of its array.
+        Taxels of its array; 1 for a classifier.
     liberty : Path, optional
         Cell library; without one, generic two-input gates are counted.
 
@@ -137,7 +142,8 @@ def _statistics(config: Config, library: Liberty | None) -> str:
     option = "" if library is None else " -liberty cells.lib"
     mapping = GENERIC if library is None else f"dfflibmap{option}; abc{option}"
     script = (
-        f"read_rtlil readout.il; synth -top {top_block(config).module_name}; {mapping}; opt_clean -purge; "
+        f"read_rtlil readout.il; {f'blackbox {MEMORIES}; ' if isinstance(config, ClassifierConfig) else ''}"
+        f"synth -top {top_block(config).module_name}; {mapping}; opt_clean -purge; "
         f"tee -q -o stat.json stat -json{option}"
     )
     try:

@@ -95,6 +95,21 @@ def asic_power() -> str:
 
 
 @table
+def asic_windows() -> str:
+    """What closing windows cost: netlists of CW-LCS."""
+    rows = []
+    for report in netlists().values():
+        if "closing_w_per_taxel" in report:
+            taxel = [1e9 * result[f"{name}_w_per_taxel"] for result in (report, report["with_wires"])
+                     for name in ("idle", "closing")]  # fmt: skip
+            window = [1e12 * result["energy_per_closed_window_j"] for result in (report, report["with_wires"])]
+            size = f"{report['rows']} x {report['columns']}"
+            rows.append([named(report), size, cells_of(report), *(f"{value:.1f}" for value in (*taxel, *window))])
+    head = ["readout", "array", "cells", "idle, nW a taxel", "closing", "idle, with wires", "closing"]
+    return markdown([*head, "pJ a closed window", "with wires"], rows)
+
+
+@table
 def asic_targets() -> str:
     """What 8 x 8 LCS in 130 nm should cost, and what it does."""
     digital, analog = netlists()["lcs-digital-8x8-ihp"], compared()["IHP 130 nm", "LCS analog", "none"]

@@ -7,8 +7,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from model.classifier.config import ClassifierConfig
+from model.classifier.file import IntegerWeights
+from model.classifier.network import IntegerNetwork
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.frame_config import FrameConfig
@@ -100,6 +104,22 @@ def test_a_file_that_is_no_library_is_one_sentence(tmp_path: Path) -> None:
         count_gates(ReadoutConfig(rows=1, columns=1), 1, path)
     with pytest.raises(InputError, match=r"^cannot read the cell library .*none\.lib: No such file or directory$"):
         count_gates(ReadoutConfig(rows=1, columns=1), 1, tmp_path / "none.lib")
+
+
+def test_a_classifier_is_counted_without_its_memories(tmp_path: Path) -> None:
+    config = ClassifierConfig(inputs=4, hidden=8, classes=2, lanes=2, clocks_per_bin=100, membrane_bits=12)
+    shapes = ((4, 8), (8, 8), (8, 2), (8,), (2,))
+    network = IntegerNetwork(config, *(np.zeros(shape, int) for shape in shapes))
+    IntegerWeights(network, ("a", "b")).save(tmp_path / "integer.npz")
+    command = [sys.executable, "-m", "rtl", "gates", "--classifier", str(tmp_path / "integer.npz")]
+    done = subprocess.run([*command, "--json"], capture_output=True, text=True, check=True)
+    found = json.loads(done.stdout)["classifier"]
+    assert found["memory_bits"] == config.memory_bits > 500
+    # All potentials and spikes are there, and the weights are not: they alone would be more flops.
+    assert 8 * (12 + 1) < found["flops"] < config.memory_bits
+    refused = subprocess.run([*command, "--rows", "3"], capture_output=True, text=True, check=False)
+    said = "error: --rows has no effect with --classifier: leave one of the two out\n"
+    assert (refused.returncode, refused.stderr) == (2, said)
 
 
 def test_command_compares_the_readouts_of_one_array() -> None:
