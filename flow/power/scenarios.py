@@ -67,8 +67,8 @@ def scenarios(config: ReadoutConfig, ticks: int = 30) -> list[Scenario]:
     """
     rest = closing_ticks(config)
     quiet = [_idle(config, rest)]
-    if rest:
-        quiet.append(_idle(config, 0, min(10, max(1, rest - 2))))
+    if rest:  # the ticks of lone events: what their taxels do beside these cancels out
+        quiet.append(_idle(config, 0, min(2 * LONE_TICKS + 1, max(1, rest - 3))))
     return [*quiet, _lone(config), _saturated(config), _texture(config, ticks)]
 
 

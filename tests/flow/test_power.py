@@ -134,6 +134,7 @@ def test_scenarios_are_what_their_names_say(encoding: str) -> None:
     config = ReadoutConfig(rows=2, columns=2, encoding=encoding)
     idle, *closing, lone, saturated, texture = scenarios(config)
     assert [s.name for s in closing] == [CLOSING] * (encoding == "cw-lcs")
+    assert all((s.start, s.clocks) == (lone.start, lone.clocks) for s in closing)
     assert idle.events_inside == 0
     assert saturated.events_inside == saturated.clocks > 100
     assert np.diff(lone.events["t"]).min() > 8
