@@ -96,7 +96,7 @@ TARGETS = {
         "rtl verilog",
         defaults={"OUT": "out/verilog"},
     ),
-    "gates": Target("gates and flops of both readouts, or of a classifier [LIBERTY=cells.lib CLASSIFIER=]", "rtl gates"),
+    "gates": Target("gates and flops of readouts, or of a classifier [LIBERTY=cells.lib CLASSIFIER=]", "rtl gates"),
     "asic": Target(
         "gated netlist: proof, timing, power [LIB=typ.lib SLOW= FAST= READOUT= POWER=0 SCALE=1 NAME= OUT=]",
         "flow asic",
