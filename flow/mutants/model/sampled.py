@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import os
@@ -17,6 +18,7 @@ from typing import Any
 from cocotb_tests.session.store import ROOT
 from flow.mutants.argued import argue
 from flow.mutants.campaign import read
+from flow.mutants.facts import Facts
 from flow.mutants.judge import Finding
 from flow.mutants.model.edits import Edit, sample
 
@@ -94,14 +96,17 @@ def judge(picked: list[Edit], folder: Path, again: bool, on_finding: Callable[[F
     log = folder / "model.jsonl"
     known = {one.key: one for one in read(log) if not (again and one.verdict == "alive")}
     todo = [edit for edit in picked if edit.key not in known]
+    facts = Facts(folder / "model_facts.jsonl")
     if todo:
         with _copy() as (place, ask):
             for file in dict.fromkeys(edit.file for edit in todo):
                 own = [edit for edit in todo if edit.file == file]
                 original = (place / file).read_text()
-                code, failed = ask(TESTS[file])
-                if code:
-                    raise RuntimeError(f"the tests of {file} fail without an edit: {failed or code}")
+                if facts.get(whole := _question(file)) is None:
+                    code, failed = ask(TESTS[file])
+                    if code:
+                        raise RuntimeError(f"the tests of {file} fail without an edit: {failed or code}")
+                    facts.add(whole, "pass")
                 for edit in own:
                     (place / file).write_text(edit.text)
                     code, failed = ask(TESTS[file])
@@ -115,6 +120,12 @@ def judge(picked: list[Edit], folder: Path, again: bool, on_finding: Callable[[F
     found = [known[edit.key] for edit in picked if edit.key in known]
     argue(found)
     return found
+
+
+def _question(file: str) -> str:
+    """Return whether the tests of a file pass, as a question that is another one when one of them changes."""
+    texts = [(ROOT / name).read_bytes() for name in (file, *TESTS[file])]
+    return f"{file} {hashlib.sha256(b'|'.join(texts)).hexdigest()[:16]}"
 
 
 @contextmanager
