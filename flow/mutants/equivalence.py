@@ -46,7 +46,7 @@ def miter(module: str, ports: list[tuple[int, str, str]]) -> str:
     return f"module miter({named});\n  output bad;\n{body}\n  assign bad = {' | '.join(differences)};\nendmodule\n"
 
 
-def same(module: str, original: Mapping[str, str], mutated: Mapping[str, str], limit_s: int = 60) -> bool | None:
+def same(module: str, original: Mapping[str, str], mutated: Mapping[str, str], limit_s: int = 30) -> bool | None:
     """Return whether a module does the same in two designs after any reset; None where the solver finds no answer.
 
     Parameters

@@ -20,6 +20,9 @@ from flow.mutants.plan import GROUNDS, LONG
 from flow.mutants.suite import Suite
 from rtl.verilog import Config, top_block
 
+MOST_COMPARED = 16
+"""Configurations of tests in which a mutant is compared with the original, beside those that no test has."""
+
 LARGEST, LARGEST_LONG = 192, 15
 """Taxels of the arrays in the tests of blocks, and in those of whole readouts."""
 
@@ -97,7 +100,7 @@ class Judge:
         for name in own:
             left = self._run(name, left)
         long = self._tests(later, LARGEST_LONG, False) if left else []
-        left = self._compare(file, [*quick, *own, *long], left)
+        left = self._compare(file, [*quick, *own], left)
         left = self._prove(file, left)
         for name in long:
             left = self._run(name, left)
@@ -142,12 +145,14 @@ class Judge:
         return alive
 
     def _compare(self, file: str, names: list[str], left: dict[Change, Finding]) -> dict[Change, Finding]:
-        """Compare with the original wherever a test looks, and elsewhere; return those not proved to be it."""
+        """Compare with the original where tests look, and elsewhere; return those not proved to be it."""
         places: dict[str, tuple[str, Config, str]] = {}
         for name in names:
             config, module = self.suite.learn(name) or (None, "")
             if config is not None:
                 places.setdefault(f"{module} {config.to_dict()}", (name.partition("[")[2].rstrip("]"), config, module))
+        step = -(-len(places) // MOST_COMPARED)
+        places = dict(list(places.items())[:: max(step, 1)])
         for number, config in enumerate(configs(file, self.seed)):
             place = f"configuration {number} that no test has, of seed {self.seed}"
             places[place] = (place, config, top_block(config).module_name)
