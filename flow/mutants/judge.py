@@ -20,8 +20,8 @@ from flow.mutants.plan import GROUNDS, LONG
 from flow.mutants.suite import Suite
 from rtl.verilog import Config, top_block
 
-MOST_COMPARED = 16
-"""Configurations of tests in which a mutant is compared with the original, beside those that no test has."""
+MOST = 16
+"""Cases of a test of whole readouts that are asked, and configurations of tests in which a mutant is compared."""
 
 LARGEST, LARGEST_LONG = 192, 15
 """Taxels of the arrays in the tests of blocks, and in those of whole readouts."""
@@ -99,7 +99,7 @@ class Judge:
             left = self._run(name, left, quick=True)
         for name in own:
             left = self._run(name, left)
-        long = self._tests(later, LARGEST_LONG, False) if left else []
+        long = [name for test in later for name in _spread(self._tests([test], LARGEST_LONG, False))] if left else []
         left = self._compare(file, [*quick, *own], left)
         left = self._prove(file, left)
         for name in long:
@@ -151,8 +151,7 @@ class Judge:
             config, module = self.suite.learn(name) or (None, "")
             if config is not None:
                 places.setdefault(f"{module} {config.to_dict()}", (name.partition("[")[2].rstrip("]"), config, module))
-        step = -(-len(places) // MOST_COMPARED)
-        places = dict(list(places.items())[:: max(step, 1)])
+        places = {place: places[place] for place in _spread(list(places))}
         for number, config in enumerate(configs(file, self.seed)):
             place = f"configuration {number} that no test has, of seed {self.seed}"
             places[place] = (place, config, top_block(config).module_name)
@@ -209,6 +208,11 @@ class Judge:
             else:
                 alive[change] = finding
         return alive
+
+
+def _spread(names: list[str]) -> list[str]:
+    """Return at most ``MOST`` of some names, from all over the list."""
+    return names[:: max(-(-len(names) // MOST), 1)]
 
 
 def _failed(proof: Proof, before: str, change: Change) -> str:
