@@ -6,19 +6,22 @@ when the block is broken and takes a second or two; ``tests/test_quick.py`` says
 
 from __future__ import annotations
 
+TAXEL = "cocotb_tests/test_taxel.py::test_taxel_equals_its_reference_in_every_clock"
+WINDOW = "cocotb_tests/test_window.py::test_window_equals_its_reference_in_every_clock"
+
 BLOCKS = {
     "arbiter": "cocotb_tests/test_arbiter.py::test_arbiter_keeps_its_contract[icarus-3x5",
     "block": "tests/rtl/test_block.py::test_equal_blocks_share_their_text",
-    "decay": "cocotb_tests/test_taxel.py::test_taxel_equals_its_reference_in_every_clock[icarus-nlcs-digital-12b-5b",
+    "decay": "cocotb_tests/test_decay.py::test_decay_ticks_are_those_of_the_rule[3-rows-5",
     "delivery": "cocotb_tests/test_verilog.py::test_port_list_is_that_of_the_module",
     "frame": "cocotb_tests/test_frame.py::test_rtl_equals_the_model_in_every_clock[icarus-1x4-6b",
     "gates": "tests/rtl/test_gates.py::test_analog_front_end_saves_the_samples",
     "link": "cocotb_tests/test_link.py::test_link_keeps_the_protocol_and_equals_its_reference[icarus-3x5",
     "logic": "tests/rtl/test_logic.py::test_networks_compute_what_they_say",
     "readout": "cocotb_tests/test_readout.py::test_rtl_equals_model_in_every_encoding[lcs-3x5-6b",
-    "taxel": "cocotb_tests/test_taxel.py::test_taxel_equals_its_reference_in_every_clock[icarus-lcs-digital-12b-5b",
+    "taxel": f"{TAXEL}[icarus-lcs-digital-12b-5b",
     "verilog": "cocotb_tests/test_verilog.py::test_lint_is_clean[lcs-3x5-6b",
-    "window": "cocotb_tests/test_taxel.py::test_taxel_equals_its_reference_in_every_clock[icarus-cw-lcs-digital-12b-5b",
+    "window": f"{WINDOW}[analog-m1-5",
     "yosys": "tests/rtl/test_yosys.py::test_the_stamp_goes_and_a_port_is_declared_once",
 }
 """A test for each file of rtl/, by its name."""
@@ -83,6 +86,9 @@ COMMANDS = {
 OTHERS = {
     "layers": "tests/test_layers.py",
     "classifier": "cocotb_tests/test_classifier.py::test_rtl_equals_the_model_in_every_potential_class_and_clock[2-1-3",
+    "taxel nlcs": f"{TAXEL}[icarus-nlcs-digital-12b-5b",
+    "taxel cw-lcs": f"{TAXEL}[icarus-cw-lcs-digital-12b-5b",
+    "window of no ticks": f"{WINDOW}[digital-m16-1",
     "spi": "cocotb_tests/test_spi.py::test_slave_equals_its_model_in_every_clock[icarus-sync",
     "registers": "cocotb_tests/test_registers.py::test_file_equals_its_model_in_every_clock[3x5-nlcs",
     "pattern": "cocotb_tests/test_pattern.py::test_pattern_equals_its_model_in_every_clock[3x5-lcs",
