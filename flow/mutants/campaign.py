@@ -74,9 +74,10 @@ def run(
 
     def ask(suite: Suite) -> None:
         judge = Judge(suite, Facts(folder / "facts.jsonl"), seed, keep)
-        for file in GROUNDS:
-            if own := [change for change in todo if change.file == file]:
-                judge.judge(file, own)
+        files = [file for file in GROUNDS if any(change.file == file for change in todo)]
+        left = {file: judge.test(file, [change for change in todo if change.file == file]) for file in files}
+        for file in files:  # what is left takes most of the time: tests of whole readouts, and proofs
+            judge.conclude(file, left[file])
 
     if todo:
         tests = {test for change in todo for test in GROUNDS[change.file].tests}

@@ -87,25 +87,34 @@ class Judge:
     def __init__(self, suite: Suite, facts: Facts, seed: int, on_finding: Callable[[Finding], None]) -> None:
         self.suite, self.facts, self.seed, self.on_finding = suite, facts, seed, on_finding
 
-    def judge(self, file: str, changes: list[Change]) -> None:
-        """Find out what becomes of some mutants of a file."""
+    def test(self, file: str, changes: list[Change]) -> dict[Change, Finding]:
+        """Bring some mutants of a file before the quick check and the tests of blocks; return those left."""
         block = GROUNDS[file].block
         left = {c: Finding(c.key, c.name, block, file, c.kind) for c in changes}
-        tests = [test for test in GROUNDS[file].tests if test == file or test not in LONG]
-        quick, own = self._tests(tests, LARGEST, True), self._tests(tests, LARGEST, False)
-        later = [test for test in GROUNDS[file].tests if test not in tests]
-        quick += self._tests(later, LARGEST_LONG, True)
+        quick, own, _ = self._all_tests(file)
         for name in quick:
             left = self._run(name, left, quick=True)
         for name in own:
             left = self._run(name, left)
-        long = [name for test in later for name in _spread(self._tests([test], LARGEST_LONG, False))] if left else []
+        return left
+
+    def conclude(self, file: str, left: dict[Change, Finding]) -> None:
+        """Decide what those are that are left: equivalent, killed by a property or a whole readout, or alive."""
+        quick, own, later = self._all_tests(file)
         left = self._compare(file, [*quick, *own], left)
         left = self._prove(file, left)
+        long = [name for test in later for name in _spread(self._tests([test], LARGEST_LONG, False))] if left else []
         for name in long:
             left = self._run(name, left)
         for finding in left.values():
             self._decide(finding, "alive")
+
+    def _all_tests(self, file: str) -> tuple[list[str], list[str], list[str]]:
+        """Return the cases of the quick check, other cases of blocks, and the names of the tests of whole readouts."""
+        tests = [test for test in GROUNDS[file].tests if test == file or test not in LONG]
+        later = [test for test in GROUNDS[file].tests if test not in tests]
+        quick = self._tests(tests, LARGEST, True) + self._tests(later, LARGEST_LONG, True)
+        return quick, self._tests(tests, LARGEST, False), later
 
     def _decide(self, finding: Finding, verdict: str, by: str = "") -> None:
         finding.verdict, finding.by = verdict, by
