@@ -66,7 +66,7 @@ class Netlist:
     def __init__(self, async_reset: bool) -> None:
         self.async_reset = async_reset
         self.modules: dict[str, str] = {}
-        self._made_of: dict[str, tuple[type, Any]] = {}
+        self.blocks: dict[str, Block[Any]] = {}
 
     @property
     def text(self) -> str:
@@ -81,12 +81,11 @@ class Netlist:
         ValueError
             If a block of another kind or configuration has the same module name: one of them would be lost.
         """
-        own = (type(block), block.config)
-        first = self._made_of.setdefault(block.module_name, own)
-        if first != own:
+        first = self.blocks.setdefault(block.module_name, block)
+        if (type(first), first.config) != (type(block), block.config):
             raise ValueError(
-                f"two different blocks are named {block.module_name}: {first[0].__name__} of {first[1]} and "
-                f"{own[0].__name__} of {own[1]}; give one of them a name of its own"
+                f"two different blocks are named {block.module_name}: {type(first).__name__} of {first.config} and "
+                f"{type(block).__name__} of {block.config}; give one of them a name of its own"
             )
         if block.module_name not in self.modules:
             text = rtlil.convert(

@@ -32,10 +32,25 @@ def within(module: str, modules: Mapping[str, str]) -> dict[str, str]:
     return found
 
 
-def numbered(modules: Mapping[str, str], number: int) -> str:
-    """Return the RTLIL of modules whose names carry a number."""
-    text = "\n".join(modules.values())
-    text = re.sub(r"^(module|  cell) \\(eskin_\w+)", rf"\1 \\\2__{number}", text, flags=re.MULTILINE)
+def _own(module: str, modules: Mapping[str, str], original: Mapping[str, str]) -> set[str]:
+    """Return the modules that are not those of the original, or have one within that is not."""
+    found: set[str] = set()
+    for name in (module, *CELL.findall(modules[module])):
+        if name != module and name not in found:
+            found |= _own(name, modules, original)
+    if found or modules[module] != original.get(module):
+        found.add(module)
+    return found
+
+
+def numbered(modules: Mapping[str, str], number: int, own: set[str]) -> str:
+    """Return the RTLIL of a design's own modules, whose names carry its number; the others are those of design 0."""
+    text = "\n".join(modules[name] for name in modules if name in own)
+
+    def named(found: re.Match[str]) -> str:
+        return f"{found[1]} \\{found[2]}__{number if found[2] in own else 0}"
+
+    text = re.sub(r"^(module|  cell) \\(eskin_\w+)", named, text, flags=re.MULTILINE)
     return re.sub(r"^attribute \\top 1\n", "", text, flags=re.MULTILINE)
 
 
@@ -48,7 +63,8 @@ def verilog(module: str, designs: Mapping[int, Mapping[str, str]]) -> tuple[str,
     designs : mapping of int to mapping of str to str
         RTLIL of the module and those within, by name, of every design by its number; 0 is the original.
     """
-    text = "\n".join(numbered(modules, number) for number, modules in designs.items())
+    own = {number: _own(module, modules, designs[0]) if number else set(modules) for number, modules in designs.items()}
+    text = "\n".join(numbered(modules, number, own[number]) for number, modules in designs.items())
     made = yosys.run_for(SCRIPT, text, ("readout.v", "said.txt"))
     refused = {int(number) for number in REFUSED.findall(made["said.txt"])}
     if 0 in refused:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -27,6 +28,12 @@ from rtl.verilog import Config, top_block
 CPU_S, CPU_S_EACH = 60, 10
 """Seconds of the processor that a simulation may take, and more for every mutant: one that hangs is ended by it."""
 
+EVERYWHERE = ("logic", "classifier.numbers")
+"""Files whose functions blocks of other files use."""
+
+GENERATION_S = 20
+"""Seconds of the processor in which a design with a mutant must be made."""
+
 LOOK_EVERY_S = 1.0
 AT_ONCE = 48
 """Mutants in one program."""
@@ -42,8 +49,31 @@ class Hangs(Exception):
 
 def modules_of(config: Config) -> dict[str, str]:
     """Return the RTLIL of all modules of a configuration, by their names."""
+    return made_of(config).modules
+
+
+def made_of(config: Config) -> Netlist:
+    """Return all modules of a configuration, with the blocks that they are made of."""
     made = Netlist(config.reset == "async")
     made.add(top_block(config))
+    return made
+
+
+def mutated(config: Config, change: Change, original: Netlist) -> dict[str, str]:
+    """Return the RTLIL of all modules with a mutant planted: only the blocks of its file are made anew.
+
+    What all blocks use, or a block with other ports than before, makes everything anew.
+    """
+    if change.file in EVERYWHERE:
+        return modules_of(config)
+    home = f"rtl.{change.file}"
+    blocks = {name: block for name, block in original.blocks.items() if type(block).__module__ == home}
+    made = Netlist(config.reset == "async")
+    made.modules = {name: text for name, text in original.modules.items() if name not in blocks}
+    for block in blocks.values():
+        made.add(getattr(sys.modules[home], type(block).__name__)(block.config))
+    if any(batch.ports_of(made.modules[name]) != batch.ports_of(original.modules[name]) for name in blocks):
+        return modules_of(config)
     return made.modules
 
 
@@ -61,7 +91,7 @@ class Suite:
     def __init__(self) -> None:
         self.items: dict[str, pytest.Item] = {}
         self.built: dict[str, tuple[Config, str] | None] = {}
-        self._originals: dict[str, dict[str, str]] = {}
+        self._originals: dict[str, Netlist] = {}
 
     def collect(self, files: list[str], ask: Callable[[Suite], None]) -> None:
         """Collect the tests of some files, and call ``ask`` while they can be run."""
@@ -113,9 +143,12 @@ class Suite:
 
     def original(self, config: Config) -> dict[str, str]:
         """Return the RTLIL of a configuration's modules, made at the first call: no mutant may be there then."""
+        return self._made(config).modules
+
+    def _made(self, config: Config) -> Netlist:
         key = f"{type(config).__name__} {config.to_dict()}"
         if key not in self._originals:
-            self._originals[key] = modules_of(config)
+            self._originals[key] = made_of(config)
         return self._originals[key]
 
     def designs(self, config: Config, module: str, changes: Mapping[int, Change]) -> dict[int, dict[str, str] | str]:
@@ -124,8 +157,8 @@ class Suite:
         found: dict[int, dict[str, str] | str] = {}
         for number, change in changes.items():
             try:
-                with planted(change):
-                    made = batch.within(module, modules_of(config))
+                with planted(change), _ending(GENERATION_S):
+                    made = batch.within(module, mutated(config, change, self._made(config)))
             except Exception:
                 found[number] = "stillborn"
                 continue
@@ -238,6 +271,22 @@ def _cpu_s(process: int) -> float:
     except OSError:
         return 0.0
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+@contextmanager
+def _ending(limit_s: float) -> Iterator[None]:
+    """End what computes for too long: a mutant may make the generator go round for ever."""
+
+    def end(signum: int, frame: Any) -> None:
+        raise Hangs
+
+    before = signal.signal(signal.SIGVTALRM, end)
+    signal.setitimer(signal.ITIMER_VIRTUAL, limit_s)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+        signal.signal(signal.SIGVTALRM, before)
 
 
 @contextmanager

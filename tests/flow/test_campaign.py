@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import contextlib
 import json
 import subprocess
 import sys
@@ -22,7 +23,7 @@ from flow.mutants.equivalence import same
 from flow.mutants.facts import Facts
 from flow.mutants.judge import Finding, Judge
 from flow.mutants.plan import GROUNDS
-from flow.mutants.suite import Suite, modules_of
+from flow.mutants.suite import Suite, made_of, modules_of, mutated
 from model.config import ReadoutConfig
 
 CONFIG = ReadoutConfig(rows=2, columns=2)
@@ -59,6 +60,25 @@ def test_an_edit_that_no_longer_fits_is_refused() -> None:
     moved = Change(change.name, change.file, "elsewhere", "", (), change.kind, change.start, change.line)
     with pytest.raises(ValueError, match="'elsewhere' does not stand at"):
         moved.source()
+
+
+@pytest.mark.parametrize("file", ["link", "taxel", "readout", "registers.spi", "classifier.core", "frame"])
+def test_only_the_blocks_of_the_file_are_made_anew(file: str) -> None:
+    config = configs(file, 1)[0]
+    original, every = made_of(config), changes(file)
+    different = 0
+    for change in every[:: max(len(every) // 4, 1)]:
+        with planted(change), contextlib.suppress(Exception):  # some can be made in no way
+            whole = modules_of(config)
+            assert mutated(config, change, original) == whole, change.name
+            different += whole != original.modules
+    assert different
+
+
+def test_a_generator_that_goes_round_for_ever_is_stillborn(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("flow.mutants.suite.GENERATION_S", 1)
+    endless = the("logic", "logic.py:13: > ->", ">=")
+    assert Suite().designs(CONFIG, "eskin_arbiter", {1: endless}) == {1: "stillborn"}
 
 
 def test_what_does_the_same_is_proved_and_what_does_not_is_seen() -> None:
