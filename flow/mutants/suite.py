@@ -31,7 +31,7 @@ CPU_S, CPU_S_EACH = 60, 10
 EVERYWHERE = ("logic", "classifier.numbers")
 """Files whose functions blocks of other files use."""
 
-GENERATION_S = 20
+GENERATION_S = 5
 """Seconds of the processor in which a design with a mutant must be made."""
 
 LOOK_EVERY_S = 1.0
