@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from model.errors import InputError
-from model.power.equations import CORRECTIONS, READOUTS, SPIKING, PowerModel, TaxelRates
+from model.power.equations import CORRECTIONS, LARGEST, READOUTS, SMALLEST, SPIKING, PowerModel, TaxelRates
 from model.power.parameters import PowerParameters
 from model.power.rates import TAUS_S, stored_table
 from model.power.synthesis import SynthesisReport
@@ -104,6 +104,22 @@ def test_consistent_mode_is_against_spikes_at_six_bits_and_for_leaky_ones_at_fou
     assert ratio["lcs", 6] == pytest.approx(22.6, rel=0.01)
     assert ratio["nlcs", 6] == pytest.approx(3.66, rel=0.01)
     assert ratio["nlcs", 4] == pytest.approx(0.886, rel=0.01)
+
+
+def test_parts_of_the_lcs_converter_by_hand():
+    for per_second in (2429.0, 0.3):
+        p = PowerParameters(lcs_rate_2b_hz=per_second)
+        parts = PowerModel(parameters=p).breakdown("lcs", 6, 1e-3).converter_parts
+        rate = per_second * 16
+        assert parts["comparator_dynamic"] == pytest.approx(2 * p.comparator_dynamic_f * p.supply_v**2 * rate)
+        assert parts["logic"] == pytest.approx(p.logic_f * p.supply_v**2 * p.lines * rate / p.logic_share)
+        assert parts["dac"] == pytest.approx(32 * p.dac_unit_f * p.supply_v**2 * 0.5 * rate)
+
+
+def test_numbers_beyond_what_a_float_can_hold_are_refused_at_both_ends():
+    for noise in (SMALLEST / 2, LARGEST * 2):
+        with pytest.raises(InputError, match=r"noise.* must be in .*, not "):
+            PAPER.breakdown("lcs", 6, noise)
 
 
 # -- invariants --------------------------------------------------------------------------------------
