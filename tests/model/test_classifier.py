@@ -11,7 +11,7 @@ import pytest
 from model.classifier.config import ClassifierConfig, bits_of, ends, highest, lowest
 from model.classifier.file import IntegerWeights, neuron_image, weight_image, write_images
 from model.classifier.network import IntegerNetwork, State
-from model.classifier.run import first_ready, simulate
+from model.classifier.run import first_ready, simulate, work_clocks
 from model.errors import InputError
 
 
@@ -66,6 +66,29 @@ def test_no_potential_ever_leaves_the_ends(fields: dict[str, Any]) -> None:
     assert sized.saturates == (bits_of(sized.hidden_range) > bits_of((low, high)) + 1)
 
 
+@pytest.mark.parametrize("fields", VARIANTS[:1] + VARIANTS[2:])
+def test_ends_are_those_of_the_worst_bin_of_every_neuron(fields: dict[str, Any]) -> None:
+    own = network(membrane_bits=32, **fields)
+    config, found = own.config, []
+    for neuron in range(config.hidden):
+        inputs = [int(weight) << config.in_shift for weight in own.w_in[:, neuron]]
+        spikes = [int(weight) << config.rec_shift for weight in own.w_rec[:, neuron]]
+        bias = int(own.b_hidden[neuron]) << config.bias_shift
+        low = config.events_per_bin * min(0, *inputs) + sum(min(0, spike) for spike in spikes) + min(0, bias)
+        high = config.events_per_bin * max(0, *inputs) + sum(max(0, spike) for spike in spikes) + max(0, bias)
+        found.append(config.hidden_ends(low, high))
+    assert own.hidden_ends == (min(low for low, _ in found), max(high for _, high in found))
+
+
+def test_arrays_that_do_not_fit_are_refused() -> None:
+    own = network()
+    for rows in (5, 7):
+        with pytest.raises(InputError, match=rf"w_in has the shape \({rows}, 20\), the network takes \(6, 20\)"):
+            IntegerNetwork(own.config, np.zeros((rows, 20), np.int64), own.w_rec, own.w_out, own.b_hidden, own.b_out)
+    with pytest.raises(InputError, match="the network takes 6 channels, the scans have 7"):
+        own.run_counts(np.zeros((2, 3, 7), np.int64))
+
+
 def test_without_floor_and_leak_there_are_no_ends() -> None:
     assert network(floor=None).hidden_ends is None
     assert network(floor=None).config.saturates
@@ -109,6 +132,26 @@ def test_an_event_takes_as_many_clocks_as_a_row_has_words() -> None:
     assert run.stalled == sum(run.accepted) - sum([0, *(clock + 1 for clock in run.accepted[:-1])])
     assert len(run.bins) == 2
     assert not run.overruns
+
+
+def test_a_spike_takes_its_share_of_the_work() -> None:
+    config = network().config
+    assert work_clocks(config, 0, 0) == 20 + 20 + 2 + 20 + 3
+    assert work_clocks(config, 3, 7) == (20 + 3 * 4) + 20 + 2 + (20 + 7 * 2) + 3
+
+
+def test_every_event_goes_to_its_channel_and_none_is_taken_behind_the_end() -> None:
+    own = network()
+    ready = first_ready(own.config, -1)
+    channels = [0, 3, 5, 3, 1, 2]
+    run = simulate(own, [(0, channel) for channel in channels], [ready + 100], 4000)
+    plain = State(own)
+    plain.add_events(channels)
+    expected = plain.end_single_bin()
+    for found, wanted in zip(run.bins[0], expected, strict=True):
+        assert np.array_equal(found, wanted)
+    for first, taken in ((ready + 9, [ready + 9]), (ready + 10, [])):
+        assert simulate(own, [(first, 0)], [], ready + 10).accepted == taken
 
 
 def test_a_bin_within_the_work_of_another_is_an_overrun_and_one_of_them_is_kept() -> None:
