@@ -319,7 +319,17 @@ def asic_scale(
     from model.cli.tables import new_table, show
 
     chosen, library = designs_of(config, sizes, tiles, relays), read(lib)
-    heads = ("taxels", "um2 a taxel", "with lines", "MHz without wires", "MHz with wires", "repeaters", "synthesis, s")
+    heads = (
+        "taxels",
+        "tiles",
+        "relays",
+        "um2 a taxel",
+        "with lines",
+        "MHz without wires",
+        "MHz with wires",
+        "repeaters",
+        "synthesis, s",
+    )
     table = new_table(heads, "Area and highest clock as the array grows")
     out.parent.mkdir(parents=True, exist_ok=True)
     measure(chosen, library, Wire(ohm, farad), pitch_um, out, lambda found: table.add_row(*_scale_row(found)))
@@ -330,11 +340,11 @@ def asic_scale(
 def _scale_row(result: dict[str, Any]) -> list[str]:
     """Return a line of the table of an array."""
     without, wired = result["without_wires"], result["with_wires"]
-    cut = (
-        f" as {result['tile_rows']} x {result['tile_columns']}, relays {result['relays']}" if "relays" in result else ""
-    )
+    tiles = f"{result['tile_rows']} x {result['tile_columns']}" if "relays" in result else ""
     return [
-        f"{result['rows']} x {result['columns']}{cut}",
+        f"{result['rows']} x {result['columns']}",
+        tiles,
+        f"{result.get('relays', '')}",
         f"{result['cells_um2_per_taxel']:.0f}",
         f"{wired['area_um2_per_taxel']:.0f}",
         f"{without['fmax_hz'] / 1e6:.0f}",

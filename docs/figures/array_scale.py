@@ -15,12 +15,14 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 HERE = Path(__file__)
-DATA = HERE.parents[1] / "data" / "asic" / "scale-lcs-digital-ihp.json"
+ARRAYS, TILES = (HERE.parents[1] / "data" / "asic" / f"scale-{name}lcs-digital-ihp.json" for name in ("", "tiles-"))
 
 
 def main() -> None:
     """Draw the figure."""
-    arrays = json.loads(DATA.read_text())["results"]
+    arrays = json.loads(ARRAYS.read_text())["results"]
+    found = {(r["tile_rows"], r["relays"]): r for r in json.loads(TILES.read_text())["results"]}
+    skins = [found[4, 1], found[8, 2]]
     taxels = [array["taxels"] for array in arrays]
     figure, (clock, area) = plt.subplots(1, 2, figsize=(8.0, 3.4), layout="constrained")
     for name, label, mark in (("without_wires", "without wires", "o--"), ("with_wires", "with wires", "s-")):
@@ -30,7 +32,10 @@ def main() -> None:
     with_lines = [array["with_wires"]["area_um2_per_taxel"] for array in arrays]
     area.plot(taxels, with_lines, "s-", label="with the repeaters of the lines")
     area.set(ylabel="area / (um2 per taxel)", ylim=(0, None))
-    for axis in (clock, area):
+    for axis, name, unit in ((clock, "fmax_hz", 1e6), (area, "area_um2_per_taxel", 1.0)):
+        for skin, mark in zip(skins, ("*", "P"), strict=True):
+            label = f"tiles of {skin['rows'] // skin['tile_rows']} x {skin['columns'] // skin['tile_columns']}"
+            axis.plot([skin["taxels"]], [skin["with_wires"][name] / unit], mark, ms=9, label=label)
         axis.set(xscale="log", xlabel="taxels")
         axis.set_xticks(taxels, [str(number) for number in taxels], minor=False)
         axis.minorticks_off()

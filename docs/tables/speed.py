@@ -98,6 +98,40 @@ def scale_wires() -> str:
     return markdown(head, rows)
 
 
+TILES = "docs/data/asic/scale-tiles-lcs-digital-ihp.json"
+
+
+@table
+def scale_tiles() -> str:
+    """Area and highest clock of 4,096 taxels as one array and as tiles with relay stations, beside those of 64."""
+    arrays = {(array["rows"], array["columns"]): array for array in read(SCALE)["results"]}
+    small, large = arrays[8, 8], arrays[64, 64]
+    rows = []
+    for array in [small, large, *read(TILES)["results"]]:
+        wired = array["with_wires"]
+        cut = "one array"
+        if "relays" in array:
+            down, across = array["rows"] // array["tile_rows"], array["columns"] // array["tile_columns"]
+            cut = f"{array['tile_rows'] * array['tile_columns']} tiles of {down} x {across}"
+        clocks, areas = ([a["with_wires"][name] for a in (array, small)] for name in ("fmax_hz", "area_um2_per_taxel"))
+        rows.append(
+            [
+                f"{array['rows']} x {array['columns']}",
+                cut,
+                f"{array.get('relays', '')}",
+                f"{array['cells_um2_per_taxel']:,.0f}",
+                f"{areas[0]:,.0f} ({100 * (areas[0] / areas[1] - 1):+.1f} %)",
+                f"{array['without_wires']['fmax_hz'] / 1e6:.0f}",
+                f"{clocks[0] / 1e6:.0f} ({100 * clocks[0] / clocks[1]:.0f} %)",
+                f"{_block(wired['path'][0])} to {_block(wired['path'][-1])}",
+                f"{wired['between_flops_hz'] / 1e6:.0f}" if "between_flops_hz" in wired else "",
+            ]
+        )
+    head = ["taxels", "as", "relay stations a line", "um2 a taxel, cells", "with repeaters (beside 8 x 8)"]
+    head += ["MHz without wires", "MHz with wires (of 8 x 8)", "path", "MHz with wires, between flops alone"]
+    return markdown(head, rows)
+
+
 def _block(name: str) -> str:
     """Return what a path begins or ends at, in a word: the block of a flop, else the port."""
     return (
