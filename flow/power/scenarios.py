@@ -68,13 +68,24 @@ def scenarios(config: ReadoutConfig, ticks: int = 30) -> list[Scenario]:
     rest = closing_ticks(config)
     quiet = [_idle(config, rest)]
     if rest:  # the ticks of lone events: what their taxels do beside these cancels out
-        quiet.append(_idle(config, 0, min(2 * LONE_TICKS + 1, max(1, rest - 3))))
+        quiet.append(_idle(config, 0, min(2 * LONE_TICKS + 1, max(1, rest - 4))))
     return [*quiet, _lone(config), _saturated(config), _texture(config, ticks)]
 
 
 def closing_ticks(config: ReadoutConfig) -> int:
     """Return the quiet sample ticks after which an open window is closed and stands still; 0 where none closes."""
     return ((1 << config.closing_levels_log2) - 1) * config.window_period if config.closes else 0
+
+
+def _whole(name: str, config: ReadoutConfig, samples: NDArray[np.integer], lead: int) -> Scenario:
+    """Return a scenario of samples in every period, of which the first are not measured.
+
+    Its window begins and ends between two samples: each of them is in it whole, and the end of the run is not, whose
+    last edge masks all taxels and brings the reset.
+    """
+    stimulus, events = _run(config, samples)
+    period = config.clocks_per_sample
+    return Scenario(name, stimulus, lead * period - (period + 1) // 2, (len(samples) - lead) * period, events)
 
 
 def _run(config: ReadoutConfig, samples: NDArray[np.integer], spare: int = 0) -> tuple[Stimulus, Events]:
@@ -101,26 +112,23 @@ def _idle(config: ReadoutConfig, rest: int, ticks: int = 10) -> Scenario:
     level = (
         texture_samples(config, 1) % config.step if config.encoding == "lcs" else np.zeros((1, config.taxels), np.int32)
     )
-    lead = 2 + rest
-    stimulus, events = _run(config, level.repeat(lead + ticks, axis=0))
-    assert not len(events)
     name = CLOSING if rest < closing_ticks(config) else IDLE
-    return Scenario(name, stimulus, lead * config.clocks_per_sample, ticks * config.clocks_per_sample, events)
+    chosen = _whole(name, config, level.repeat(3 + rest + ticks, axis=0), 3 + rest)
+    assert not len(chosen.events)
+    return chosen
 
 
 def _lone(config: ReadoutConfig) -> Scenario:
     """One taxel at a time crosses a level, each when all is quiet: some LSB up, and back at its next turn."""
-    samples = np.zeros((2 * LONE_TICKS + 2, config.taxels), np.int32)
+    samples = np.zeros((2 * LONE_TICKS + 4, config.taxels), np.int32)
     order = np.arange(LONE_TICKS) * 7 % config.taxels if config.taxels % 7 else np.arange(LONE_TICKS) % config.taxels
     for number, taxel in enumerate(order):
-        at = 2 + 2 * number
+        at = 3 + 2 * number
         if config.encoding == "nlcs":  # its reference leaks: it fires once, and rests before it would again
             samples[at, taxel] = 2 * config.step
         else:
             samples[at:, taxel] = config.step if samples[at - 1, taxel] <= 0 else -1
-    stimulus, events = _run(config, samples, spare=1)
-    start = 2 * config.clocks_per_sample
-    chosen = Scenario(LONE, stimulus, start, stimulus.clocks - start, events)
+    chosen = _whole(LONE, config, samples, 3)
     if not chosen.events_inside:
         raise InputError("no lone event: the window period is too short for one; choose a longer one")
     return chosen
@@ -150,10 +158,10 @@ def _longest(times: NDArray[np.int64], pace: int) -> tuple[int, int]:
 
 def _texture(config: ReadoutConfig, ticks: int) -> Scenario:
     """A scan of the first embedded texture, less its first samples: the readout need not catch up with these first."""
-    lead = 2
+    lead = 3
     samples = texture_samples(config, lead + ticks)
-    stimulus, events = _run(config, np.clip(samples - samples[0], -config.full_scale, config.full_scale - 1))
-    chosen = Scenario(TEXTURE, stimulus, lead * config.clocks_per_sample, ticks * config.clocks_per_sample, events)
+    samples = np.clip(samples - samples[0], -config.full_scale, config.full_scale - 1)
+    chosen = _whole(TEXTURE, config, samples, lead)
     if not chosen.events_inside:
         raise InputError(f"no event in {ticks} samples of the texture; measure more of them")
     return chosen

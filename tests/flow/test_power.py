@@ -87,6 +87,17 @@ def test_a_port_that_is_put_together_late_shows_the_same(
     assert all(np.array_equal(bits, at_once.values[net]) for net, bits in late.values.items())
 
 
+def test_nothing_at_the_inputs_moves_but_clock_and_samples(made: Made, tmp_path: Path) -> None:
+    """The end of a run masks all taxels and brings the reset: no part of what is measured."""
+    for scenario in scenarios(CONFIG):
+        activity, _ = play(scenario, CONFIG, made.flat, made.cells, tmp_path)
+        inputs = {port.name: port.nets for port in made.flat.ports if port.direction == "input"}
+        moved = {name for name, nets in inputs.items() if any(activity.toggles(net) for net in nets)}
+        assert moved <= {"clk", "sample", "sample_valid"}
+        if scenario.name in (IDLE, LONE):  # alike but for the events
+            assert activity.toggles("sample_valid") == 2 / CONFIG.clocks_per_sample
+
+
 def test_a_wrong_number_of_toggles_is_an_error(made: Made) -> None:
     ways = Ways(LibertyWay(made.flat, made.library, {}), StaWay(made.flat, made.library, {}), CONFIG.clock_hz)
     steps = np.arange(2 * 50 + 1)
