@@ -21,9 +21,9 @@ from flow.mutants.suite import Suite
 from rtl.verilog import Config, top_block
 
 MOST = 16
-"""Cases of a test of whole readouts that are asked, and configurations of tests in which a mutant is compared."""
+"""Cases of blocks, and of each test of whole readouts, that are asked; configurations in which one is compared."""
 
-LARGEST, LARGEST_LONG = 192, 15
+LARGEST, LARGEST_LONG = 64, 15
 """Taxels of the arrays in the tests of blocks, and in those of whole readouts."""
 
 
@@ -114,7 +114,7 @@ class Judge:
         tests = [test for test in GROUNDS[file].tests if test == file or test not in LONG]
         later = [test for test in GROUNDS[file].tests if test not in tests]
         quick = self._tests(tests, LARGEST, True) + self._tests(later, LARGEST_LONG, True)
-        return quick, self._tests(tests, LARGEST, False), later
+        return quick, _spread(self._tests(tests, LARGEST, False)), later
 
     def _decide(self, finding: Finding, verdict: str, by: str = "") -> None:
         finding.verdict, finding.by = verdict, by
