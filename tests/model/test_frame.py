@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import subprocess
 import sys
@@ -91,6 +92,26 @@ def test_codes_are_the_upper_bits_of_the_samples() -> None:
 
 
 # -- the readout -------------------------------------------------------------------------------------
+
+
+def test_without_a_start_nothing_happens_and_without_a_sample_the_codes_are_zero() -> None:
+    config = FrameConfig()
+    model = FrameModel(config)
+    for _ in range(40):
+        model.clock(Inputs())
+    assert model.idle
+    none = np.zeros(0, np.int64)
+    once = FrameStimulus(
+        np.zeros((0, config.taxels), np.int64),
+        none,
+        none + 0,
+        4 * config.frame_clocks,
+        np.array([7]),
+        np.ones(1, np.uint8),
+    )
+    assert not len(simulate(config, once).words)
+    run = simulate(config, dataclasses.replace(once, frame_clock=np.array([0])))
+    assert run.words["data"].tolist() == [0] * config.words_per_frame
 
 
 @settings(max_examples=60, deadline=None)

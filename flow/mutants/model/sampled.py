@@ -29,7 +29,7 @@ COPIED_FILES = ("conftest.py", "pyproject.toml", "constraints.txt", "Makefile")
 AGREEMENT = "tests/second/test_agreement.py"
 READOUT = (AGREEMENT, "tests/model/test_readout.py", "tests/model/test_ends.py")
 TAXEL = ("tests/model/test_taxel.py", *READOUT, "tests/model/test_taxel_leak.py")
-NETWORK = ("tests/snn/test_network.py", "tests/snn/test_train.py")
+NETWORK = ("tests/snn/test_network.py",)
 
 TESTS: dict[str, tuple[str, ...]] = {
     "model/taxel_kernels.py": TAXEL,
