@@ -84,6 +84,12 @@ def test_words_are_filled_from_the_low_end() -> None:
     assert pack(config, np.array([[0, 0, 1]])).tolist() == [[1 << 12, 0]]
 
 
+def test_a_frame_that_is_not_whole_is_left_out() -> None:
+    config = FrameConfig(readout=ReadoutConfig(rows=1, columns=3, resolution=6))
+    words = np.append(pack(config, np.array([[1, 2, -1]])).ravel(), 5)
+    assert unpack(config, words, np.array([1, 0, 1])).tolist() == [[1, 2, -1]]
+
+
 def test_codes_are_the_upper_bits_of_the_samples() -> None:
     config = FrameConfig(readout=ReadoutConfig(resolution=1))
     assert adc_code(config, np.array([-2048, -1, 0, 2047])).tolist() == [-1, -1, 0, 0]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
+import sys
 from typing import Any
 
 import pytest
@@ -12,7 +14,7 @@ from torch.nn import functional
 
 from model.errors import InputError
 from snn.kernels import cpu as kernel
-from snn.kernels.layer import Backend, layer
+from snn.kernels.layer import MOST_ENTRIES, Backend, layer
 from snn.kernels.reference import layer_reference
 from snn.kernels.rule import SURROGATES, NeuronReset, NeuronRule
 from snn.network import SpikingNetwork, build
@@ -82,7 +84,14 @@ def test_kernel_equals_plain_autograd(rule: NeuronRule) -> None:
 @needs_kernel
 @pytest.mark.parametrize(
     ("steps", "batch", "inputs", "neurons", "density"),
-    [(1, 1, 1, 1, 1.0), (3, 2, 5, 6, 0.0), (9, 9, 3, 33, 5.0), (30, 32, 16, 256, 0.1), (4, 1, 200, 300, 0.01)],
+    [
+        (1, 1, 1, 1, 1.0),
+        (3, 2, 5, 6, 0.0),
+        (9, 9, 3, 33, 5.0),
+        (30, 32, 16, 256, 0.1),
+        (4, 1, 200, 300, 0.01),
+        (6, 1, 60, 300, 0.05),
+    ],
 )
 def test_kernel_takes_any_size_and_density(steps: int, batch: int, inputs: int, neurons: int, density: float) -> None:
     values = tensors(steps, batch, inputs, neurons, density)
@@ -104,6 +113,36 @@ def test_decays_and_layers_without_recurrence(backend: Backend) -> None:
     assert torch.equal(spikes, expected)
     for got, wanted in zip(gradients, expected_gradients, strict=True):
         torch.testing.assert_close(got, wanted, rtol=1e-3, atol=1e-4 * float(wanted.abs().max()))
+
+
+def test_a_kernel_that_cannot_take_a_sequence_refuses_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert torch.iinfo(torch.int32).max >= MOST_ENTRIES
+    values = tensors(3, 2, 5, 6, 0.5)
+    with pytest.raises(InputError, match="the kernel needs float32 on the CPU"):
+        layer(NeuronRule(), **{name: value.double() for name, value in values.items()}, backend="kernel")
+    monkeypatch.setattr("snn.kernels.layer.MOST_ENTRIES", 3 * 2 * 6)
+    with pytest.raises(InputError, match="the kernel needs float32 on the CPU"):
+        layer(NeuronRule(), **values, backend="kernel")
+    monkeypatch.setitem(sys.modules, "snn.kernels.triton", None)
+    with pytest.raises(InputError, match="the Triton kernel needs float32 on a CUDA GPU"):
+        layer(NeuronRule(), **values, backend="triton")
+
+
+def test_a_decay_that_is_learned_begins_where_the_configuration_says() -> None:
+    for learned in (False, True):
+        config = NetworkConfig(inputs=4, classes=3)
+        config = dataclasses.replace(
+            config, units=dataclasses.replace(config.neurons, decay=0.9, output_decay=0.8, learn_decay=learned)
+        )
+        network = SpikingNetwork(config)
+        for decays, value in zip(network.decays(), (config.neurons.decay, config.neurons.output_decay), strict=True):
+            torch.testing.assert_close(decays, torch.full_like(decays, value))
+
+
+def test_the_rule_of_the_paper_lets_the_gradient_through_its_reset() -> None:
+    rule = NeuronRule()
+    assert (rule.floor, rule.reset, rule.reset_gradient) == (-1.0, "zero", True)
+    assert (rule.surrogate, rule.surrogate_scale, rule.surrogate_width) == ("gaussian", 0.5, 0.5)
 
 
 def test_where_no_neuron_fires_the_gradient_is_the_numerical_one_of_the_membrane() -> None:
