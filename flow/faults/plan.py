@@ -82,9 +82,10 @@ def trials(small: bool = False) -> list[Trial]:
         found += [Trial(handshake, calm), Trial(handshake, calm, 3, 3)]
         found += [Trial(closing.replace(link="four_phase"), calm, 0, 3)]
     found += [*map(Trial, frames()), *map(Trial, tiles())]
-    found += [Trial(config, stride=3) for config in hosts()]
-    found += [Trial(hosts()[0], stride=3, mode=mode) for mode in (1, 2)]
-    return [*found, *map(Trial, classifiers())]
+    first, *others = hosts()
+    found += [Trial(first, stride=3), *(Trial(config, stride=37) for config in others)]
+    found += [Trial(first, stride=37, mode=mode) for mode in (1, 2)]
+    return [*found, *(Trial(config, stride=2) for config in classifiers())]
 
 
 def tiles() -> list[TilesConfig]:
