@@ -124,7 +124,7 @@ def scale_tiles() -> str:
                 f"{array['without_wires']['fmax_hz'] / 1e6:.0f}",
                 f"{clocks[0] / 1e6:.0f} ({100 * clocks[0] / clocks[1]:.0f} %)",
                 f"{_block(wired['path'][0])} to {_block(wired['path'][-1])}",
-                f"{wired['between_flops_hz'] / 1e6:.0f}" if "between_flops_hz" in wired else "",
+                f"{wired['between_flops_hz'] / 1e6:.0f}",
             ]
         )
     head = ["taxels", "as", "relay stations a line", "um2 a taxel, cells", "with repeaters (beside 8 x 8)"]
