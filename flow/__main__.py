@@ -142,6 +142,7 @@ def mutants(
     seed: Annotated[int, typer.Option(min=0, help="of the edits that are drawn")] = 1,
     again: Annotated[bool, typer.Option(help="judge anew what the quick check left: tests are new")] = False,
     limit: Annotated[int | None, typer.Option(min=1, help="mutants at most [all]")] = None,
+    judging: Annotated[bool, typer.Option("--judge/--no-judge", help="judge, or report what was found")] = True,
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for what is found")] = Path("out/mutants"),
 ) -> None:
     """Mutate the RTL's source, and see which mutants the tests and proofs kill; goes on where it was stopped."""
@@ -159,7 +160,7 @@ def mutants(
     def tell(finding: Finding) -> None:
         print(f"{finding.verdict:<11}{'quick' if finding.quick else '':<6}{finding.name}", flush=True)
 
-    found = judge(picked, out, seed, again, tell)
+    found = judge(picked, out, seed, tell, again, judging)
     write(out / "mutants.json", command, summary(found, len(picked)))
     print(closing_line(found, len(picked)))
     if len(found) < len(picked) or any(finding.verdict == "alive" for finding in found):

@@ -7,6 +7,7 @@ when the block is broken and takes a second or two; ``tests/test_quick.py`` says
 from __future__ import annotations
 
 TAXEL = "cocotb_tests/test_taxel.py::test_taxel_equals_its_reference_in_every_clock"
+CLASSIFIER = "cocotb_tests/test_classifier.py::test_rtl_equals_the_model_in_every_potential_class_and_clock"
 WINDOW = "cocotb_tests/test_window.py::test_window_equals_its_reference_in_every_clock"
 
 BLOCKS = {
@@ -85,7 +86,12 @@ COMMANDS = {
 
 OTHERS = {
     "layers": "tests/test_layers.py",
-    "classifier": "cocotb_tests/test_classifier.py::test_rtl_equals_the_model_in_every_potential_class_and_clock[2-1-3",
+    "classifier": f"{CLASSIFIER}[2-1-3",
+    "classifier of membranes": f"{CLASSIFIER}[16-33-4-16l",
+    "classifier of wide biases": f"{CLASSIFIER}[6-8-7-8l",
+    "frame of whole words": "cocotb_tests/test_frame.py::test_rtl_equals_the_model_in_every_clock[icarus-3x5-6b-6b",
+    "taxel analog": f"{TAXEL}[icarus-cw-lcs-analog-12b-10b",
+    "taxel nlcs analog": f"{TAXEL}[icarus-nlcs-analog-12b-10b",
     "taxel nlcs": f"{TAXEL}[icarus-nlcs-digital-12b-5b",
     "taxel cw-lcs": f"{TAXEL}[icarus-cw-lcs-digital-12b-5b",
     "window of no ticks": f"{WINDOW}[digital-m16-1",

@@ -42,7 +42,12 @@ def chosen(blocks: Iterable[str], share: float, seed: int) -> list[Change]:
 
 
 def run(
-    picked: list[Change], folder: Path, seed: int, again: bool, on_finding: Callable[[Finding], None]
+    picked: list[Change],
+    folder: Path,
+    seed: int,
+    on_finding: Callable[[Finding], None],
+    again: bool = False,
+    judging: bool = True,
 ) -> list[Finding]:
     """Judge mutants, those already judged left out, keep each in a log, and return all findings.
 
@@ -53,11 +58,13 @@ def run(
         Of the log and of what is found on the way.
     seed : int
         Of the configurations that no test has.
+    on_finding : callable
+        Called with every finding.
     again : bool
         Whether those alive, or killed by another test than those of the quick check, are judged once more: tests are
         new. One whose name is that of before is not asked again.
-    on_finding : callable
-        Called with every finding.
+    judging : bool
+        Whether to judge those that were not judged yet.
     """
     log = folder / "findings.jsonl"
     known = {finding.key: finding for finding in read(log)}
@@ -73,18 +80,27 @@ def run(
     todo = [change for change in picked if change.key not in known]
 
     def ask(suite: Suite) -> None:
+        _note_quick(suite, known.values())
         judge = Judge(suite, Facts(folder / "facts.jsonl"), seed, keep)
         files = [file for file in GROUNDS if any(change.file == file for change in todo)]
         left = {file: judge.test(file, [change for change in todo if change.file == file]) for file in files}
         for file in files:  # what is left takes most of the time: tests of whole readouts, and proofs
             judge.conclude(file, left[file])
 
-    if todo:
-        tests = {test for change in todo for test in GROUNDS[change.file].tests}
+    todo = todo if judging else []
+    if todo or known:
+        tests = {test for change in picked for test in GROUNDS[change.file].tests}
         Suite().collect([f"cocotb_tests/test_{test}.py" for test in sorted(tests)], ask)
     found = [known[change.key] for change in picked if change.key in known]
     argue(found)
     return found
+
+
+def _note_quick(suite: Suite, findings: Iterable[Finding]) -> None:
+    """Say of mutants that a test of today's quick check has killed that the quick check does."""
+    names = {name for name, item in suite.items.items() if item.get_closest_marker("quick")}
+    for finding in findings:
+        finding.quick |= finding.by.partition(" (")[0] in names
 
 
 def read(log: Path) -> Iterator[Finding]:
