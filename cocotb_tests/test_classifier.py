@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from cocotb_tests.session.runners import Simulator
 
 
+SCANS = 120
+
+
 def job() -> tuple[ClassifierConfig, random.Random]:
     """Return, within the simulator, the configuration of the test and its source of randomness."""
     fields = json.loads(os.environ[JOB])
@@ -80,6 +83,21 @@ async def scans_equal_the_model(dut: Any) -> None:
     report(bench.check.counts)
 
 
+@cocotb.test()
+async def scans_begin_at_any_time(dut: Any) -> None:
+    """Scans of a bin or two, each begun by scan_start wherever the one before has come to."""
+    config, rng = job()
+    bench = ClassifierBench(dut, config, rng)
+    await bench.load(random_network(config, rng))
+    work = 6 * config.hidden + config.hidden * (config.groups + config.classes)
+    for number in range(SCANS):
+        whole = random_scan(config, rng, 2, rng.choice(["seldom", "bursts", "always"]))
+        clocks = rng.randint(1, whole.ends[-1] + work)
+        cut = Stimulus([e for e in whole.events if e[0] < clocks], [e for e in whole.ends if e < clocks], clocks)
+        await bench.play(cut, reset=number == 0)
+    report(bench.check.counts)
+
+
 PROPERTIES = (
     "EveryEventTakenInItsClock",
     "OverrunFlagged",
@@ -118,13 +136,15 @@ def name(config: ClassifierConfig) -> str:
     return f"{config.inputs}-{config.hidden}-{config.classes}-{config.lanes}l-{config.reset}"
 
 
-def cosimulate(config: ClassifierConfig, simulator: Simulator, folder: Path, seed: int) -> Counter[str]:
-    """Run the cocotb test of the classifier and return what it counted."""
+def cosimulate(
+    config: ClassifierConfig, simulator: Simulator, folder: Path, seed: int, test: str = "scans_equal_the_model"
+) -> Counter[str]:
+    """Run a cocotb test of the classifier and return what it counted."""
     from cocotb_tests.session.simulator import build  # not in the simulator, which imports this file too
 
     environment = {JOB: json.dumps({"config": config.to_dict(), "seed": seed})}
     program = build(config, simulator, top="eskin_classifier")
-    program.test("cocotb_tests.test_classifier", folder, "scans_equal_the_model", environment)
+    program.test("cocotb_tests.test_classifier", folder, test, environment)
     return Counter(json.loads((folder / "counts.json").read_text()))
 
 
@@ -142,3 +162,9 @@ def test_rtl_equals_the_model_in_every_potential_class_and_clock(config: Classif
     assert config.classes == 1 or counts["classes"] > 3
     assert bool(counts["at an end"]) == config.saturates or config.hidden < 8
     assert all(counts[property_name] > 0 for property_name in PROPERTIES), counts
+
+
+def test_a_scan_may_begin_at_any_time(tmp_path: Path) -> None:
+    counts = cosimulate(CONFIGS[0], "icarus", tmp_path, 1, "scans_begin_at_any_time")
+    assert counts["scan starts"] == SCANS - 1
+    assert counts["overruns"] > 3

@@ -170,6 +170,9 @@ async def merge_keeps_its_contract(dut: Any) -> None:
         shares = [sum(tile == member for _, tile, _ in bench.left) for member in members]
         bench.check.holds("Fairness", shares == [rounds] * len(members), shares)  # and an event in every clock
         await bench.reset()
+    for _ in range(4):  # until both places are full
+        await bench.clock(1.0, everyone, ready=False)
+    await bench.reset()
     sinks = sorted(Sink.NAMES, key=lambda name: name == "random")
     for sink_name in sinks:
         sink = Sink(sink_name, rng)

@@ -16,7 +16,7 @@ from flow.coverage.constructs import POINT, Construct, modules, read, with_point
 from flow.coverage.points.point import Point
 from rtl.verilog import Config
 
-FLAGS = ["--coverage-expr", "--coverage-line", "--coverage-toggle", "--coverage-user", "--coverage-max-width", "100000"]
+FLAGS = ["--coverage-expr", "--coverage-line", "--coverage-toggle", "--coverage-user", "--coverage-max-width", "128"]
 NO_POINTS = "--no-assert"
 """Would leave cover statements out."""
 TEXT, COUNTS = "eskin_readout.v", "coverage.dat"

@@ -115,6 +115,8 @@ def play(runs: Iterable[Run], folder: Path, on_run: Callable[[str, int, int], No
                 run.play(running.resolve())
             write_json(kept, counts.to_dict())
         counts = Counts.from_dict(read_json(kept, "what a run reached"))
+        if run.only:
+            counts.counts = {c: n for c, n in counts.counts.items() if c.kind == "point" or c.module in run.only}
         reached.add(run.name, counts, wanted)
         own = [count for construct, count in counts.counts.items() if construct.kind != "point"]
         on_run(run.name, len(own), sum(count > 0 for count in own))
@@ -132,7 +134,7 @@ def judge(reached: Reached, listed: list[Waiver], whole: bool = True) -> Verdict
     for construct, waiver in found.items():
         if waiver.proof:
             key = construct.module, construct.text
-            claims.setdefault(key, {})[construct] = claim(construct, _became_1(reached, construct))
+            claims.setdefault(key, {})[construct] = claim(construct, _became_1(reached, construct), reached.texts[key])
     for (module, text), of_module in claims.items():
         failed = unproved(reached.texts[module, text], module, of_module)
         problems += [f"reason not proved: {construct.said}" for construct in failed]

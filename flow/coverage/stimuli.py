@@ -46,17 +46,24 @@ def readout(config: ReadoutConfig, folder: Path) -> None:
         | {"gap": GAPS[number % len(GAPS)], "masks": MASKS[number % len(MASKS)]}
         for number in range(len(SIGNALS) * len(SINKS))
     ]
-    parts = [*((one, SHORT_CLOCKS) for one in short), *((one, LONG_CLOCKS) for one in LONG), (AT_REST, 4)]
+    # A link that is slower by seven clocks an event takes longer to reach both ends.
+    clocks = LONG_CLOCKS * (3 if config.link == "four_phase" else 1)
+    parts = [*((one, SHORT_CLOCKS) for one in short), *((one, clocks) for one in LONG), (AT_REST, 4)]
     fields = config.to_dict() | {"registers": "none"}
     play([Draw(1, clocks, run, fields | own) for run, (own, clocks) in enumerate(parts)], VERILATOR)
+    if config.frontend == "analog":  # comparators with offset, noise and hysteresis, of which both may fire
+        from cocotb_tests.test_analog import run as play_comparators
+
+        play_comparators(config, VERILATOR, "comparators_with_faults", folder)
 
 
 def _words(register: Register) -> Iterator[int]:
-    """Yield words for a register: every field at both ends and just beyond them, all ones, and the reset's."""
+    """Yield words for a register: every field at both ends, just beyond and between them, all ones, and the reset's."""
     resting = {field.name: field.reset for field in register.fields}
     for field in register.fields:
         top = (1 << field.width) - 1
-        for value in (field.least, field.most, max(field.least - 1, 0), min(field.most + 1, top), top):
+        middle = (field.least + field.most) // 2
+        for value in (field.least, field.most, max(field.least - 1, 0), middle, min(field.most + 1, top)):
             yield sum((resting | {field.name: value})[f.name] << f.low for f in register.fields)
     yield (1 << 32) - 1
     yield register.reset
@@ -91,7 +98,16 @@ def directed_host(config: ReadoutConfig, rng: random.Random) -> list[Any]:
             values |= {"row": config.rows - 1, "column": config.columns - 1}
         write(test.address, sum(values.get(f.name, 0) << f.low for f in test.fields), gap=60)
     write(test.address, 2)
-    write(found["control"].address, 1)
+    write(test.address, 0)
+    settings = [register for register in found.values() if register.writable and register is not test]
+    for number in range(20):  # again and again, at other clocks of what the array does
+        for register in settings[:3]:
+            write(register.address, 1 if register.name == "control" else register.reset, gap=3 + number)
+    for bits in (1, 15, 16, 47):
+        cut = transfer(0x10, [2], True)[:bits]
+        pins.extend(waveform(cut, Timing(2, 2)))
+    read(0x0001)
+    read(0x7FFF)
     read(0, 18)
     for address in (0x30, 0x7FFC, 0x5554, 0x2AA8):  # holes; the address behind the last is the first again
         write(address, rng.getrandbits(32), rng.getrandbits(32))
@@ -100,13 +116,11 @@ def directed_host(config: ReadoutConfig, rng: random.Random) -> list[Any]:
 
 
 def host(config: ReadoutConfig, folder: Path) -> None:
-    """Play a host that sets everything while the array sends events; with comparators outside, one at random alone."""
+    """Play a host that sets everything while the array sends events."""
     from cocotb_tests.session.simulator import build
-    from cocotb_tests.test_host import JOB, pins_of, prepare
+    from cocotb_tests.test_host import JOB, prepare
 
-    rng = random.Random(5)
-    pins = directed_host(config, rng) if config.frontend == "digital" else pins_of(config, 4000, rng)
-    path, _ = prepare(config, folder, 5, pins)
+    path, _ = prepare(config, folder, 5, directed_host(config, random.Random(5)))
     env = {JOB: json.dumps({"config": config.to_dict(), "seed": 5}), "ESKIN_HOST": str(path)}
     program = build(config, VERILATOR, top="eskin_readout")
     program.test("cocotb_tests.test_host", folder, "readout_follows_its_model", env)
@@ -152,7 +166,9 @@ def classifier(config: ClassifierConfig, folder: Path) -> None:
     """Play random networks, events at all rates, and bins that come too early."""
     from cocotb_tests.test_classifier import cosimulate
 
-    cosimulate(config, VERILATOR, folder, config.hidden)
+    for seed in range(4):
+        cosimulate(config, VERILATOR, folder, seed)
+        cosimulate(config, VERILATOR, folder, seed, "scans_begin_at_any_time")
 
 
 def chip(config: ChipConfig, folder: Path) -> None:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from flow.coverage.constructs import MODULE, Construct
+from flow.coverage.constructs import MODULE, Construct, modules
 from model.errors import InputError
 from rtl import yosys
 
 FILE = Path(__file__).with_name("waivers.toml")
 READ = "read_verilog -sv design.v; hierarchy -top {module}; proc; memory; flatten; async2sync; opt_clean; "
-PROVE = "sat -tempinduct -maxsteps {steps} -seq 1 -set-at 1 rst 1 {claims} {module}"
+PROVE = "sat -tempinduct -timeout 20 -maxsteps {steps} -seq 1 -set-at 1 rst 1 {claims} {module}"
 STEPS = 3
 SUCCESS = "Induction step proven: SUCCESS!"
 
@@ -81,21 +81,66 @@ def explained(
     return found, rest, [waiver for waiver in listed if waiver not in found.values()]
 
 
-def claim(construct: Construct, once: bool) -> str:
+def claim(construct: Construct, once: bool, verilog: str = "") -> str:
     """Return an expression that is never true if a construct can never be reached.
 
     Parameters
     ----------
     construct : Construct
-        A toggle or a condition.
+        A toggle, a condition, or a branch of a choice.
     once : bool
         Of a toggle: whether its bit has become 1, as a bit that is always 1 does at the beginning of a simulation.
+    verilog : str
+        The text it stands in: a condition counts only where its statement is executed.
     """
     if construct.kind == "toggle":
         bit = construct.what.partition(":")[0]
         return f"~{bit}" if once else bit
+    lines = next((m.lines for m in modules(verilog) if (m.name, m.digest) == (construct.module, construct.text)), ())
+    if construct.kind == "branch":
+        return chosen(lines[construct.line - 1], construct.column, construct.what == "cond_else")
     terms = construct.what.partition(" => ")[0]
-    return re.sub(r"(\([^()]*\))\[(\d+)\]", r"((\1 >> \2) & 1'b1)", terms)
+    terms = re.sub(r"(\w+)\[\d+:(\d+)\]\[(\d+)\]", lambda m: f"{m[1]}[{int(m[2]) + int(m[3])}]", terms)
+    terms = re.sub(r"(\([^()]*\))\[(\d+)\]", r"((\1 >> \2) & 1'b1)", terms)
+    return " && ".join([terms, *guards(lines, construct.line, construct.column)])
+
+
+def chosen(line: str, column: int, other: bool) -> str:
+    """Return when the only choice of an assignment, ``x = condition ? a : b``, takes a, which stands at a column, or b.
+
+    Where it is not that simple the expression says that it may come at any time.
+    """
+    condition = line[: max(line.rfind(" ? ", 0, column), 0)].partition(" = ")[2].strip()
+    simple = condition and "?" not in condition and condition.count("(") == condition.count(")")
+    return (f"!({condition})" if other else condition) if simple else "1'b1"
+
+
+def guards(lines: Sequence[str], line: int, column: int) -> list[str]:
+    """Return under what a place of an always block is executed: ``if`` and ``else if`` in front of it.
+
+    Parameters
+    ----------
+    lines : sequence of str
+        Of the module.
+    line, column : int
+        From 1 on.
+    """
+    first = next((n for n in range(line, 0, -1) if lines and lines[n - 1].startswith("  always @")), 0)
+    if not first or any(";" in text for text in lines[first : line - 1] if not text.lstrip().startswith("if (")):
+        return []
+    before = "\n".join([*lines[first : line - 1], lines[line - 1][: column - 1]])
+    found: list[str] = []
+    for start in re.finditer(r"\bif \(", before):
+        depth, end = 1, start.end()
+        while end < len(before) and depth:
+            depth += {"(": 1, ")": -1}.get(before[end], 0)
+            end += 1
+        if found:  # else
+            found[-1] = f"!{found[-1]}"
+        if depth:  # the place is within the condition itself
+            return found
+        found.append(f"({before[start.end() : end - 1]})")
+    return [re.sub(r"\s+", " ", guard) for guard in found]
 
 
 def unproved(verilog: str, module: str, claims: Mapping[Construct, str]) -> list[Construct]:

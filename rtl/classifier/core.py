@@ -321,7 +321,7 @@ class Classifier(Block[ClassifierConfig]):
             self.class_index.eq(self.class_found),
             self.class_valid.eq(self.class_ready),
         ]
-        m.d.sync += self.class_ready.eq(self.now_output & self.now_last & ~self.now_clears)
+        m.d.sync += self.class_ready.eq(self.now_output & self.now_last & ~self.now_clears & ~self.scan_start)
         with m.If(self.now_output):
             m.d.sync += self.evidence_ring.eq(Cat(self.evidence_ring[bits:], evidence))
             with m.If(better):

@@ -15,7 +15,7 @@ from flow.coverage.plan import Run, runs
 from flow.coverage.points.every import points
 from flow.coverage.points.point import Point
 from flow.coverage.run import Reached, closing_line, judge, play
-from flow.coverage.waivers import Waiver, claim, explained, unproved, waivers
+from flow.coverage.waivers import Waiver, chosen, claim, explained, guards, unproved, waivers
 from model.errors import InputError
 
 TEXT = """// a comment
@@ -70,6 +70,22 @@ def test_a_proof_tells_what_can_never_be_from_what_was_not_played() -> None:
     assert unproved(TEXT, "eskin_a", claims) == [sometimes]
     assert unproved(TEXT, "eskin_a", {never[0]: claim(never[0], once=True)}) == [never[0]]
     assert claim(construct("condition", "((a & b)[3]==1) => 1"), False) == "((((a & b) >> 3) & 1'b1)==1)"
+
+
+def test_what_is_executed_under_a_condition_counts_only_there() -> None:
+    lines = [
+        "  always @(posedge clk)",
+        "    if (rst) y <= 1'h0;",
+        "    else if (a | (b & c)) y <= (a ? b : c) ? d :",
+        "        e;",
+    ]
+    assert guards(lines, 3, 40) == guards(lines, 4, 9) == ["!(rst)", "(a | (b & c))"]
+    assert guards(lines, 3, 15) == ["!(rst)"]
+    assert guards(["  assign y = a & b;"], 1, 14) == []
+    choice = "  assign y = (a & b) ? c : d;"
+    assert chosen(choice, choice.index("c :") + 1, other=False) == "(a & b)"
+    assert chosen(choice, choice.index("c :") + 2, other=True) == "!((a & b))"
+    assert chosen("  assign y = (x ? a : b) ? c : d;", 28, other=False) == "1'b1"
 
 
 def reached_of(*found: tuple[Construct, int]) -> Reached:

@@ -34,7 +34,6 @@ def _scans(config: FrameConfig) -> Named:
     yield "reset within a conversion", began("sequencer.converting")
     yield "reset while a word waits", began("word_valid && !word_ready")
     yield "reset while a multiplexer settles", began("sequencer.scanning && sequencer.settling != 0")
-    yield "reset at rest", began("!sequencer.scanning && !word_valid")
 
 
 def _codes(config: FrameConfig) -> Named:

@@ -98,9 +98,8 @@ def chip(config: ChipConfig) -> Iterator[Point]:
         ("event of the readout waits for the classifier", "event_valid && !event_ready"),
         ("class while an event waits", "class_valid && event_valid && !event_ready"),
         ("class while none waits", "class_valid && !event_valid"),
-        ("classes found one after the other", "class_valid && class_index != 0"),
+        ("class found", "class_valid"),
         ("sample while an event waits", "sample_valid && event_valid && !event_ready"),
         ("hidden neuron fires", "hidden_valid && hidden_spike"),
-        ("reset while an event waits", began("event_valid && !event_ready")),
     ):
         yield Point(group, name, "eskin_chip", expression)

@@ -17,6 +17,8 @@ from rtl.verilog import Config
 
 def points(config: Config) -> list[Point]:
     """Return the points of a configuration."""
+    if isinstance(config, TilesConfig):  # a readout too, of tiles
+        return list(merge(config))
     if isinstance(config, ReadoutConfig):
         return list(registers(config) if config.registers == "spi" else readout(config))
     if isinstance(config, FrameConfig):
@@ -25,7 +27,5 @@ def points(config: Config) -> list[Point]:
         return list(classifier(config))
     if isinstance(config, ChipConfig):
         return list(chip(config))
-    if isinstance(config, MergeConfig):
-        return list(merge(config.skin))
-    assert isinstance(config, TilesConfig)
-    return list(merge(config))
+    assert isinstance(config, MergeConfig)
+    return list(merge(config.skin))
