@@ -101,12 +101,15 @@ def hosts() -> list[ReadoutConfig]:
 
 
 def classifiers() -> list[ClassifierConfig]:
-    """Return classifiers: with outputs that fire, and with such as do not, of three hidden neurons."""
+    """Return classifiers: with outputs that fire, and with such as do not, of five hidden neurons."""
     bits = {"in_bits": 4, "rec_bits": 4, "out_bits": 4, "bias_bits": 4, "membrane_bits": 8, "output_bits": 7}
     both = {"inputs": 4, "classes": 3, "lanes": 2, "clocks_per_bin": 80, "evidence_bits": 6, **bits}
     both |= {"threshold": 12, "out_threshold": 6, "floor": -20, "out_floor": -10}
     other = {"readout": "membrane", "neuron_reset": "subtract", "leak_shift": 2, "out_leak_shift": 1, "threshold": 4}
-    return [ClassifierConfig.from_dict(both | {"hidden": 4}), ClassifierConfig.from_dict(both | {"hidden": 3} | other)]
+    return [
+        ClassifierConfig.from_dict(both | {"hidden": 4}),
+        ClassifierConfig.from_dict(both | {"hidden": 5, "lanes": 4} | other),
+    ]
 
 
 def frames() -> list[FrameConfig]:

@@ -16,6 +16,7 @@ from flow.faults.outcomes import CLASSES, UnlikeModel, Upset, upsets
 from flow.faults.plan import FEW, Trial, classifiers, hosts, surroundings, tiles, trials
 from flow.faults.run import campaign, problems_of, run, write
 from flow.formal.mutants import Mutant, planted
+from model.classifier.config import ClassifierConfig
 from rtl.readout import Readout
 
 ROOT = Path(__file__).parents[2]
@@ -143,8 +144,9 @@ def test_a_host_side_that_does_not_come_back_is_found(
     assert any(problems_of(Trial(config, mode=mode), upset) for upset in found)
 
 
-def test_a_classifier_is_right_again_with_the_next_scan_and_its_weights_once_loaded() -> None:
-    lines, problems = run(Trial(classifiers()[0], stride=29))
+@pytest.mark.parametrize("config", classifiers(), ids=lambda config: str(config.readout))
+def test_a_classifier_is_right_again_with_the_next_scan_and_its_weights_once_loaded(config: ClassifierConfig) -> None:
+    lines, problems = run(Trial(config, stride=53))
     assert problems == []
     of = {line["block"]: line for line in lines}
     assert set(of) == {"classifier", "weights"}
