@@ -31,6 +31,11 @@ READOUT = (AGREEMENT, "tests/model/test_readout.py", "tests/model/test_ends.py")
 TAXEL = ("tests/model/test_taxel.py", *READOUT, "tests/model/test_taxel_leak.py")
 NETWORK = ("tests/snn/test_network.py",)
 
+REGISTERS = "tests/model/test_registers.py"
+SPI = "cocotb_tests/test_spi.py::test_slave_equals_its_model_in_every_clock"
+PATTERN = "cocotb_tests/test_pattern.py::test_pattern_equals_its_model_in_every_clock"
+FILE = "cocotb_tests/test_registers.py::test_file_equals_its_model_in_every_clock"
+
 TESTS: dict[str, tuple[str, ...]] = {
     "model/taxel_kernels.py": TAXEL,
     "model/taxel.py": TAXEL,
@@ -47,9 +52,9 @@ TESTS: dict[str, tuple[str, ...]] = {
     "model/classifier/run.py": ("tests/model/test_classifier.py", AGREEMENT),
     "model/power/equations.py": ("tests/model/test_power.py",),
     "model/power/build.py": ("tests/model/test_power.py", "tests/commands/test_power.py"),
-    "model/registers/spi.py": ("tests/model/test_registers.py",),
-    "model/registers/file.py": ("tests/model/test_registers.py",),
-    "model/registers/pattern.py": ("tests/model/test_registers.py",),
+    "model/registers/spi.py": (REGISTERS, f"{SPI}[icarus-sync]"),
+    "model/registers/file.py": (REGISTERS, f"{FILE}[3x5-nlcs-async]"),
+    "model/registers/pattern.py": (REGISTERS, f"{PATTERN}[3x5-lcs]"),
     "snn/network.py": NETWORK,
     "snn/kernels/rule.py": NETWORK,
     "snn/kernels/reference.py": NETWORK,
@@ -124,7 +129,7 @@ def judge(picked: list[Edit], folder: Path, again: bool, on_finding: Callable[[F
 
 def _question(file: str) -> str:
     """Return whether the tests of a file pass, as a question that is another one when one of them changes."""
-    texts = [(ROOT / name).read_bytes() for name in (file, *TESTS[file])]
+    texts = [(ROOT / name).read_bytes() for name in (file, *(test.partition("::")[0] for test in TESTS[file]))]
     return f"{file} {hashlib.sha256(b'|'.join(texts)).hexdigest()[:16]}"
 
 
