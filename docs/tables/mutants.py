@@ -29,7 +29,20 @@ def mutants() -> str:
     head = ["block", "mutants", "proved equivalent", "argued", "killed of the rest", "by the quick check", "alive"]
     said = f"`{kept['command']}`, {kept['commit']}, {kept['date']}: {kept['result']}.\n"
     more = f"{kept['by_a_property_alone']} of the killed fall to a property of `make formal` alone.\n"
-    return f"{markdown(head, rows)}\n{said}{more}"
+    return f"{markdown(head, rows)}\n{said}{more}{_open(kept)}"
+
+
+def _open(kept: dict[str, Any]) -> str:
+    """Return what the shares would be if all that are not yet judged lived."""
+    left = kept["planned"] - kept["total"] - kept["stillborn"]
+    rest = kept["planned"] - kept["stillborn"] - kept["equivalent"] - kept["argued"]
+    if not left:
+        return ""
+    whole, quick = (f"{kept[name] / rest:.0%}" for name in ("killed", "killed_quick"))
+    return (
+        f"The {left} not yet judged are no fair part: what block tests left, equivalent ones among them, and what no "
+        f"test was asked about yet. If all of them lived, {whole} would be killed, {quick} by the quick check.\n"
+    )
 
 
 @table
