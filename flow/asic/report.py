@@ -100,7 +100,7 @@ class Report:
             parts.append(f"idle {self.more['idle_w_per_taxel'] * 1e9:.1f} nW per taxel")
             parts.append(f"{self.more['energy_per_event_j'] * 1e12:.2f} pJ per event")
         else:
-            parts.append(f"power not measured: {self.unmeasured or 'netlist and RTL differ in simulation'}")
+            parts.append(f"power not measured: {self.unmeasured or 'a check of it failed'}")
         return ", ".join(parts)
 
     def to_dict(self, command: str) -> dict[str, Any]:
