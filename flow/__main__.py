@@ -284,6 +284,7 @@ def asic(
     OUT/NAME gets the netlist, its constraints (.sdc) and report.json.
     """
     from flow.asic import report
+    from flow.power.measure import APART
 
     if readout not in ("spiking", "frame"):
         raise InputError(f"--readout must be one of spiking, frame, not {readout!r}")
@@ -298,6 +299,8 @@ def asic(
     print(found.write(out, report.command_of(chosen, corners, power)))
     proof = found.equivalence
     print(f"equivalent to the RTL: {proof.proved} of {proof.of} points proved")
+    if apart := found.more.get("with_wires", {}).get(APART):
+        print(f"no power with wires: {apart}")
     _conclude(found.problems, found.closing_line())
 
 

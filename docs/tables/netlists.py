@@ -14,6 +14,11 @@ def energy(result: dict[str, Any], name: str) -> str:
     return "-" if value is None else f"{1e12 * value:.2f}"
 
 
+def nanowatts(result: dict[str, Any], name: str) -> str:
+    """Return a power of a result, a dash where it has none."""
+    return f"{1e9 * result[name]:.1f}" if name in result else "-"
+
+
 def netlists() -> dict[str, dict[str, Any]]:
     """Return the reports of ``make asic`` that are kept, by name: libraries apart, then by size and readout."""
     found = {}
@@ -75,14 +80,14 @@ def asic_power() -> str:
         if "power" not in report:
             continue
         wired, events = report["with_wires"], report["gate_level_events"]
-        ratios = [s["agreement"] for power in (report["power"], wired["scenarios"]) for s in power.values()]
+        ratios = [s["agreement"] for power in (report["power"], wired.get("scenarios", {})) for s in power.values()]
         rows.append(
             [
                 named(report),
                 f"{report['rows']} x {report['columns']}",
                 cells_of(report),
                 f"{1e9 * report['leakage_w_per_taxel']:.1f}",
-                *(f"{1e9 * result['idle_w_per_taxel']:.1f}" for result in (report, wired)),
+                *(nanowatts(result, "idle_w_per_taxel") for result in (report, wired)),
                 *(energy(report, name) for name in ("", "lone_", "texture_")),
                 *(energy(wired, name) for name in ("", "lone_")),
                 f"{events['netlist']:,} of {events['rtl']:,}",
@@ -100,11 +105,12 @@ def asic_windows() -> str:
     rows = []
     for report in netlists().values():
         if "closing_w_per_taxel" in report:
-            taxel = [1e9 * result[f"{name}_w_per_taxel"] for result in (report, report["with_wires"])
-                     for name in ("idle", "closing")]  # fmt: skip
-            window = [1e12 * result["energy_per_closed_window_j"] for result in (report, report["with_wires"])]
+            both = report, report["with_wires"]
+            taxel = [nanowatts(result, f"{name}_w_per_taxel") for result in both for name in ("idle", "closing")]
+            joules = [result.get("energy_per_closed_window_j") for result in both]
+            window = ["-" if value is None else f"{1e12 * value:.1f}" for value in joules]
             size = f"{report['rows']} x {report['columns']}"
-            rows.append([named(report), size, cells_of(report), *(f"{value:.1f}" for value in (*taxel, *window))])
+            rows.append([named(report), size, cells_of(report), *taxel, *window])
     head = ["readout", "array", "cells", "idle, nW a taxel", "closing", "idle, with wires", "closing"]
     return markdown([*head, "pJ a closed window", "with wires"], rows)
 

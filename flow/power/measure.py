@@ -25,6 +25,10 @@ MOST_APART = 0.05
 """How far the two ways may lie apart, of the power of all cells."""
 
 
+APART = "apart"
+"""In the place of results with wires: where the two ways lie too far apart."""
+
+
 class Disagreement(Exception):  # the outcome that is looked for, not a defect of the program
     """The two ways of computing power lie too far apart; the text says where."""
 
@@ -125,14 +129,15 @@ def measure(
         Its gated netlist, Verilog.
     library : CellLibrary
     pitches_um : tuple of float
-        Pitches of the taxels, which wires are estimated from; 0 for no wires.
+        Pitches of the taxels, which wires are estimated from; 0 for no wires. Where the two ways of computing power lie
+        too far apart with wires, nothing but that is said of them.
 
     Raises
     ------
     Mismatch
         If the netlist does not do what the model does.
     Disagreement
-        If the two ways of computing power lie too far apart.
+        If the two ways of computing power lie too far apart without wires.
     """
     top = "eskin_frame_readout" if isinstance(config, FrameConfig) else "eskin_readout"
     flat = read(text, top, library.content)
@@ -145,7 +150,15 @@ def measure(
         wires = Wires(config.rows, config.columns, pitch).capacitance_f(flat)
         ways = Ways(LibertyWay(flat, library, wires), StaWay(flat, library, wires), config.clock_hz)
         uses = uses or {name: ways.tables.uses(activity) for name, (activity, _) in played.items()}
-        found = {name: ways.stretch(name, activity, events, uses[name]) for name, (activity, events) in played.items()}
+        try:
+            found = {
+                name: ways.stretch(name, activity, events, uses[name]) for name, (activity, events) in played.items()
+            }
+        except Disagreement as apart:
+            if not pitch:
+                raise
+            results.append({"pitch_um": pitch, APART: str(apart)})
+            continue
         sent = {"netlist": sum(stretch.events for stretch in found.values()), "rtl": due}
         results.append(_summary(config, flat, library, pitch, found) | {"gate_level_events": sent})
     return results

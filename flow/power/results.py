@@ -10,7 +10,7 @@ from typing import Any
 from flow.asic.synthesis import netlist
 from flow.gates.icarus import NO_PROGRAM
 from flow.gates.liberty import CellLibrary
-from flow.power.measure import measure
+from flow.power.measure import APART, Disagreement, measure
 from flow.power.scenarios import scenarios
 from flow.power.wires import PITCH_UM
 from model.config import ReadoutConfig
@@ -37,7 +37,7 @@ def why_not(config: ReadoutConfig | FrameConfig) -> str:
 def energies(config: ReadoutConfig | FrameConfig, text: str, library: Path) -> dict[str, Any]:
     """Return what the report of a netlist says of its power, as the power model reads it: without wires.
 
-    ``power`` holds the stretches, ``with_wires`` all of it with estimated wires, blocks left out.
+    ``power`` holds the stretches, ``with_wires`` all of it with estimated wires, blocks left out, or why there is none.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def energies(config: ReadoutConfig | FrameConfig, text: str, library: Path) -> d
         If the two ways of computing power lie too far apart.
     """
     bare, wired = measure(config, text, CellLibrary.read(library), (0.0, PITCH_UM))
-    for stretch in wired["scenarios"].values():
+    for stretch in wired.get("scenarios", {}).values():
         del stretch["blocks"]
     return bare | {"power": bare.pop("scenarios"), "with_wires": wired}
 
@@ -101,6 +101,8 @@ def write(
     for config in chosen.values():
         made = netlist(config, whole.known)
         for result in measure(config, made.text, whole, (0.0, PITCH_UM)):
+            if APART in result:
+                raise Disagreement(result[APART])
             paths.append(folder / f"{name_of(result)}.json")
             write_json(paths[-1], origin | result)
             on_result(result)

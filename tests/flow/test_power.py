@@ -230,3 +230,22 @@ def test_a_result_names_the_configuration_that_it_is_of() -> None:
 
 def test_five_percent_is_what_is_allowed() -> None:
     assert measuring.MOST_APART == 0.05
+
+
+def test_power_with_wires_that_the_two_ways_do_not_agree_on_is_not_given(
+    made: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = Ways.stretch
+
+    def apart(ways: Ways, name: str, *more: object) -> object:
+        if any(ways.tables.wires_f.values()):
+            raise Disagreement("far apart")
+        return whole(ways, name, *more)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Ways, "stretch", apart)
+    bare, wired = measure(CONFIG, made.netlist.text, made.library, (0.0, 200.0))
+    assert bare["energy_per_event_j"] > 0
+    assert wired == {"pitch_um": 200.0, "apart": "far apart"}
+    monkeypatch.setattr(Ways, "stretch", lambda *_: (_ for _ in ()).throw(Disagreement("without wires too")))
+    with pytest.raises(Disagreement, match="without wires too"):
+        measure(CONFIG, made.netlist.text, made.library, (0.0, 200.0))
