@@ -48,7 +48,11 @@ def readout(config: ReadoutConfig, folder: Path) -> None:
     ]
     # A link that is slower by seven clocks an event takes longer to reach both ends.
     clocks = LONG_CLOCKS * (3 if config.link == "four_phase" else 1)
-    parts = [*((one, SHORT_CLOCKS) for one in short), *((one, clocks) for one in LONG), (AT_REST, 4)]
+    parts = [
+        *((one, SHORT_CLOCKS) for one in short),
+        *((one, clocks) for one in LONG),
+        *((AT_REST, clocks) for clocks in (2, 3, 4)),
+    ]
     fields = config.to_dict() | {"registers": "none"}
     play([Draw(1, clocks, run, fields | own) for run, (own, clocks) in enumerate(parts)], VERILATOR)
     if config.frontend == "analog":  # comparators with offset, noise and hysteresis, of which both may fire

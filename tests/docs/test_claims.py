@@ -16,7 +16,6 @@ README_FREE = {
     "exits with 1": "exit code",
     "6 folds x 3 seeds, last epoch, 95 % intervals": "protocol",
     "textures carry 99 % of their power below 97 Hz and the model assumes 10 kHz": "published with the power model",
-    "240 texture scans and three encoders, 59,679,942 in all": "printed by make replay; no data file keeps it",
     "N-LCS 8 b": "name of a readout",
     "five times 640 kb/s": "data rate of the published comparison",
     "The layout of 2 x 2 taxels": "picture",

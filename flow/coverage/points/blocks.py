@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 
 from flow.coverage.points.point import Named, Point, began
@@ -60,19 +61,24 @@ def _words(config: FrameConfig) -> Named:
     yield "sink ready without a word", "!word_valid && word_ready"
     if config.word_bits == config.resolution:
         return
-    yield "word taken as the next is filled", "word_valid && word_ready && packer.emits"
+    # A code is put only where no word waits; so a word meets another if two steps that end one follow each other.
+    ends = config.taxels * config.resolution % config.word_bits
+    filled = [number * config.resolution // config.word_bits for number in range(config.taxels + 1)]
+    steps = [after > before for before, after in itertools.pairwise(filled)] + [True] * bool(ends)
+    if any(this and following for this, following in zip(steps, [*steps[1:], steps[0]], strict=True)):
+        yield "word taken as the next is filled", "word_valid && word_ready && packer.emits"
     placed = "packer.sample_valid && packer.free && !packer.flush"
     taken = {number * config.resolution % config.word_bits for number in range(config.taxels)}
     grain = bit_positions(config)
     for place in sorted(taken):
         yield f"code put at bit {place}", f"{placed} && packer.fill == {place // grain}"
-    ends = config.taxels * config.resolution % config.word_bits
     if config.taxels * config.resolution > config.word_bits:
         rest = any(config.word_bits - place < config.resolution for place in taken)
         yield "word completed", f"{placed} && packer.complete{' && packer.remains != 0' * rest}"
     if ends:
         yield "last word filled up", "packer.flush && packer.free"
-        yield "last word waits for the one before", "packer.flush && !packer.free"
+        if all(steps[-2:]):
+            yield "last word waits for the one before", "packer.flush && !packer.free"
 
 
 def merge(config: TilesConfig) -> Iterator[Point]:
