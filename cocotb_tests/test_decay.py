@@ -23,7 +23,7 @@ async def decay_ticks_at_its_phases(dut: Any) -> None:
     check = Checker(block)
     period = config.leak_period
     phases = sorted({row * period // config.rows for row in range(config.rows)})
-    block.drive(tick=0)
+    block.drive(tick=0, period=period, restart=0)  # the last two where registers set them
     await block.reset()
     ticks = 0
     for clock in range(CLOCKS):
@@ -49,10 +49,11 @@ CONFIGS = [
     BASE.replace(rows=8, leak_period=2, reset="async"),  # several rows in each phase
     BASE.replace(rows=1, leak_period=33, reset="async"),
     BASE.replace(rows=64, leak_period=64),
+    BASE.replace(leak_period=7, registers="spi"),
 ]
 
 
-@pytest.mark.parametrize("config", CONFIGS, ids=lambda c: f"{c.rows}-rows-{c.leak_period}-{c.reset}")
+@pytest.mark.parametrize("config", CONFIGS, ids=lambda c: f"{c.rows}-rows-{c.leak_period}-{c.reset}-{c.registers}")
 def test_decay_ticks_are_those_of_the_rule(config: ReadoutConfig, tmp_path: Path) -> None:
     counts = cosimulate(config, "icarus", "eskin_decay", "decay_ticks_at_its_phases", tmp_path, seed=6)
     assert counts["checks"] == CLOCKS

@@ -63,6 +63,8 @@ class TaxelBench:
         self.noisy = False  # they look at nothing but noise
         self.ticks = 0
         self.tick = False
+        # Set by registers, where there are any: as the configuration has it.
+        self.block.drive(step=1, leak_shift=config.leak_shift, window_period=config.window_period)
 
     def compare(self, enable: bool) -> None:
         """Hold all outputs to the reference; the polarity as long as there is a request."""
@@ -249,6 +251,10 @@ def breadth() -> list[ReadoutConfig]:
         leaky.replace(sample_bits=16, resolution=9, leak_shift=16, fraction_bits=3, reference_reset=7 * 2**12),
         leaky.replace(sample_bits=24, leak_shift=2, leak_period=4, fraction_bits=7, reference_reset=2**23 - 1),
     ]
+    # Settings at run time; the analog taxel shows its reference, and so how the leak is rounded.
+    settable = leaky.replace(registers="spi", frontend="analog")
+    configs += [settable.replace(leak_shift=1), settable.replace(leak_shift=4, reference_reset=2040)]
+    configs.append(closing.replace(registers="spi", frontend="analog"))
     return configs
 
 
@@ -257,6 +263,8 @@ def name(config: ReadoutConfig) -> str:
     return (
         f"{config.encoding}-{config.frontend}-{config.sample_bits}b-{config.resolution}b-{config.reset}"
         f"-{config.decide_every}-m{config.closing_shift}-k{config.leak_shift}"
+        + f"-{config.registers}"
+        * (config.registers != "none")
     )
 
 
