@@ -107,7 +107,7 @@ def test_a_run_fits_the_memory_and_a_configuration_has_all_its_clocks() -> None:
         (["--hours", -1], "seed, run and hours must be at least 0 and clocks at least 1, not 0, 0, -1.0, 20000000"),
         (["--set", "rows=1"], "--set and --run belong to one run; add --only SEED"),
         (["--only", 1, "--set", "row=1"],
-         "--set takes NAME=VALUE, a field of the configuration or signal, gap, sink, masks, not 'row=1'"),
+         "--set takes NAME=VALUE, a field of the configuration or signal, gap, sink, masks, share, not 'row=1'"),
         (["--only", 1, "--set", "rows=65"], "rows must be in 1..64, not 65"),
         (["--only", 1, "--set", "signal=rare", "--set", "sink=none", "--set", "gap=3", "--set", "masks=x"],
          "signal must be one of noise, walk, square, hold, near, rare, sink one of always, random, slow, stuck, gap a "
