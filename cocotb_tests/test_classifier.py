@@ -41,14 +41,7 @@ def random_network(config: ClassifierConfig, rng: random.Random) -> IntegerNetwo
         values[at_end] = np.where(generator.random(shape)[at_end] < 0.5, lowest(bits), highest(bits))
         return values
 
-    return IntegerNetwork(
-        config,
-        drawn(config.in_bits, config.inputs, config.hidden),
-        drawn(config.rec_bits, config.hidden, config.hidden),
-        drawn(config.out_bits, config.hidden, config.classes),
-        drawn(config.bias_bits, config.hidden),
-        drawn(config.bias_bits, config.classes),
-    )
+    return IntegerNetwork.filled(config, drawn)
 
 
 def random_scan(config: ClassifierConfig, rng: random.Random, bins: int, rate: str) -> Stimulus:

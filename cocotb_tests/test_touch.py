@@ -31,15 +31,11 @@ LAST = re.compile(r"touch to class: (\d+) images, (\d+) events, 0 mismatches, (\
 def network_of(chip: ChipConfig) -> IntegerWeights:
     """Return a network of weights at random."""
     config, rng = chip.classifier, np.random.default_rng(5)
-    shapes = {
-        "w_in": (config.in_bits, config.inputs, config.hidden),
-        "w_rec": (config.rec_bits, config.hidden, config.hidden),
-        "w_out": (config.out_bits, config.hidden, config.classes),
-        "b_hidden": (config.bias_bits, config.hidden),
-        "b_out": (config.bias_bits, config.classes),
-    }
-    drawn = {name: rng.integers(lowest(bits), highest(bits) + 1, shape) for name, (bits, *shape) in shapes.items()}
-    return IntegerWeights(IntegerNetwork(config, **drawn), tuple(f"class {n}" for n in range(config.classes)))
+
+    def drawn(bits: int, *shape: int) -> Any:
+        return rng.integers(lowest(bits), highest(bits) + 1, shape)
+
+    return IntegerWeights(IntegerNetwork.filled(config, drawn), tuple(f"class {n}" for n in range(config.classes)))
 
 
 def play(chip: ChipConfig, program: Simulator, folder: Path, network: IntegerWeights | None = None) -> dict[str, Any]:

@@ -139,14 +139,7 @@ def _network(config: ClassifierConfig, rng: np.random.Generator) -> IntegerNetwo
     def drawn(bits: int, *shape: int) -> NDArray[np.int64]:
         return rng.integers(lowest(bits), highest(bits) + 1, shape)
 
-    return IntegerNetwork(
-        config,
-        drawn(config.in_bits, config.inputs, config.hidden),
-        drawn(config.rec_bits, config.hidden, config.hidden),
-        drawn(config.out_bits, config.hidden, config.classes),
-        drawn(config.bias_bits, config.hidden),
-        drawn(config.bias_bits, config.classes),
-    )
+    return IntegerNetwork.filled(config, drawn)
 
 
 def _expected(config: ClassifierConfig, what: Scans) -> list[list[tuple[int, int, int]]]:

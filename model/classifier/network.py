@@ -5,7 +5,7 @@ This is the golden model that ``rtl/classifier`` is held to; it knows no lanes a
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -41,6 +41,17 @@ class Bin(NamedTuple):
     winner: int
 
 
+def _arrays(config: ClassifierConfig) -> dict[str, tuple[tuple[int, ...], int]]:
+    """Return shape and bits of every array of a network."""
+    return {
+        "w_in": ((config.inputs, config.hidden), config.in_bits),
+        "w_rec": ((config.hidden, config.hidden), config.rec_bits),
+        "w_out": ((config.hidden, config.classes), config.out_bits),
+        "b_hidden": ((config.hidden,), config.bias_bits),
+        "b_out": ((config.classes,), config.bias_bits),
+    }
+
+
 @dataclass(frozen=True, eq=False)
 class IntegerNetwork:
     """A network of whole numbers.
@@ -68,15 +79,7 @@ class IntegerNetwork:
     b_out: Whole
 
     def __post_init__(self) -> None:
-        config = self.config
-        shapes: dict[str, tuple[tuple[int, ...], int]] = {
-            "w_in": ((config.inputs, config.hidden), config.in_bits),
-            "w_rec": ((config.hidden, config.hidden), config.rec_bits),
-            "w_out": ((config.hidden, config.classes), config.out_bits),
-            "b_hidden": ((config.hidden,), config.bias_bits),
-            "b_out": ((config.classes,), config.bias_bits),
-        }
-        for name, (shape, bits) in shapes.items():
+        for name, (shape, bits) in _arrays(self.config).items():
             values = np.asarray(getattr(self, name))
             if values.shape != shape:
                 raise InputError(f"{name} has the shape {values.shape}, the network takes {shape}")
@@ -86,6 +89,11 @@ class IntegerNetwork:
                 worst = max(values.min(), values.max(), key=abs)
                 raise InputError(f"{name} must be in {lowest(bits)}..{highest(bits)}, {bits} bits, not {worst}")
             object.__setattr__(self, name, values.astype(np.int64))
+
+    @classmethod
+    def filled(cls, config: ClassifierConfig, fill: Callable[..., Whole]) -> IntegerNetwork:
+        """Return a network whose arrays a function makes, one after the other, from their bits and their shape."""
+        return cls(config, **{name: fill(bits, *shape) for name, (shape, bits) in _arrays(config).items()})
 
     @property
     def hidden_ends(self) -> tuple[int, int] | None:

@@ -23,14 +23,7 @@ def network(seed: int = 0, **fields: Any) -> IntegerNetwork:
     def drawn(bits: int, *shape: int) -> Any:
         return generator.integers(lowest(bits), highest(bits) + 1, shape)
 
-    return IntegerNetwork(
-        config,
-        drawn(config.in_bits, config.inputs, config.hidden),
-        drawn(config.rec_bits, config.hidden, config.hidden),
-        drawn(config.out_bits, config.hidden, config.classes),
-        drawn(config.bias_bits, config.hidden),
-        drawn(config.bias_bits, config.classes),
-    )
+    return IntegerNetwork.filled(config, drawn)
 
 
 VARIANTS: list[dict[str, Any]] = [

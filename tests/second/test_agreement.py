@@ -159,14 +159,7 @@ def network_draw(rng: np.random.Generator) -> IntegerNetwork:
     def weights(bits: int, *shape: int) -> Any:
         return rng.integers(lowest(bits), highest(bits) + 1, shape)
 
-    return IntegerNetwork(
-        config,
-        weights(config.in_bits, config.inputs, config.hidden),
-        weights(config.rec_bits, config.hidden, config.hidden),
-        weights(config.out_bits, config.hidden, config.classes),
-        weights(config.bias_bits, config.hidden),
-        weights(config.bias_bits, config.classes),
-    )
+    return IntegerNetwork.filled(config, weights)
 
 
 def test_classifiers_have_the_same_potentials_spikes_evidence_and_class(holdout: int) -> None:
