@@ -125,6 +125,23 @@ def write_json(path: Path, content: dict[str, Any]) -> None:
         file.write((json.dumps(plain(content), indent=1, allow_nan=False) + "\n").encode())
 
 
+def keep_line(path: Path, content: Any) -> None:
+    """Add a line of JSON to a file; behind a line that was cut off it begins a new one."""
+    with path.open("ab+") as file:
+        if file.seek(0, os.SEEK_END):
+            file.seek(-1, os.SEEK_END)
+            if file.read(1) != b"\n":
+                file.write(b"\n")
+        file.write((json.dumps(content) + "\n").encode())
+
+
+def kept_lines(path: Path) -> Iterator[Any]:
+    """Yield what the lines of JSON of a file hold, nothing if there is none; a line that was cut off is left out."""
+    for line in path.read_text(errors="replace").splitlines() if path.exists() else ():
+        with contextlib.suppress(ValueError):
+            yield json.loads(line)
+
+
 def origin(command: str) -> dict[str, str]:
     """Return what says where a kept result comes from: the command, the commit of these files, and the date."""
     describe = ["git", "describe", "--always", "--dirty"]

@@ -173,6 +173,3 @@ def summary(folder: Path) -> dict[str, Any]:
         "seconds": round(sum(piece["seconds"] for piece in pieces)),
         "commits": sorted({piece["commit"] for piece in pieces}),
     }
-
-
-__all__ = ["Plan", "SoakFailed", "draws_of", "soak", "summary"]

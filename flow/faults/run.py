@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -17,7 +16,7 @@ from flow.faults.plan import Trial, most_changed, most_ticks
 from model.classifier.config import ClassifierConfig
 from model.config import ReadoutConfig
 from model.crew.cluster import Needs, version
-from model.files import check_writable, origin, write_json
+from model.files import check_writable, keep_line, kept_lines, origin, write_json
 from model.frame_config import FrameConfig
 from model.tiles.config import TilesConfig
 
@@ -153,9 +152,7 @@ def campaign(small: bool, out: Path | None, tell: Callable[[str], None]) -> Done
     known, code = {}, version(CODE)
     if out:
         check_writable(out)
-        if _pieces(out).exists():
-            found = (json.loads(line) for line in _pieces(out).read_text().splitlines() if line.endswith("}"))
-            known = {piece["name"]: piece for piece in found if piece["code"] == code}
+        known = {piece["name"]: piece for piece in kept_lines(_pieces(out)) if piece["code"] == code}
     done = Done([], [], [])
     jobs: list[tuple[str, Callable[[], dict[str, Any]]]] = []
     jobs += [(f"{trial}", partial(_tried, trial)) for trial in plan.trials(small)]
@@ -163,8 +160,7 @@ def campaign(small: bool, out: Path | None, tell: Callable[[str], None]) -> Done
     for name, job in jobs:
         piece = known.get(name) or {"name": name, "code": code, **job()}
         if out and name not in known:
-            with _pieces(out).open("a") as file:
-                file.write(json.dumps(piece) + "\n")
+            keep_line(_pieces(out), piece)
         done.blocks += piece["blocks"]
         done.cases += piece["cases"]
         done.problems += piece["problems"]

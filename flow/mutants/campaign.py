@@ -16,7 +16,7 @@ from flow.mutants.facts import Facts
 from flow.mutants.judge import Finding, Judge
 from flow.mutants.plan import GROUNDS
 from flow.mutants.suite import Suite
-from model.files import origin, write_json
+from model.files import keep_line, kept_lines, origin, write_json
 
 OF_MODEL = "model_and_snn"
 """The other campaign, within the file of that of the RTL."""
@@ -73,8 +73,7 @@ def run(
 
     def keep(finding: Finding) -> None:
         known[finding.key] = finding
-        with log.open("a") as file:
-            file.write(json.dumps(finding.to_dict()) + "\n")
+        keep_line(log, finding.to_dict())
         on_finding(finding)
 
     todo = [change for change in picked if change.key not in known]
@@ -104,14 +103,9 @@ def _note_quick(suite: Suite, findings: Iterable[Finding]) -> None:
 
 
 def read(log: Path) -> Iterator[Finding]:
-    """Yield what a log holds; a line that was cut off is left out."""
-    if log.exists():
-        for line in log.read_text().splitlines():
-            try:
-                fields = json.loads(line)
-            except ValueError:
-                continue
-            yield Finding(**{**fields, "differs": tuple(fields["differs"])})
+    """Yield what a log holds."""
+    for fields in kept_lines(log):
+        yield Finding(**{**fields, "differs": tuple(fields["differs"])})
 
 
 def _counted(findings: list[Finding]) -> dict[str, int]:

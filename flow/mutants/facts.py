@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
+
+from model.files import keep_line, kept_lines
 
 
 class Facts:
@@ -12,19 +13,12 @@ class Facts:
     Parameters
     ----------
     path : Path
-        A line that was cut off is left out.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._known: dict[str, str] = {}
         path.parent.mkdir(parents=True, exist_ok=True)
-        for line in path.read_text().splitlines() if path.exists() else ():
-            try:
-                question, answer = json.loads(line)
-            except ValueError:
-                continue
-            self._known[question] = answer
+        self._known: dict[str, str] = dict(kept_lines(path))
 
     def get(self, question: str) -> str | None:
         """Return an answer, None if there is none."""
@@ -33,5 +27,4 @@ class Facts:
     def add(self, question: str, answer: str) -> None:
         """Keep an answer."""
         self._known[question] = answer
-        with self.path.open("a") as file:
-            file.write(json.dumps([question, answer]) + "\n")
+        keep_line(self.path, [question, answer])

@@ -21,6 +21,7 @@ from flow.formal.mutants import planted
 from flow.mutants import batch
 from flow.mutants.changes import Change
 from flow.mutants.inside import JOB, VERDICTS
+from model.files import kept_lines
 from rtl import yosys
 from rtl.block import Netlist
 from rtl.verilog import Config, top_block
@@ -235,7 +236,7 @@ class Suite:
                 simulator.Build.test = test  # type: ignore[method-assign]
             if not verdicts.exists():
                 raise RuntimeError(f"{name} did not begin: {[str(report.longrepr)[-2000:] for report in reports]}")
-            lines = [json.loads(line) for line in verdicts.read_text().splitlines() if line.endswith("}")]
+            lines = list(kept_lines(verdicts))
         found = {line["mutant"]: line["verdict"] for line in lines if "mutant" in line}
         return {line["begins"]: found.get(line["begins"], "endless") for line in lines if "begins" in line}
 

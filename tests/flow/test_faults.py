@@ -235,3 +235,5 @@ def test_a_campaign_that_was_stopped_goes_on_behind_what_is_done(
     (tmp_path / ".faults.json.pieces").write_text('{"name": "' + str(Trial(FEW, stride=1)) + '", "code": "old"}\n{"na')
     campaign(True, out, said.append)
     assert tried == [1, 2, 2, 1, 2]
+    campaign(True, out, said.append)  # the line that was cut off stands in the middle now
+    assert tried == [1, 2, 2, 1, 2]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from model.errors import InputError
-from model.files import read_json
+from model.files import keep_line, kept_lines, read_json
 
 
 @pytest.mark.parametrize(
@@ -32,3 +32,13 @@ def test_a_file_that_is_not_what_it_should_be_gets_one_sentence(tmp_path, monkey
 def test_what_a_file_holds_comes_back(tmp_path):
     (tmp_path / "a.json").write_text('{"a": [1, 2.5, null]}')
     assert read_json(tmp_path / "a.json", "the sweep", dict) == {"a": [1, 2.5, None]}
+
+
+@pytest.mark.parametrize("whole", ['{"a": 1}', '{"a": 1}\n'])
+def test_a_line_of_a_log_is_whole_or_left_out(tmp_path, whole):
+    log = tmp_path / "log.jsonl"
+    assert list(kept_lines(log)) == []
+    for cut in range(len(whole)):
+        log.write_text(whole[:cut])
+        keep_line(log, [cut])
+        assert list(kept_lines(log)) == ([{"a": 1}] if whole[:cut].endswith("}") else []) + [[cut]]

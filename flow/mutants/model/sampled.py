@@ -21,6 +21,7 @@ from flow.mutants.campaign import read
 from flow.mutants.facts import Facts
 from flow.mutants.judge import Finding
 from flow.mutants.model.edits import Edit, sample
+from model.files import keep_line
 
 FEWEST = 3
 COPIED = ("model", "rtl", "snn", "cocotb_tests", "flow", "tests", "docs/data", "benchmarks")
@@ -118,8 +119,7 @@ def judge(picked: list[Edit], folder: Path, again: bool, on_finding: Callable[[F
                     verdict = "killed" if code else "alive"
                     finding = Finding(edit.key, edit.name, Path(file).parts[0], file, edit.kind, verdict, by=failed)
                     known[edit.key] = finding
-                    with log.open("a") as lines:
-                        lines.write(json.dumps(finding.to_dict()) + "\n")
+                    keep_line(log, finding.to_dict())
                     on_finding(finding)
                 (place / file).write_text(original)
     found = [known[edit.key] for edit in picked if edit.key in known]
