@@ -73,6 +73,8 @@ LAYERS = {
         "layout.report",
         "layout",
         "asic.report fpga",
+        "commands.outcome",
+        "commands",
         "__main__",
     ),
     "snn": (

@@ -1,0 +1,166 @@
+"""The commands formal, faults, coverage, properties and crosscheck (docs/design/verification.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from model.cli.config_options import with_config
+from model.config import ReadoutConfig
+from model.errors import InputError
+from model.files import atomic_write
+
+if TYPE_CHECKING:
+    from flow.formal.mutants import Mutant
+
+
+def formal(
+    block: Annotated[
+        str,
+        typer.Option(
+            help="only this block: arbiter, link, merge, relay, window, taxel, frame_readout, readout, spi, registers, "
+            "pattern"
+        ),
+    ] = "",
+    small: Annotated[bool, typer.Option(help="only one small configuration of each block")] = False,
+    mutants: Annotated[bool, typer.Option(help="plant bugs too, and see the properties fail")] = False,
+    limit: Annotated[int, typer.Option(min=1, metavar="SECONDS", help="most that one proof may take")] = 300,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON")] = None,
+) -> None:
+    """Prove the properties of every block; the last line says how many hold."""
+    from flow.formal.engine import solve
+    from flow.formal.plan import proofs
+    from flow.formal.report import write
+    from flow.formal.run import closing_line, judge, outcomes
+
+    known = sorted({proof.block for proof in proofs()})
+    if block and block not in known:
+        raise InputError(f"--block must be one of {', '.join(known)}, not {block!r}")
+    chosen = [p for p in proofs() if (not block or p.block == block) and (not small or p.small)]
+    verdicts = []
+    for proof in chosen:
+        verdicts.append((proof, solve(proof.checker(proof.config), proof.depth, limit)))
+        said = verdicts[-1][1]
+        print(f"{proof.block:<15}{proof.size:<28}{len(said.proved):>3} proved{said.seconds:>7.1f} s", flush=True)
+    results = outcomes(verdicts, whole=not small)
+    command = f"make formal{' MUTANTS=1' if mutants else ''}"
+    if out:
+        write(results, out, command)
+    for name in sorted({proof.block for proof in chosen}) if mutants else []:
+        judge([outcome for outcome in results if outcome.block == name], _hunt(name))
+        if out:  # kept block by block: all of them take a quarter of an hour
+            write(results, out, command)
+    for outcome in results:
+        for problem in outcome.problems:
+            print(f"{outcome.block}: {outcome.property.name}: {problem}")
+    print(closing_line(results))
+    if any(outcome.problems for outcome in results):
+        raise typer.Exit(1)
+
+
+def faults(
+    small: Annotated[bool, typer.Option(help="only a few readouts, and few upsets of each flop")] = False,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON")] = None,
+) -> None:
+    """Turn every flop over, one at a time, and meet hostile surroundings; with --out it goes on where it was stopped.
+
+    Exit code 1 if more breaks than is stated.
+    """
+    from flow.faults.run import campaign, closing_line, write
+
+    done = campaign(small, out, lambda line: print(line, flush=True))
+    for problem in done.problems:
+        print(problem)
+    if out:
+        write(out, f"make faults{' SMALL=1' if small else ''}", done)
+    print(closing_line(done))
+    if done.problems or any(line["as stated"] < line["runs"] for line in done.cases):
+        raise typer.Exit(1)
+
+
+def coverage(
+    small: Annotated[bool, typer.Option(help="only a few runs")] = False,
+    only: Annotated[str, typer.Option(help="runs whose names begin so")] = "",
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder for what is found")] = Path("out/coverage"),
+) -> None:
+    """Count what runs that are held to the models reach, of Verilog and specification; goes on where it was stopped."""
+    from flow.coverage.plan import runs
+    from flow.coverage.run import closing_line, judge, play, write
+    from flow.coverage.waivers import waivers
+
+    chosen = [run for run in runs() if (run.small or not small) and run.name.startswith(only)]
+    if not chosen:
+        raise InputError(f"no run begins with {only!r}; one of them is {runs()[0].name!r}")
+
+    def tell(name: str, total: int, hit: int) -> None:
+        print(f"{name:<45}{hit:>6} of {total:<6} constructs", flush=True)
+
+    reached = play(chosen, out, tell)
+    verdict = judge(reached, waivers(), whole=not (small or only))
+    for problem in verdict.problems:
+        print(problem)
+    command = " ".join(["make coverage", *["SMALL=1"] * small, *([f"ONLY={only!r}"] if only else [])])
+    write(out / "coverage.json", command, reached, verdict)
+    print(closing_line(reached, verdict))
+    if verdict.problems:
+        raise typer.Exit(1)
+
+
+@with_config
+def properties(
+    config: ReadoutConfig,
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder to write to, made if need be")],
+) -> None:
+    """Write eskin_readout_properties.sv: the properties as assertions, bound to the modules of eskin_readout.v."""
+    from flow.formal.bind import properties as text
+
+    out.mkdir(parents=True, exist_ok=True)
+    path = out / "eskin_readout_properties.sv"
+    with atomic_write(path) as file:
+        file.write(text(config).encode())
+    print(path)
+
+
+@with_config
+def crosscheck(
+    config: ReadoutConfig,
+    texture: Annotated[int, typer.Option(min=0, help="number of the embedded texture")] = 0,
+    ticks: Annotated[int | None, typer.Option(min=1, help="sample ticks of the scan at most [all]")] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON")] = None,
+) -> None:
+    """Play the delivered Verilog in CXXRTL, a third simulator, against the model, and lint all texts with slang."""
+    from dataclasses import asdict
+
+    from flow.cross.check import Mismatch, play, texts
+    from model.files import origin, write_json
+
+    try:
+        played = play(config, texture, ticks)
+    except Mismatch as wrong:
+        print(wrong)
+        raise typer.Exit(1) from None
+    said = [problem for problems in texts(config).values() for problem in problems]
+    for problem in said:
+        print(problem)
+    if out:
+        command = f"make crosscheck ROWS={config.rows} COLUMNS={config.columns} ENCODING={config.encoding}"
+        write_json(out, {**origin(command), "config": config.to_dict(), **asdict(played), "slang": said})
+    print(
+        f"crosscheck: {played.runs} runs, {played.clocks} clocks, {played.events} events in CXXRTL as in the model, "
+        f"{played.of_texture} of a texture; slang: {len(said)} problems"
+    )
+    if said:
+        raise typer.Exit(1)
+
+
+def _hunt(block: str) -> Iterator[tuple[Mutant, set[str]]]:
+    """Plant the bugs of a block; print a line for each."""
+    from flow.formal.plan import proofs
+    from flow.formal.run import hunt
+
+    for mutant, failed in hunt(block, proofs()):
+        print(f"{block:<15}{mutant.name:<45}{len(failed):>3} fail", flush=True)
+        yield mutant, failed
