@@ -12,12 +12,13 @@ from model.cli.app import printable
 from model.cli.progress import bar
 from model.config import Encoding, ReadoutConfig
 from model.errors import InputError
-from model.files import write_json
+from model.files import origin, write_json
 from snn.commands.options import BinSeconds, DatasetName, Preset, Tau
-from snn.commands.sweep import parse_points
+from snn.commands.sweep import command_line, parse_points
 
 
 def counts(
+    context: typer.Context,
     points: Annotated[str, typer.Option(metavar="ENCODER:N,...", help="readouts of N bits")] = "nlcs:6,nlcs:8,nlcs:10",
     preset: Preset = "paper",
     tau: Tau = None,
@@ -41,7 +42,10 @@ def counts(
         made = Experiment(dataset=dataset, preset=preset, readout=config, tau_s=tau_s, bins=bins)
         with bar(f"recording {readout}:{bits}") as step:
             found[f"{readout}:{bits}"] = made.data(step)
-    result: dict[str, Any] = {"empty": {name: empty_bins(data) for name, data in found.items()}, "pairs": []}
+    result: dict[str, Any] = origin(command_line(context)) | {
+        "empty": {name: empty_bins(data) for name, data in found.items()},
+        "pairs": [],
+    }
     for name, data in found.items():
         print(f"{name}: {result['empty'][name]:.1%} of the bins are empty, {data.rate_hz:,.0f} events/s")
     for one, other in itertools.combinations(found, 2):

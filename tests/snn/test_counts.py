@@ -37,6 +37,8 @@ def test_the_command_writes_what_it_prints(tmp_path: Path, monkeypatch: pytest.M
     result = CliRunner().invoke(app, ["counts", *options])
     assert result.exit_code == 0, result.output
     found = json.loads(out.read_text())
+    assert found["command"].startswith("python -m snn counts --points lcs:2,lcs:3,nlcs:4")
+    assert found.keys() >= {"commit", "date"}
     assert found["empty"]["lcs:3"] < found["empty"]["lcs:2"]
     (one,) = found["pairs"]  # encoders are not mixed
     assert found["empty"]["nlcs:4"] > 0
