@@ -23,7 +23,7 @@ def mutants(
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for what is found")] = Path("out/mutants"),
 ) -> None:
     """Mutate the RTL's source, and see which mutants the tests and proofs kill; goes on where it was stopped."""
-    from flow.mutants.campaign import chosen, closing_line, summary, write
+    from flow.mutants.campaign import chosen, closing_line, summary, unfit, write
     from flow.mutants.campaign import run as judge
     from flow.mutants.plan import GROUNDS
 
@@ -38,9 +38,12 @@ def mutants(
         print(f"{finding.verdict:<11}{'quick' if finding.quick else '':<6}{finding.name}", flush=True)
 
     found = judge(picked, out, seed, tell, again, judging)
-    write(out / "mutants.json", command, summary(found, len(picked)))
-    print(closing_line(found, len(picked)))
-    if len(found) < len(picked) or any(finding.verdict == "alive" for finding in found):
+    silent = unfit(out)
+    write(out / "mutants.json", command, summary(found, len(picked), silent))
+    for name, why in silent.items():
+        print(f"not asked: {name}: {why}")
+    print(closing_line(found, len(picked), len(silent)))
+    if silent or len(found) < len(picked) or any(finding.verdict == "alive" for finding in found):
         raise typer.Exit(1)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import random
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from typing import Any
 from flow.mutants.argued import argue
 from flow.mutants.changes import Change, changes
 from flow.mutants.facts import Facts
-from flow.mutants.judge import Finding, Judge
+from flow.mutants.judge import UNFIT, Finding, Judge
 from flow.mutants.plan import GROUNDS
 from flow.mutants.suite import Suite
 from model.files import keep_line, kept_lines, origin, write_json
@@ -108,6 +108,11 @@ def read(log: Path) -> Iterator[Finding]:
         yield Finding(**{**fields, "differs": tuple(fields["differs"])})
 
 
+def unfit(folder: Path) -> dict[str, str]:
+    """Return why a test could not be asked, by its name: it fails with the original RTL too, in this campaign."""
+    return Facts(folder / "facts.jsonl").of(UNFIT)
+
+
 def _counted(findings: list[Finding]) -> dict[str, int]:
     """Return how many mutants there are, and what became of them."""
     real = [finding for finding in findings if finding.verdict != "stillborn"]
@@ -121,14 +126,14 @@ def _counted(findings: list[Finding]) -> dict[str, int]:
     }
 
 
-def summary(findings: list[Finding], planned: int) -> dict[str, Any]:
-    """Return what a campaign found as JSON content, without its origin.
+def summary(findings: list[Finding], planned: int, unfit: Mapping[str, str]) -> dict[str, Any]:
+    """Return what a campaign found as JSON content, without its origin; ``unfit`` are tests that were not asked.
 
     Mutants that the generator refuses are told apart and count nowhere else: no Verilog comes of them.
     """
     alive = [finding.to_dict() for finding in findings if finding.verdict == "alive"]
     return {
-        "result": closing_line(findings, planned),
+        "result": closing_line(findings, planned, len(unfit)),
         "planned": planned,
         **_counted(findings),
         "stillborn": sum(finding.verdict == "stillborn" for finding in findings),
@@ -144,6 +149,7 @@ def summary(findings: list[Finding], planned: int) -> dict[str, Any]:
             {"name": finding.name, "why": finding.why} for finding in findings if finding.verdict == "argued"
         ],
         "by_a_property_alone": sum(finding.by.startswith("property ") for finding in findings),
+        "not_asked": dict(unfit),
         "only_by_the_whole_suite": [
             {"name": finding.name, "by": finding.by}
             for finding in findings
@@ -152,15 +158,16 @@ def summary(findings: list[Finding], planned: int) -> dict[str, Any]:
     }
 
 
-def closing_line(findings: list[Finding], planned: int) -> str:
-    """Return the last line of ``make mutants``."""
+def closing_line(findings: list[Finding], planned: int, unfit: int = 0) -> str:
+    """Return the last line of ``make mutants``; ``unfit`` tests fail with the original too, and kill nothing."""
     count = _counted(findings)
     rest = count["total"] - count["equivalent"] - count["argued"]
     shares = [f"{100 * count[name] / rest:.1f} %" if rest else "none" for name in ("killed", "killed_quick")]
     left = f", {planned - len(findings)} not yet judged" if planned > len(findings) else ""
     same = f"{count['equivalent']} of them proved equivalent, {count['argued']} argued"
     killed = f"of the others {count['killed']} killed ({shares[0]}), by the quick check alone {shares[1]}"
-    return f"mutants: {count['total']}, {same}; {killed}; {count['alive']} alive{left}"
+    silent = f"; {unfit} tests could not be asked: they fail with the original" if unfit else ""
+    return f"mutants: {count['total']}, {same}; {killed}; {count['alive']} alive{left}{silent}"
 
 
 def write(path: Path, command: str, content: dict[str, Any], part: str = "") -> None:

@@ -24,6 +24,11 @@ class Facts:
         """Return an answer, None if there is none."""
         return self._known.get(question)
 
+    def of(self, beginning: str) -> dict[str, str]:
+        """Return the answers that are not empty of questions with a beginning, without it."""
+        found = {question: answer for question, answer in self._known.items() if question.startswith(beginning)}
+        return {question.removeprefix(beginning): answer for question, answer in found.items() if answer}
+
     def add(self, question: str, answer: str) -> None:
         """Keep an answer."""
         self._known[question] = answer

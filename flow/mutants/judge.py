@@ -16,7 +16,8 @@ from flow.mutants.changes import Change
 from flow.mutants.elsewhere import configs
 from flow.mutants.equivalence import same
 from flow.mutants.facts import Facts
-from flow.mutants.plan import GROUNDS, LONG
+from flow.mutants.plan import GROUNDS, LONG, NOT_ASKED
+from flow.mutants.planting import first_failed
 from flow.mutants.suite import Suite
 from rtl.verilog import Config, top_block
 
@@ -25,6 +26,9 @@ MOST = 16
 
 LARGEST, LARGEST_LONG = 64, 15
 """Taxels of the arrays in the tests of blocks, and in those of whole readouts."""
+
+UNFIT = "unfit "
+"""Begins the fact that a test could not be asked."""
 
 
 @dataclass
@@ -102,7 +106,7 @@ class Judge:
         """Decide what those are that are left: equivalent, killed by a property or a whole readout, or alive."""
         quick, own, later = self._all_tests(file)
         left = self._compare(file, [*quick, *own], left)
-        left = self._prove(file, left)
+        left = self._prove(file, self._ask_others(file, left))
         long = [name for test in later for name in _spread(self._tests([test], LARGEST_LONG, False))] if left else []
         for name in long:
             left = self._run(name, left)
@@ -111,9 +115,9 @@ class Judge:
 
     def _all_tests(self, file: str) -> tuple[list[str], list[str], list[str]]:
         """Return the cases of the quick check, other cases of blocks, and the names of the tests of whole readouts."""
-        tests = [test for test in GROUNDS[file].tests if test == file or test not in LONG]
+        tests = [test for test in GROUNDS[file].tests if test == file.partition(".")[0] or test not in LONG]
         later = [test for test in GROUNDS[file].tests if test not in tests]
-        quick = self._tests(tests, LARGEST, True) + self._tests(later, LARGEST_LONG, True)
+        quick = self._tests(tests, LARGEST, True) + self._tests(later, LARGEST, True)
         return quick, _spread(self._tests(tests, LARGEST, False)), later
 
     def _decide(self, finding: Finding, verdict: str, by: str = "") -> None:
@@ -126,7 +130,7 @@ class Judge:
         for test in tests:
             sized = []
             for name, item in self.suite.items.items():
-                if not name.startswith(f"cocotb_tests/test_{test}.py"):
+                if not name.startswith(f"cocotb_tests/test_{test}.py") or name.endswith(NOT_ASKED):
                     continue
                 if bool(item.get_closest_marker("quick")) == quick and (built := self.suite.learn(name)):
                     size = getattr(built[0], "taxels", 1)
@@ -138,6 +142,7 @@ class Judge:
         """Run a test with all that are left and have not passed it; return those that are still."""
         asked = [change for change in left if self.facts.get(f"{change.key} {name}") is None]
         outcomes = dict(zip(asked, self.suite.run(name, asked) if asked else [], strict=True))
+        self._note_unfit(name)
         alive = {}
         for change, finding in left.items():
             outcome = outcomes.get(change) or str(self.facts.get(f"{change.key} {name}"))
@@ -147,11 +152,17 @@ class Judge:
             elif outcome == "stillborn":
                 self._decide(finding, outcome)
             else:
-                if change in outcomes:
+                if change in outcomes and outcome != "unfit":
                     self.facts.add(f"{change.key} {name}", outcome)
                 finding.tried += outcome == "passed"
                 alive[change] = finding
         return alive
+
+    def _note_unfit(self, name: str) -> None:
+        """Keep that a test cannot be asked, or that it can now."""
+        why = self.suite.unfit.get(name, "")
+        if why or self.facts.get(UNFIT + name):
+            self.facts.add(UNFIT + name, why)
 
     def _compare(self, file: str, names: list[str], left: dict[Change, Finding]) -> dict[Change, Finding]:
         """Compare with the original where tests look, and elsewhere; return those not proved to be it."""
@@ -200,6 +211,28 @@ class Judge:
             answer = "not proved"
         self.facts.add(key, answer)
         return answer
+
+    def _ask_others(self, file: str, left: dict[Change, Finding]) -> dict[Change, Finding]:
+        """Ask the tests without a simulation; return those that pass them."""
+        tests = GROUNDS[file].others
+        if not tests or not left:
+            return left
+        question = " ".join(tests)
+        if failed := first_failed(tests, None):
+            self.suite.unfit[question] = f"{failed} fails with the original RTL"
+        self._note_unfit(question)
+        if failed:
+            return left
+        alive = {}
+        for change, finding in left.items():
+            failed = "" if self.facts.get(f"{change.key} {question}") else first_failed(tests, change)
+            if failed:
+                self._decide(finding, "killed", failed)
+            else:
+                self.facts.add(f"{change.key} {question}", "passed")
+                finding.tried += 1
+                alive[change] = finding
+        return alive
 
     def _prove(self, file: str, left: dict[Change, Finding]) -> dict[Change, Finding]:
         """Look for properties of ``make formal`` that fail; return those for which none does."""

@@ -18,38 +18,47 @@ class Ground:
         are run. Cases on Verilator are left out: they play the same test on another simulator.
     proofs : tuple of str
         Blocks of ``make formal`` whose properties look at it.
+    others : tuple of str
+        Test files that look at it without a simulation; each is run in a process of its own with a mutant planted.
     """
 
     block: str
     tests: tuple[str, ...]
     proofs: tuple[str, ...] = ()
+    others: tuple[str, ...] = ()
 
 
 LONG = ("readout", "host", "analog", "tiles", "touch")
 """Tests of whole readouts, each of some seconds: the last to be asked."""
 
+STILL = ("tests/flow/test_still.py",)
+"""Whether a block that says it is not awake stands still: what it says is used by the clock gates alone."""
+
+NOT_ASKED = ("test_a_fault_between_sample_and_class_is_found",)
+"""Tests that plant a fault of their own beside the RTL: in them the original fails too, as it must."""
+
 GROUNDS = {
-    "link": Ground("link", ("link", "readout"), ("link", "readout")),
-    "window": Ground("window", ("window", "taxel", "analog", "readout", "host"), ("window", "taxel")),
+    "link": Ground("link", ("link", "readout"), ("link", "readout"), STILL),
+    "window": Ground("window", ("window", "taxel", "analog", "readout", "host"), ("window", "taxel"), STILL),
     "decay": Ground("decay", ("decay", "readout")),
-    "arbiter": Ground("arbiter", ("arbiter", "readout"), ("arbiter", "readout")),
+    "arbiter": Ground("arbiter", ("arbiter", "readout"), ("arbiter", "readout"), STILL),
     "logic": Ground("arbiter", ("arbiter", "merge", "taxel", "frame", "registers", "readout"), ("arbiter", "merge")),
     "tiles.merge": Ground("tiles", ("merge", "tiles"), ("merge",)),
     "tiles.relay": Ground("tiles", ("relay", "merge", "tiles"), ("relay", "merge")),
     "tiles.skin": Ground("tiles", ("tiles",)),
-    "taxel": Ground("taxel", ("taxel", "window", "analog", "readout", "host"), ("taxel", "window", "readout")),
-    "frame": Ground("frame", ("frame",), ("frame_readout",)),
+    "taxel": Ground("taxel", ("taxel", "window", "analog", "readout", "host"), ("taxel", "window", "readout"), STILL),
+    "frame": Ground("frame", ("frame",), ("frame_readout",), STILL),
     "registers.file": Ground("registers", ("registers", "host"), ("registers",)),
     "registers.host": Ground("registers", ("host",)),
     "registers.pattern": Ground("registers", ("pattern", "host"), ("pattern",)),
     "registers.spi": Ground("registers", ("spi", "host"), ("spi",)),
-    "registers.decay": Ground("registers", ("host",)),
+    "registers.decay": Ground("registers", ("decay", "host")),
     "classifier.numbers": Ground("classifier", ("classifier", "touch")),
     "classifier.lane": Ground("classifier", ("classifier", "touch")),
     "classifier.memory": Ground("classifier", ("classifier", "touch")),
     "classifier.core": Ground("classifier", ("classifier", "touch")),
     "classifier.chip": Ground("classifier", ("touch",)),
-    "readout": Ground("readout", ("readout", "analog", "host", "tiles"), ("readout",)),
+    "readout": Ground("readout", ("readout", "analog", "host", "tiles"), ("readout",), STILL),
 }
 """All modules of ``rtl/`` with logic in them, and what looks at each."""
 

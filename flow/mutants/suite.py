@@ -44,6 +44,10 @@ class Told(Exception):
     """Ends a test that was only to say what it builds."""
 
 
+class Unfit(Exception):
+    """A test cannot be asked about mutants: it fails with the original RTL too."""
+
+
 class Hangs(Exception):
     """The simulation went on and on."""
 
@@ -87,11 +91,14 @@ class Suite:
         The tests by their names.
     built : dict of str to (Config, str)
         What each test builds: the configuration, and the module that is simulated.
+    unfit : dict of str to str
+        Why a test cannot be asked, by its name.
     """
 
     def __init__(self) -> None:
         self.items: dict[str, pytest.Item] = {}
         self.built: dict[str, tuple[Config, str] | None] = {}
+        self.unfit: dict[str, str] = {}
         self._originals: dict[str, Netlist] = {}
 
     def collect(self, files: list[str], ask: Callable[[Suite], None]) -> None:
@@ -132,10 +139,8 @@ class Suite:
 
             with _changed(verilog_text=take, digest=note):
                 reports = runtestprotocol(self.items[name], log=False, nextitem=None)
-            if not asked and any(report.failed for report in reports):
-                raise RuntimeError(
-                    f"{name} fails before it builds: {[str(report.longrepr)[-2000:] for report in reports]}"
-                )
+            if not asked and (said := _said(reports)):
+                self.unfit[name] = f"it fails before it builds: {said}"
             config, top = asked[:2] if len(asked) >= 2 else (None, "")
             if config is not None and top == "harness":
                 top = top_block(config).module_name
@@ -173,9 +178,17 @@ class Suite:
         Returns
         -------
         list of str
-            For each ``failed``, ``endless``, ``passed``, ``same`` (its Verilog is that of the original in this test) or
-            ``stillborn`` (there is no Verilog, or one that is refused).
+            For each ``failed``, ``endless``, ``passed``, ``same`` (its Verilog is that of the original in this test),
+            ``stillborn`` (there is no Verilog, or one that is refused) or ``unfit`` (the test fails with the original
+            too, so it says nothing).
         """
+        try:
+            return self._run(name, changes)
+        except Unfit as error:
+            self.unfit[name] = str(error)
+            return ["unfit"] * len(changes)
+
+    def _run(self, name: str, changes: list[Change]) -> list[str]:
         found: dict[int, str] = {}
         numbers = dict(enumerate(changes, 1))
         for start in range(1, len(changes) + 1, AT_ONCE):
@@ -206,7 +219,7 @@ class Suite:
         while todo:
             verdicts = self._play(name, text, todo)
             if verdicts.get(0) != "passed":
-                raise RuntimeError(f"{name} fails with the original RTL: {verdicts}")
+                raise Unfit(f"it fails with the original RTL: {verdicts}")
             found |= {number: verdict for number, verdict in verdicts.items() if number}
             todo = [number for number in todo if number not in found]
         return found
@@ -235,10 +248,16 @@ class Suite:
             finally:
                 simulator.Build.test = test  # type: ignore[method-assign]
             if not verdicts.exists():
-                raise RuntimeError(f"{name} did not begin: {[str(report.longrepr)[-2000:] for report in reports]}")
+                raise Unfit(f"its simulation did not begin: {_said(reports)}")
             lines = list(kept_lines(verdicts))
         found = {line["mutant"]: line["verdict"] for line in lines if "mutant" in line}
         return {line["begins"]: found.get(line["begins"], "endless") for line in lines if "begins" in line}
+
+
+def _said(reports: list[pytest.TestReport]) -> str:
+    """Return the last line of what a test that failed says."""
+    said = [line for report in reports if report.failed for line in str(report.longrepr).splitlines() if line.strip()]
+    return said[-1].strip() if said else ""
 
 
 @contextmanager
