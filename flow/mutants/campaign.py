@@ -166,7 +166,7 @@ def closing_line(findings: list[Finding], planned: int, unfit: int = 0) -> str:
     left = f", {planned - len(findings)} not yet judged" if planned > len(findings) else ""
     same = f"{count['equivalent']} of them proved equivalent, {count['argued']} argued"
     killed = f"of the others {count['killed']} killed ({shares[0]}), by the quick check alone {shares[1]}"
-    silent = f"; {unfit} tests could not be asked: they fail with the original" if unfit else ""
+    silent = f"; tests not asked, for they fail with the original: {unfit}" if unfit else ""
     return f"mutants: {count['total']}, {same}; {killed}; {count['alive']} alive{left}{silent}"
 
 

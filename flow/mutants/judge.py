@@ -135,6 +135,8 @@ class Judge:
                 if bool(item.get_closest_marker("quick")) == quick and (built := self.suite.learn(name)):
                     size = getattr(built[0], "taxels", 1)
                     sized += [(size, name)] if size <= largest else []
+                if name in self.suite.unfit:
+                    self._note_unfit(name)
             found += [name for _, name in sorted(sized)]
         return found
 
@@ -142,7 +144,8 @@ class Judge:
         """Run a test with all that are left and have not passed it; return those that are still."""
         asked = [change for change in left if self.facts.get(f"{change.key} {name}") is None]
         outcomes = dict(zip(asked, self.suite.run(name, asked) if asked else [], strict=True))
-        self._note_unfit(name)
+        if asked:
+            self._note_unfit(name)
         alive = {}
         for change, finding in left.items():
             outcome = outcomes.get(change) or str(self.facts.get(f"{change.key} {name}"))

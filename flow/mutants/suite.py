@@ -182,6 +182,7 @@ class Suite:
             ``stillborn`` (there is no Verilog, or one that is refused) or ``unfit`` (the test fails with the original
             too, so it says nothing).
         """
+        self.unfit.pop(name, None)
         try:
             return self._run(name, changes)
         except Unfit as error:

@@ -16,13 +16,14 @@ import pytest
 import rtl
 from flow.formal.mutants import planted
 from flow.mutants import batch
-from flow.mutants.campaign import chosen, closing_line, read
+from flow.mutants.campaign import chosen, closing_line, read, summary, unfit
 from flow.mutants.changes import Change, changes, text_of
 from flow.mutants.elsewhere import COUNT, configs
 from flow.mutants.equivalence import same
 from flow.mutants.facts import Facts
 from flow.mutants.judge import Finding, Judge
-from flow.mutants.plan import GROUNDS
+from flow.mutants.plan import GROUNDS, NOT_ASKED
+from flow.mutants.planting import first_failed
 from flow.mutants.suite import Suite, made_of, modules_of, mutated
 from model.config import ReadoutConfig
 
@@ -131,6 +132,40 @@ def test_what_differs_only_where_no_test_looks_is_not_equivalent(
     same_one, other = found.values()
     assert same_one == ("equivalent", ())
     assert other == ("", ("eskin_link (differs) in configuration 1 that no test has, of seed 1",))
+
+
+def test_a_test_that_fails_with_the_original_is_told_and_kills_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    change = the("arbiter", "arbiter.py:91: ~rest.any()", "rest.any()")
+    finding = Finding(change.key, change.name, "arbiter", "arbiter", "")
+    suite = Suite()
+    judge = Judge(suite, Facts(tmp_path / "facts.jsonl"), 1, lambda finding: None)
+    suite.built["odd"] = CONFIG, "eskin_arbiter"
+    played = {0: "failed"}
+    monkeypatch.setattr(Suite, "_play", lambda *_: played)
+    assert judge._run("odd", {change: finding}) == {change: finding}
+    assert (finding.verdict, finding.tried) == ("", 0)
+    assert unfit(tmp_path) == {"odd": "it fails with the original RTL: {0: 'failed'}"}
+    content = summary([finding], 1, unfit(tmp_path))
+    assert content["not_asked"] == unfit(tmp_path)
+    assert content["result"].endswith("; tests not asked, for they fail with the original: 1")
+    played |= {0: "passed", 1: "failed"}  # it is mended, and asked once more
+    assert judge._run("odd", {change: finding}) == {}
+    assert (finding.verdict, finding.by, unfit(tmp_path)) == ("killed", "odd", {})
+
+
+def test_what_is_not_asked_is_a_test() -> None:
+    texts = [path.read_text() for path in (Path(__file__).parents[2] / "cocotb_tests").glob("test_*.py")]
+    for name in NOT_ASKED:
+        assert sum(f"def {name}(" in text for text in texts) == 1
+
+
+def test_tests_without_a_simulation_see_the_mutant() -> None:
+    # A process that imports everything: some seconds.
+    still = "tests/flow/test_still.py::test_a_block_that_is_not_awake_stands_still"
+    tests = [f"{still}[{block}]" for block in ("eskin_row-lcs", "eskin_arbiter-lcs")]
+    assert first_failed(tests, the("arbiter", "self.awake.eq(", "*[]")) == tests[1]
 
 
 def test_a_campaign_judges_keeps_and_goes_on(tmp_path: Path) -> None:
