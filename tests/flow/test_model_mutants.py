@@ -18,6 +18,7 @@ from flow.mutants.argued import argue, arguments
 from flow.mutants.judge import Finding
 from flow.mutants.model import edits, forks, sampled
 from flow.mutants.model.edits import Edit, meaning
+from flow.mutants.model.grounds import TESTS
 from model.errors import InputError
 
 ROOT = Path(__file__).parents[2]
@@ -82,7 +83,7 @@ def test_without_cosmic_ray_one_sentence_says_what_to_do(monkeypatch: pytest.Mon
 
 
 def test_every_file_and_its_tests_are_there() -> None:
-    for file, tests in sampled.TESTS.items():
+    for file, tests in TESTS.items():
         assert (ROOT / file).is_file(), file
         for test in tests:
             assert (ROOT / test.partition("::")[0]).is_file(), test

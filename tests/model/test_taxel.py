@@ -426,8 +426,9 @@ def test_bipolar_events_are_those_of_a_naive_model(decide_every: str) -> None:
     found = encode_bipolar(config, column(*x))[:, 0].tolist()
     assert found == naive_bipolar(config, x)
     assert min(found) < 0 < max(found)
-    at_the_threshold = encode_bipolar(one("nlcs"), column(0, -4, -5, 4, 5))  # D is 4, and only beyond it an event
-    assert at_the_threshold[:, 0].tolist() == [0, 0, -1, 1, 1]
+    for bits in (8, 0):  # D is 4, and only beyond it an event; without a fraction -5 is the first code beyond
+        exact = one("nlcs", fraction_bits=bits, decide_every=decide_every)
+        assert encode_bipolar(exact, column(0, -4, -5, 4, 5))[:, 0].tolist() == [0, 0, -1, 1, 1]
     with pytest.raises(InputError, match="of encoding nlcs, not lcs"):
         encode_bipolar(one("lcs"), column(0))
 

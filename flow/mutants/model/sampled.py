@@ -21,53 +21,12 @@ from flow.mutants.campaign import read
 from flow.mutants.facts import Facts
 from flow.mutants.judge import Finding
 from flow.mutants.model.edits import Edit, sample
+from flow.mutants.model.grounds import TESTS
 from model.files import keep_line
 
 FEWEST = 3
-COPIED = ("model", "rtl", "snn", "cocotb_tests", "flow", "tests", "docs/data", "benchmarks")
-COPIED_FILES = ("conftest.py", "pyproject.toml", "constraints.txt", "Makefile")
-
-AGREEMENT = "tests/second/test_agreement.py"
-READOUT = (AGREEMENT, "tests/model/test_readout.py", "tests/model/test_ends.py")
-TAXEL = ("tests/model/test_taxel.py", *READOUT, "tests/model/test_taxel_leak.py")
-NETWORK = ("tests/snn/test_network.py",)
-
-REGISTERS = "tests/model/test_registers.py"
-SPI = "cocotb_tests/test_spi.py::test_slave_equals_its_model_in_every_clock"
-PATTERN = "cocotb_tests/test_pattern.py::test_pattern_equals_its_model_in_every_clock"
-FILE = "cocotb_tests/test_registers.py::test_file_equals_its_model_in_every_clock"
-
-TESTS: dict[str, tuple[str, ...]] = {
-    "model/taxel_kernels.py": TAXEL,
-    "model/taxel.py": TAXEL,
-    "model/window.py": TAXEL,
-    "model/decay.py": TAXEL,
-    "model/readout.py": (*READOUT, "tests/model/test_recording.py"),
-    "model/arbiter.py": ("tests/model/test_arbiter.py", *READOUT),
-    "model/link.py": ("tests/model/test_link.py", *READOUT),
-    "model/frame.py": ("tests/model/test_frame.py", AGREEMENT),
-    "model/frame_words.py": ("tests/model/test_frame.py", AGREEMENT),
-    "model/events/address.py": ("tests/model/test_recording.py", "tests/model/test_compare.py"),
-    "model/tiles/merge.py": ("tests/model/test_tiles.py", AGREEMENT),
-    "model/classifier/network.py": ("tests/model/test_classifier.py", AGREEMENT),
-    "model/classifier/run.py": ("tests/model/test_classifier.py", AGREEMENT),
-    "model/power/equations.py": ("tests/model/test_power.py",),
-    "model/power/build.py": ("tests/model/test_power.py", "tests/commands/test_power.py"),
-    "model/registers/spi.py": (REGISTERS, f"{SPI}[icarus-sync]"),
-    "model/registers/file.py": (REGISTERS, f"{FILE}[3x5-nlcs-async]"),
-    "model/registers/pattern.py": (REGISTERS, f"{PATTERN}[3x5-lcs]"),
-    "snn/network.py": NETWORK,
-    "snn/kernels/rule.py": NETWORK,
-    "snn/kernels/reference.py": NETWORK,
-    "snn/kernels/dense.py": NETWORK,
-    "snn/kernels/sparse.py": NETWORK,
-    "snn/kernels/layer.py": NETWORK,
-    "snn/exchange/integer.py": ("tests/snn/test_integer.py", "tests/snn/test_precision.py"),
-    "snn/rounding.py": ("tests/snn/test_integer.py", "tests/snn/test_precision.py"),
-    "snn/adam.py": ("tests/snn/test_adam.py",),
-    "snn/calibration.py": ("tests/snn/test_calibration.py",),
-}
-"""Files that are mutated, and the test files of each: those that call it, and not what reaches it by chance."""
+COPIED = ("model", "rtl", "snn", "cocotb_tests", "flow", "tests", "docs", "benchmarks")
+COPIED_FILES = ("conftest.py", "pyproject.toml", "constraints.txt", "Makefile", "README.md")
 
 
 def drawn(share: float, seed: int) -> tuple[list[Edit], dict[str, int]]:
