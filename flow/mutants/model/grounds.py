@@ -151,7 +151,7 @@ TESTS: dict[str, tuple[str, ...]] = {
 }
 """Files that are mutated, and the tests of each: those that call it, and not what reaches it by chance.
 
-They are what the results rest on: encoders, arbiter, link, frames, tiles, classifier, registers, power, textures, events
-and what the network is made of, trained on and exported as. Left out are what parses and prints (commands, options),
-draws (figures, pages), carries (files, workers, caches, the link to a board), and the studies on top of these.
+They are what the results rest on: encoders, arbiter, link, frames, tiles, classifier, registers, power, textures,
+events, and what the network is made of, trained on and exported as. Left out are what parses and prints (commands,
+options), draws (figures, pages), carries (files, workers, caches, the link to a board), and the studies on top of these.
 """
