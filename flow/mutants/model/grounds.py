@@ -153,5 +153,5 @@ TESTS: dict[str, tuple[str, ...]] = {
 
 They are what the results rest on: encoders, arbiter, link, frames, tiles, classifier, registers, power, textures,
 events, and what the network is made of, trained on and exported as. Left out are what parses and prints (commands,
-options), draws (figures, pages), carries (files, workers, caches, the link to a board), and the studies on top of these.
+options), draws (figures, pages) or carries (files, workers, caches, the link to a board), and the studies on top.
 """
