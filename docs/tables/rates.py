@@ -30,3 +30,18 @@ def event_rates() -> str:
         for point in rates()
     ]
     return markdown(["readout", "published", "float samples", "here (integer)", "difference"], rows)
+
+
+@table
+def other_rates() -> str:
+    """Rates of the other scans and textures, from those of their taxels that the power model reads."""
+    tables = {(t["dataset"], t["preset"]): t for t in read("model/power/event_rates.json")["tables"]}
+    chosen = [("kylberg", "physical"), ("embedded", "paper"), ("embedded", "physical")]
+    rows = []
+    for encoding, resolution in (("lcs", 2), ("lcs", 4), ("lcs", 6), ("nlcs", 4), ("nlcs", 8)):
+        cells = []
+        for kept in (tables[key] for key in chosen):
+            of_resolution = kept["lcs_hz"] if encoding == "lcs" else kept["nlcs_hz"][kept["taus_s"].index(0.2)]
+            cells.append(f"{sum(of_resolution[kept['resolutions'].index(resolution)]):,.0f}")
+        rows.append([f"{ENCODERS[encoding]} {resolution} b", *cells])
+    return markdown(["readout", *(f"{dataset.capitalize()}, `{preset}`" for dataset, preset in chosen)], rows)

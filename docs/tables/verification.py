@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from docs.tables.written import ROOT, markdown, read, table
+from docs.tables.written import ENCODERS, ROOT, markdown, read, table
 
 
 @table
@@ -239,3 +239,15 @@ def load() -> str:
     head = ["load", "arbiter", "events per clock", "mean wait", "99 %", "worst", "Jain", "mean wait by address"]
     said = f"`{kept['command']}`, {kept['commit']}, {kept['date']}.\n"
     return f"{markdown(head, rows)}\n{said}"
+
+
+@table
+def replay() -> str:
+    """What was driven through the RTL from end to end, by encoder."""
+    rows = []
+    for run in read("docs/data/verification/replay.json")["runs"]:
+        config = run["configuration"]
+        name = ENCODERS[config["encoding"]]
+        numbers = [f"{run[key]:,}" for key in ("images", "clocks", "events", "mismatches")]
+        rows.append([name, *numbers, run["commit"], run["date"]])
+    return markdown(["encoder", "scans", "clocks", "events", "mismatches", "commit", "date"], rows)

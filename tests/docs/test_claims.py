@@ -20,8 +20,19 @@ MADE = {
 }
 """Pages that are made as a whole, each with what of; other tests hold them to it."""
 
-BOUND = ["README.md", *(f"docs/results/{name}.md" for name in ("asic", "layout", "power"))]
-"""Pages all of whose results are bound; the others follow."""
+LATER = {
+    "docs/results/classifier.md",
+    *(
+        f"docs/guide/{name}.md"
+        for name in ("board", "classifier", "exchange", "files", "install", "power", "recordings")
+    ),
+    *(f"docs/guide/{name}.md" for name in ("report", "textures", "verilog")),
+    *(f"docs/reference/{name}.md" for name in ("board", "classifier", "encoders", "frame", "tiles")),
+    *(f"docs/design/{name}.md" for name in ("low_power", "microarchitecture", "verification")),
+    *(f"docs/{name}.md" for name in ("architecture", "glossary", "specification", "verification")),
+}
+"""Pages whose results are not bound yet."""
+BOUND = sorted({str(path.relative_to(ROOT)) for path in PAGES} - {*MADE, *LATER})
 
 
 def free(page: str) -> set[str]:
