@@ -146,6 +146,13 @@ def test_a_fork_runs_tests_to_the_first_failure(tmp_path: Path, monkeypatch: pyt
     assert forks._run(["test_it.py::test_good"]) == {"code": 0, "failed": ""}
 
 
+def test_a_test_that_hangs_ends_long_before_all_may(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(forks, "TEST_S", 1)
+    (tmp_path / "test_it.py").write_text("def test_good(): pass\ndef test_endless():\n    while True: pass\n")
+    assert forks._run(["test_it.py"])["code"] == -signal.SIGXCPU
+
+
 def test_what_takes_too_long_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(forks, "WALL_S", 0.1)
     child = os.fork()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import resource
 import shutil
@@ -14,6 +15,9 @@ from typing import Any
 
 CPU_S, WALL_S = 120, 300
 """Seconds that the tests of one edit may take: an endless loop counts as a failure."""
+
+TEST_S = 30
+"""Seconds of one test, of which the longest takes a third with what it compiles."""
 
 OPTIONS = ("-q", "-x", "--tb=no", "-rfE", "-p", "no:cacheprovider", "-p", "no:xdist", "-o", "addopts=")
 LOG = "said.txt"
@@ -36,6 +40,16 @@ def serve() -> None:
         sys.stdout.flush()
 
 
+class Limit:
+    """A plugin of pytest that gives every test seconds of its own."""
+
+    @staticmethod
+    def pytest_runtest_setup() -> None:
+        """Count from here."""
+        soon = min(CPU_S, math.ceil(time.process_time()) + TEST_S)
+        resource.setrlimit(resource.RLIMIT_CPU, (soon, CPU_S + 5))
+
+
 def _run(tests: list[str]) -> dict[str, Any]:
     child = os.fork()
     if not child:
@@ -48,7 +62,7 @@ def _run(tests: list[str]) -> dict[str, Any]:
 
         code = 3
         try:
-            code = int(pytest.main([*OPTIONS, *tests]))
+            code = int(pytest.main([*OPTIONS, *tests], plugins=[Limit()]))
         finally:
             sys.stdout.flush()
             os._exit(code)
