@@ -63,6 +63,7 @@ async def readout_follows_its_model(dut: Any) -> None:
     samples = dict(zip(played["sample_clock"], played["samples"], strict=True))
     expected = {event[0]: event[1:] for event in played["events"]}
     analog = Comparators(config, block) if config.frontend == "analog" else None
+    decisions = played.get("decisions")
     held = [0] * config.taxels
     block.drive(spi_sck=0, spi_cs_n=1, spi_mosi=0, sample_valid=0, sample=0, event_ready=0, above=0, below=0)
     block.drive(taxel_enable=0, aer_ack=0)
@@ -74,7 +75,9 @@ async def readout_follows_its_model(dut: Any) -> None:
         if clock in samples and analog is None:
             mask = (1 << config.sample_bits) - 1
             block.drive(sample=sum((x & mask) << config.sample_bits * i for i, x in enumerate(samples[clock])))
-        if analog is not None:
+        if decisions:
+            block.drive(above=int(decisions[0][clock], 2), below=int(decisions[1][clock], 2))
+        elif analog is not None:
             analog.look(held)
         await block.settle()
         check.equal("spi_miso", played["miso"][clock], block.read("spi_miso"))
@@ -127,12 +130,26 @@ def pins_of(config: ReadoutConfig, clocks: int, rng: random.Random) -> list[Any]
     return pins[:clocks]
 
 
+def whatever(config: ReadoutConfig, clocks: int, draw: np.random.Generator) -> np.ndarray:
+    """Return what comparators say that never look: nothing, above, below, both or anything, each for a while."""
+    shape = (clocks, config.taxels)
+    while_ = np.repeat(draw.integers(0, 5, (clocks // 40 + 1, config.taxels)), 40, axis=0)[:clocks]
+    found = np.where(while_ == 4, draw.integers(0, 4, shape), while_).astype(np.uint8)
+    return found if config.has_polarity else found & 1
+
+
+def rows(bits: np.ndarray) -> list[str]:
+    """Return rows of bits as texts, the first bit of each last."""
+    return ["".join("1" if on else "0" for on in row[::-1]) for row in bits]
+
+
 def prepare(
-    config: ReadoutConfig, folder: Path, seed: int, given: list[Any] | None = None
+    config: ReadoutConfig, folder: Path, seed: int, given: list[Any] | None = None, anything: bool = False
 ) -> tuple[Path, Counter[str]]:
     """Write what is to be played and what the model makes of it; return the file, and what happens in it.
 
-    The pins of the host are those given, while masks change often, else ``pins_of`` says them.
+    The pins of the host are those given, while masks change often, else ``pins_of`` says them. An analog signal goes
+    beyond both ends of the scale, or the comparators say ``anything``, whatever the signal is.
     """
     from model.readout import Stimulus
     from model.registers.host import play
@@ -146,6 +163,8 @@ def prepare(
     walk = np.cumsum(draw.normal(0, 1, (ticks, config.taxels)) * size, axis=0)
     turned = np.abs((walk + config.full_scale) % (4 * config.full_scale) - 2 * config.full_scale)
     samples = np.clip(turned - config.full_scale, -config.full_scale, config.full_scale - 1).astype(np.int32)
+    if config.frontend == "analog":
+        samples = samples * 3 // 2
     changes = sorted(rng.sample(range(1, clocks), 6 if given is None else 60))
     stimulus = Stimulus(
         samples=samples,
@@ -154,22 +173,25 @@ def prepare(
         enable_clock=np.array([0, *changes], np.int64),
         enable=draw.random((len(changes) + 1, config.taxels)) < 0.9,
         ready=(draw.random(4096) < 0.6).astype(np.uint8),
+        decisions=whatever(config, clocks, draw) if anything else None,
     )
     pins = pins_of(config, clocks, rng) if given is None else given
     played = play(config, stimulus, pins)
     mask = stimulus.enable[np.searchsorted(stimulus.enable_clock, np.arange(clocks), side="right") - 1]
     path = folder / "host.npz"
+    sides = {} if stimulus.decisions is None else {"decisions": [rows(stimulus.decisions & side) for side in (1, 2)]}
     events = np.array([[int(e["t"]), int(e["x"]), int(e["y"]), int(e["p"])] for e in played.events]).reshape(-1, 4)
     np.savez(
         path,
         samples=samples,
         sample_clock=stimulus.sample_clock,
-        enable=np.array(["".join("1" if on else "0" for on in row[::-1]) for row in mask]),
+        enable=np.array(rows(mask)),
         ready=stimulus.ready,
         pins=np.array(pins),
         events=events,
         miso=played.miso,
         miso_enable=played.miso_enable,
+        **sides,  # type: ignore[arg-type]
     )
     settings = played.stimulus.settings
     happens: Counter[str] = Counter(settings=len(settings), events=len(played.events))

@@ -94,10 +94,11 @@ def _frames() -> Iterator[Run]:
 
 
 def _hosts() -> Iterator[Run]:
-    """Yield readouts with registers, and the blocks of their host alone."""
+    """Yield readouts with registers, with both front ends, and the blocks of their host alone."""
     for encoding in ("lcs", "cw-lcs", "nlcs"):
         config = ReadoutConfig.from_dict(SMALL.to_dict() | {"encoding": encoding, "registers": "spi"})
         yield Run(f"registers {encoding}", config, stimuli.host)
+        yield Run(f"registers {encoding} analog", config.replace(frontend="analog"), stimuli.host)
     lcs = SMALL.replace(registers="spi")
     for name, test in (
         ("registers", "file_follows_its_model"),
@@ -109,12 +110,15 @@ def _hosts() -> Iterator[Run]:
 
 
 def _skins() -> Iterator[Run]:
-    """Yield skins of tiles and merges alone."""
-    for down, across, encoding in ((2, 2, "lcs"), (1, 3, "nlcs")):
+    """Yield skins of tiles, without relay stations and with two on every line, and merges and stations alone."""
+    for down, across, encoding, reset in ((2, 2, "lcs", "sync"), (1, 3, "nlcs", "async")):
         tile = SMALL.replace(rows=2, columns=2, encoding=encoding)
         config = TilesConfig.of(tile, down, across)
         yield Run(f"merge {config.tiles} tiles {encoding}", MergeConfig(config), stimuli.merge)
         yield Run(f"skin {config.tiles} tiles {encoding}", config, stimuli.skin, only=("eskin_merge",))
+        lines = TilesConfig.of(tile.replace(reset=reset), down, across, relays=2)
+        yield Run(f"relay {encoding}", lines, stimuli.relay)
+        yield Run(f"skin {config.tiles} tiles {encoding}, relays", lines, stimuli.skin, only=("eskin_relay",))
 
 
 def _classifiers() -> Iterator[Run]:

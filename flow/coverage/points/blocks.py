@@ -1,4 +1,4 @@
-"""Points of the frame readout and of the merge of tiles."""
+"""Points of the frame readout, of the merge of tiles, and of the lines to it."""
 
 from __future__ import annotations
 
@@ -109,3 +109,61 @@ def merge(config: TilesConfig) -> Iterator[Point]:
     if config.tile.has_polarity:
         yield point("ON leaves", "event_valid && event_ready && event_polarity")
         yield point("OFF leaves", "event_valid && event_ready && !event_polarity")
+
+
+def lines(config: TilesConfig) -> Iterator[Point]:
+    """Yield the points of relay stations, and of the lines that are made of them."""
+    kind = f"{config.tile.encoding}, reset {config.reset}"
+    for part, module, group in (
+        (_station, "eskin_relay", f"relay station {kind}"),
+        (_stations, "eskin_tiles", f"{config.relays} relay stations a line, {config.tiles} tiles {kind}"),
+    ):
+        for name, expression in part(config):
+            yield Point(group, name, module, expression)
+
+
+def _station(config: TilesConfig) -> Named:
+    """Each place filled and emptied, a stall on its way back, and what a reset meets."""
+    leaves = "event_valid && event_ready"
+    yield "at rest", "!event_valid && !tile_valid && !rst"
+    yield "ready without an event", "!event_valid && event_ready && !rst"
+    yield "taken while empty", "comes && !event_valid"
+    yield "taken as one leaves", f"comes && {leaves}"
+    yield "taken in the clock of a stall", "comes && event_valid && !event_ready"
+    yield "the line waits for a full station", "full && tile_valid"
+    yield "full, and one leaves", f"full && {leaves}"
+    yield "full for several clocks", "full && $past(full) && $past(full, 2)"
+    yield "the second place moves up, and the line goes on", f"comes && $past(full && {leaves})"
+    yield "runs empty", f"{leaves} && !full && !comes"
+    yield "events in two clocks running", f"{leaves} && $past({leaves})"
+    yield "reset while full", began("full")
+    yield "reset with one event held", began("event_valid && !full")
+    yield "reset while empty", began("!event_valid")
+    for name, bits in (("row", config.tile.row_bits), ("col", config.tile.column_bits)):
+        for end, value in (("first", 0), ("last", (1 << bits) - 1)):
+            if bits:
+                yield f"{end} {name} leaves", f"{leaves} && event_{name} == {value}"
+    if config.tile.has_polarity:
+        yield "ON leaves", f"{leaves} && event_polarity"
+        yield "OFF leaves", f"{leaves} && !event_polarity"
+
+
+def _stations(config: TilesConfig) -> Named:
+    """All lines together: stalls that run back along them, and tiles that overtake one another."""
+    tiles, relays = range(config.tiles), range(config.relays)
+    whole = [[f"relay_{tile}_{stage}" for stage in relays] for tile in tiles]
+    for tile, line in enumerate(whole):
+        last = f"{line[-1]}.event_valid"
+        yield f"an event of tile {tile} in every station", " && ".join(f"{station}.event_valid" for station in line)
+        yield f"the stall has reached tile {tile}", " && ".join(f"{station}.full" for station in line)
+        yield f"event of tile {tile} waits for another tile", f"{last} && merge.comes && !merge.tile_ready[{tile}]"
+        yield f"event of tile {tile} alone on its way", f"{line[0]}.event_valid && !(|merge.tile_valid)"
+    every = [station for line in whole for station in line]
+    yield "all stations full", " && ".join(f"{station}.full" for station in every)
+    yield "all stations empty", "!rst && " + " && ".join(f"!{station}.event_valid" for station in every)
+    yield "all lines offer", "&merge.tile_valid"
+    yield "sample tick of all tiles", "&sample_valid"
+    yield (
+        "sample tick while a stall reaches a tile",
+        "(&sample_valid) && (" + " || ".join(f"{s}.full" for s in every) + ")",
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flow.coverage.points.blocks import frames, merge
+from flow.coverage.points.blocks import frames, lines, merge
 from flow.coverage.points.classifier import chip, classifier
 from flow.coverage.points.point import Point
 from flow.coverage.points.readout import readout
@@ -18,7 +18,7 @@ from rtl.verilog import Config
 def points(config: Config) -> list[Point]:
     """Return the points of a configuration."""
     if isinstance(config, TilesConfig):  # a readout too, of tiles
-        return list(merge(config))
+        return [*merge(config), *(lines(config) if config.relays else ())]
     if isinstance(config, ReadoutConfig):
         return list(registers(config) if config.registers == "spi" else readout(config))
     if isinstance(config, FrameConfig):

@@ -128,6 +128,18 @@ def _spi() -> Named:
     yield "reset within a transfer", began("spi_miso_enable")
 
 
+def _beyond(config: ReadoutConfig) -> Named:
+    """Ways, and what says that comparators ask a taxel at an end of the scale to go on: a digital sample never does."""
+    if config.frontend == "digital":
+        return
+    taxels = [f"row_{r}.taxel_{c}" for r in range(config.rows) for c in range(config.columns)]
+    if not config.has_polarity:
+        yield "up", any_of(f"{t}.enable && {t}.above && !{t}.on && !{t}.pending" for t in taxels)
+        return
+    yield "up", any_of(f"{t}.enable && {t}.above && !{t}.fits && !{t}.pending" for t in taxels)
+    yield "down", any_of(f"{t}.enable && {t}.below && !{t}.above && !{t}.fits && !{t}.pending" for t in taxels)
+
+
 def _array(config: ReadoutConfig) -> Named:
     """What the array is at while a setting changes."""
     waits = "arbiter.event_valid && !arbiter.event_ready"
@@ -136,6 +148,13 @@ def _array(config: ReadoutConfig) -> Named:
         step = 1 << config.resolution - bits
         asks = any_of(f"row_{r}.taxel_{c}.asks" for r in range(config.rows) for c in range(config.columns))
         yield f"a taxel asks at {bits} bits", f"host.step == {step} && {asks}"
+        for way, side in _beyond(config):
+            yield (
+                f"a step {way} that would leave the scale at {bits} bits is not made",
+                f"host.step == {step} && {side}",
+            )
+    if config.frontend == "analog" and config.has_polarity:
+        yield "both comparators fire", "|(above & below)"
     yield "resolution written while an event waits for the sink", f"{file}.resolution_bits_written && {waits}"
     yield "resolution written while a request waits", f"{file}.resolution_bits_written && |arbiter.row_request"
     yield "cleared while bursting", f"{file}.control_clear && $countones(arbiter.waiting) > 1"
