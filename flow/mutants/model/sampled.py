@@ -67,7 +67,7 @@ def judge(picked: list[Edit], folder: Path, again: bool, on_finding: Callable[[F
             for file in dict.fromkeys(edit.file for edit in todo):
                 own = [edit for edit in todo if edit.file == file]
                 original = (place / file).read_text()
-                if facts.get(whole := _question(file)) is None:
+                if facts.get(whole := _question(TESTS[file])) is None:
                     code, failed = ask(TESTS[file])
                     if code:
                         raise RuntimeError(f"the tests of {file} fail without an edit: {failed or code}")
@@ -86,10 +86,11 @@ def judge(picked: list[Edit], folder: Path, again: bool, on_finding: Callable[[F
     return found
 
 
-def _question(file: str) -> str:
-    """Return whether the tests of a file pass, as a question that is another one when one of them changes."""
-    texts = [(ROOT / name).read_bytes() for name in (file, *(test.partition("::")[0] for test in TESTS[file]))]
-    return f"{file} {hashlib.sha256(b'|'.join(texts)).hexdigest()[:16]}"
+def _question(tests: tuple[str, ...]) -> str:
+    """Return whether tests pass, as a question that is another one when they change, or a file they are asked about."""
+    names = [*(test.partition("::")[0] for test in tests), *(file for file, own in TESTS.items() if own == tests)]
+    texts = [(ROOT / name).read_bytes() for name in dict.fromkeys(names)]
+    return f"{' '.join(tests)} {hashlib.sha256(b'|'.join(texts)).hexdigest()[:16]}"
 
 
 @contextmanager
