@@ -62,7 +62,7 @@ def run(
         Called with every finding.
     again : bool
         Whether those alive, or killed by another test than those of the quick check, are judged once more: tests are
-        new. One whose name is that of before is not asked again.
+        new. What a mutant passed is not asked again, unless the test's file has changed.
     judging : bool
         Whether to judge those that were not judged yet.
     """

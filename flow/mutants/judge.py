@@ -5,8 +5,10 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
+from functools import cache
 from typing import Any
 
+from cocotb_tests.session.store import ROOT
 from flow.formal.bench import netlist
 from flow.formal.engine import solve
 from flow.formal.mutants import planted
@@ -142,13 +144,13 @@ class Judge:
 
     def _run(self, name: str, left: dict[Change, Finding], quick: bool = False) -> dict[Change, Finding]:
         """Run a test with all that are left and have not passed it; return those that are still."""
-        asked = [change for change in left if self.facts.get(f"{change.key} {name}") is None]
+        asked = [change for change in left if self.facts.get(_question(change, name)) is None]
         outcomes = dict(zip(asked, self.suite.run(name, asked) if asked else [], strict=True))
         if asked:
             self._note_unfit(name)
         alive = {}
         for change, finding in left.items():
-            outcome = outcomes.get(change) or str(self.facts.get(f"{change.key} {name}"))
+            outcome = outcomes.get(change) or str(self.facts.get(_question(change, name)))
             if outcome in ("failed", "endless"):
                 finding.quick = quick
                 self._decide(finding, "killed", name if outcome == "failed" else f"{name} (never ends)")
@@ -156,7 +158,7 @@ class Judge:
                 self._decide(finding, outcome)
             else:
                 if change in outcomes and outcome != "unfit":
-                    self.facts.add(f"{change.key} {name}", outcome)
+                    self.facts.add(_question(change, name), outcome)
                 finding.tried += outcome == "passed"
                 alive[change] = finding
         return alive
@@ -220,19 +222,20 @@ class Judge:
         tests = GROUNDS[file].others
         if not tests or not left:
             return left
-        question = " ".join(tests)
+        together = " ".join(tests)
         if failed := first_failed(tests, None):
-            self.suite.unfit[question] = f"{failed} fails with the original RTL"
-        self._note_unfit(question)
+            self.suite.unfit[together] = f"{failed} fails with the original RTL"
+        self._note_unfit(together)
         if failed:
             return left
         alive = {}
         for change, finding in left.items():
-            failed = "" if self.facts.get(f"{change.key} {question}") else first_failed(tests, change)
+            question = _question(change, *tests)
+            failed = "" if self.facts.get(question) else first_failed(tests, change)
             if failed:
                 self._decide(finding, "killed", failed)
             else:
-                self.facts.add(f"{change.key} {question}", "passed")
+                self.facts.add(question, "passed")
                 finding.tried += 1
                 alive[change] = finding
         return alive
@@ -253,6 +256,16 @@ class Judge:
             else:
                 alive[change] = finding
         return alive
+
+
+def _question(change: Change, *tests: str) -> str:
+    """Return tests with a mutant as a question, which is another one when a file of them changes."""
+    return " ".join([change.key, *(f"{name} {_version(name.partition('::')[0])}" for name in tests)])
+
+
+@cache
+def _version(file: str) -> str:
+    return hashlib.sha256((ROOT / file).read_bytes()).hexdigest()[:16]
 
 
 def _spread(names: list[str]) -> list[str]:

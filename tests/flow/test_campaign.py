@@ -141,18 +141,23 @@ def test_a_test_that_fails_with_the_original_is_told_and_kills_nothing(
     finding = Finding(change.key, change.name, "arbiter", "arbiter", "")
     suite = Suite()
     judge = Judge(suite, Facts(tmp_path / "facts.jsonl"), 1, lambda finding: None)
-    suite.built["odd"] = CONFIG, "eskin_arbiter"
+    odd = "cocotb_tests/test_arbiter.py::odd"
+    suite.built[odd] = CONFIG, "eskin_arbiter"
     played = {0: "failed"}
     monkeypatch.setattr(Suite, "_play", lambda *_: played)
-    assert judge._run("odd", {change: finding}) == {change: finding}
+    assert judge._run(odd, {change: finding}) == {change: finding}
     assert (finding.verdict, finding.tried) == ("", 0)
-    assert unfit(tmp_path) == {"odd": "it fails with the original RTL: {0: 'failed'}"}
+    assert unfit(tmp_path) == {odd: "it fails with the original RTL: {0: 'failed'}"}
     content = summary([finding], 1, unfit(tmp_path))
     assert content["not_asked"] == unfit(tmp_path)
     assert content["result"].endswith("; tests not asked, for they fail with the original: 1")
-    played |= {0: "passed", 1: "failed"}  # it is mended, and asked once more
-    assert judge._run("odd", {change: finding}) == {}
-    assert (finding.verdict, finding.by, unfit(tmp_path)) == ("killed", "odd", {})
+    monkeypatch.setattr("flow.mutants.judge._version", lambda file: "before")
+    judge.facts.add(f"{change.key} {odd} before", "passed")
+    assert judge._run(odd, {change: finding}) == {change: finding}  # it is known, so this asks nothing
+    monkeypatch.setattr("flow.mutants.judge._version", lambda file: "after")
+    played |= {0: "passed", 1: "failed"}  # its file is mended, so it is asked once more
+    assert judge._run(odd, {change: finding}) == {}
+    assert (finding.verdict, finding.by, unfit(tmp_path)) == ("killed", odd, {})
 
 
 def test_what_is_not_asked_is_a_test() -> None:
