@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from model.cli.app import printable
+from model.cli.app import asked_for, printable
 from model.cli.field_options import with_fields
 from model.cli.progress import bar
 from model.cli.tables import new_table, show
@@ -89,7 +89,7 @@ def explore(
 
     model = build_model(frozenset(CORRECTIONS), own, synthesis, source, parameters)
     data = explore_data(model, noise, tau, min_resolution)
-    written = write_results(out, "explore", data, plot_explore)
+    written = write_results(out, "explore", data, plot_explore, command=asked_for("model"))
     if event_rate is dataset is rates is None:
         print(STORED_RATES.format(preset_name), file=sys.stderr if as_json else sys.stdout)
     if as_json:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from model.cli.app import printable
+from model.cli.app import asked_for, printable
 from model.cli.progress import bar
 from model.cli.tables import new_table, show
 from model.commands.options import (
@@ -192,7 +192,7 @@ def _figure(name: str, summary: str) -> Callable[..., None]:
         models = both_modes(
             settings, synthesis, lambda: rate_table(dataset, preset_name, rates, resolutions, taus_s, watch=bar)
         )
-        print(printable(write_results(out, name, data(models), plot, data_out)))
+        print(printable(write_results(out, name, data(models), plot, data_out, command=asked_for("model"))))
 
     command.__name__, command.__doc__ = name, summary
     return command
@@ -219,7 +219,7 @@ def sensitivity(
     used = (model.measured.dataset, model.measured.preset)  # type: ignore[union-attr]
     others = {f"{t.dataset} {t.preset} scan": t for t in load_tables() if (t.dataset, t.preset) != used}
     data = sensitivity_data(sensitivity_models(model, others))
-    written = write_results(out, "sensitivity", data, plot_sensitivity, data_out)
+    written = write_results(out, "sensitivity", data, plot_sensitivity, data_out, command=asked_for("model"))
     if as_json:
         print(json.dumps(data))
     else:

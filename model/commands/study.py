@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from model.cli.app import printable
+from model.cli.app import asked_for, printable
 from model.cli.crew_options import Scheduler, Workers, open_crew
 from model.cli.progress import bar
 from model.cli.tables import new_table, show
@@ -39,7 +39,7 @@ def study(
     points = len(NAMES) * len(RESOLUTIONS)
     with open_crew(workers, scheduler, threads=True) as crew, bar("encoding", points) as progress:
         found = study_data(data, crew, progress)
-    written = write_results(out, "study", found, plot_study)
+    written = write_results(out, "study", found, plot_study, command=asked_for("model"))
     if as_json:
         print(json.dumps(found))
         return

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from model.errors import InputError
-from model.files import write_json
+from model.files import origin, write_json
 
 DEFAULT_OUT = Path("out")
 
@@ -18,6 +18,7 @@ def write_results(
     data: dict[str, Any],
     plot: Callable[[dict[str, Any], Path], None],
     data_out: Path | None = None,
+    command: str = "",
 ) -> str:
     """Write the data as ``name``.json, then the picture that is made from them as ``name``.png.
 
@@ -25,6 +26,8 @@ def write_results(
     ----------
     out, data_out : Path
         Folders of the picture and of the data; made if they are not there.
+    command : str
+        What was typed; the data say it, with commit and date.
 
     Returns
     -------
@@ -37,6 +40,6 @@ def write_results(
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise InputError(f"cannot make the folder {folder}: {error.strerror}; choose another --out") from None
-    write_json(data_out / f"{name}.json", data)
+    write_json(data_out / f"{name}.json", origin(command) | data)
     plot(data, out / f"{name}.png")
     return f"wrote {data_out / name}.json and {out / name}.png"

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from model.cli.app import printable
+from model.cli.app import asked_for, printable
 from model.commands.options import DataOutOption, OutOption
 from model.errors import InputError
 from model.figures.results import DEFAULT_OUT, write_results
@@ -37,12 +37,12 @@ def fig9(
     sweeps = load_sweeps(sweep or [])
     matrices = confusion_data(sweeps, reading, confusion)
     data = fig9_data(sweeps, reading)
-    print(printable(write_results(out, "fig9", data, plot_fig9, data_out)))
+    print(printable(write_results(out, "fig9", data, plot_fig9, data_out, command=asked_for("snn"))))
     if matrices["points"]:
-        print(printable(write_results(out, "confusion", matrices, plot_confusion, data_out)))
+        print(printable(write_results(out, "confusion", matrices, plot_confusion, data_out, command=asked_for("snn"))))
     if not sweep and (kept := kept_rates()):
         rates = rates_data([load_sweep(path) for path in kept], reading)
-        print(printable(write_results(out, "fig9_rates", rates, plot_rates, data_out)))
+        print(printable(write_results(out, "fig9_rates", rates, plot_rates, data_out, command=asked_for("snn"))))
     for point in data["left_out"]:
         print(printable(f"left out, as no seed is finished: {point}"))
 
@@ -76,7 +76,18 @@ def fig8(
     if dataset is not None and data is not None:
         raise InputError("--dataset is for textures, --data for your own recordings; give one of the two")
     played = play(weights, result or weights.parent / "result.json", Places(dataset, data), image)
-    print(printable(write_results(out, "fig8", played.to_dict(), lambda _, path: plot_scan(played, path), data_out)))
+    print(
+        printable(
+            write_results(
+                out,
+                "fig8",
+                played.to_dict(),
+                lambda _, path: plot_scan(played, path),
+                data_out,
+                command=asked_for("snn"),
+            )
+        )
+    )
     print(printable(f"{played.name}: true {played.true}, predicted {played.predicted}"))
     if played.tests:
         noun = "recordings" if played.pixels is None else "images"

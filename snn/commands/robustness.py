@@ -11,7 +11,7 @@ import typer
 from model.cli.app import EXIT_INTERRUPTED, printable
 from model.cli.progress import bar
 from model.errors import InputError
-from model.files import check_writable, write_json
+from model.files import check_writable, origin, write_json
 from snn.commands.options import check_device
 from snn.commands.sweep import command_line
 
@@ -53,7 +53,7 @@ def robustness(
         print(f"stopped; the cells that are done stay in {out}, and the same command goes on", file=sys.stderr)
         raise typer.Exit(EXIT_INTERRUPTED) from None
     points = summarise(cells)
-    write_json(out / "robustness.json", {"command": command_line(context), "points": points})
+    write_json(out / "robustness.json", origin(command_line(context)) | {"points": points})
     plot_robustness(points, out / "robustness.png")
     _print_table(points)
     print(printable(f"result: {out / 'robustness.json'}, picture: {out / 'robustness.png'}"))

@@ -52,7 +52,7 @@ def noise_power(
         cells = under_noise(subjects, noises_v, out, step)
     points = points_of(subjects, cells)
     pairs = paired(points, names[0], names[1], ("mode", "noise_v")) if names else []
-    write_json(out / "noise_power.json", {"command": command_line(context), "points": points, "pairs": pairs})
+    write_json(out / "noise_power.json", origin(command_line(context)) | {"points": points, "pairs": pairs})
     plot_noise_power(points, out / "noise_power.png")
     for mode in MODES:
         _print_noise([point for point in points if point["mode"] == mode], mode)
@@ -120,7 +120,7 @@ def merits(
     out.mkdir(parents=True, exist_ok=True)
     for name in ("merits.json", "merits.png"):
         check_writable(out / name)
-    result: dict[str, Any] = {"command": command_line(context)}
+    result: dict[str, Any] = dict(origin(command_line(context)))
     result["latency"], result["latency_pairs"] = _latency(weights or [], pair)
     textures = open_dataset(dataset).limit(limit)
     frames = FrameSteps(rate_hz=500.0, bits=6, frames_per_step=2)
