@@ -34,6 +34,18 @@ VARIANTS: list[dict[str, Any]] = [
 ]
 
 
+def test_the_default_is_the_network_of_the_reference() -> None:
+    config = ClassifierConfig()
+    assert (config.inputs, config.hidden, config.classes, config.lanes) == (128, 256, 6, 16)
+    assert (config.clocks_per_bin, config.bin_s, config.clock_hz) == (200_000, 0.004, 50e6)
+    assert config.threshold == config.out_threshold == 256
+
+
+def test_derived_numbers_by_hand() -> None:
+    assert network().config.additions(events=2, spikes=3, bins=4) == 2 * 20 + (3 + 4) * (20 + 3)
+    assert [ClassifierConfig(inputs=inputs).channel_bits for inputs in (1, 2, 64, 65, 129)] == [0, 1, 6, 7, 8]
+
+
 @pytest.mark.parametrize("fields", VARIANTS)
 def test_no_potential_ever_leaves_the_ends(fields: dict[str, Any]) -> None:
     """The worst events there are, for as many bins as it takes, leave the ends of the network and of its bits alone."""
@@ -189,6 +201,7 @@ def test_images_hold_every_weight_at_its_address(tmp_path: Path) -> None:
     ("fields", "said"),
     [
         ({"lanes": 12}, "lanes must be a power of two, not 12"),
+        ({"lanes": 5}, "lanes must be a power of two, not 5"),
         ({"in_bits": 9}, "in_bits must be in 2..8, not 9"),
         ({"floor": 3}, "floor must be in -8388608..0 or none, not 3"),
         ({"threshold": 2**23}, "threshold must be in 1..8388607"),
@@ -196,7 +209,7 @@ def test_images_hold_every_weight_at_its_address(tmp_path: Path) -> None:
         ({"hidden": 2.5}, "hidden must be of type int, not 2.5"),
         ({"out_shift": 17}, "out_shift must be in 0..16, not 17"),
         ({"bin_s": 0}, "bin_s must be a positive number of seconds, not 0"),
-        ({"colour": 1}, "unknown classifier field 'colour'"),
+        ({"shade": 2, "colour": 1}, "unknown classifier field 'colour'"),
     ],
 )
 def test_what_no_hardware_has_is_refused_in_one_sentence(fields: dict[str, Any], said: str) -> None:
