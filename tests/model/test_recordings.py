@@ -10,14 +10,15 @@ import pytest
 
 from model.config import ReadoutConfig
 from model.errors import InputError
+from model.events.address import make_events
 from model.readout import Stimulus, simulate
 from model.recordings.folder import quality_warnings, read_set, sources_of
 from model.recordings.kept import kept_events
 from model.recordings.options import Preparation
-from model.recordings.prepare import on_grid, without_baseline
+from model.recordings.prepare import on_grid, prepare, without_baseline
 from model.recordings.quality import measure_quality, pooled
 from model.recordings.suit import array_of, with_clock, with_seconds
-from model.recordings.table import read_table
+from model.recordings.table import Table, read_table
 from tests.skins import counts, write_csv, write_skin
 
 FIRST = Preparation(baseline="first")
@@ -166,6 +167,17 @@ def test_a_baseline_that_is_left_and_dead_columns_are_named(tmp_path):
     assert any("stand on a baseline" in text and "--baseline first" in text for text in warnings)
 
 
+def test_warnings_say_what_is_there_and_no_more():
+    wave = np.sin(np.arange(100.0) / 3)
+    flat = Table(Path("x.csv"), np.stack([wave, 0 * wave, 0 * wave, 0 * wave], 1), tuple("abcd"), False, None, 35, ())
+    found = prepare([flat], Preparation(scale="2"), 12)
+    assert found.warnings[0].startswith("column 'b' (and 2 more) never changes")
+    assert found.warnings[1].startswith(f"{found.clipped / 400:.1%} of the samples are beyond full scale")
+    assert 0.1 < found.clipped / 400 < 0.25
+    quiet = Table(Path("x.csv"), 100.0 + wave[:, None], ("a",), False, None, 35, ())  # little moves, on little
+    assert prepare([quiet], Preparation(scale="0.001"), 12).warnings == ()
+
+
 def test_nlcs_warns_of_what_lies_below_zero(tmp_path):
     write_csv(tmp_path / "s/tap/0.csv", -counts("press"))
     found = read_set(tmp_path / "s", FIRST, ReadoutConfig(encoding="nlcs"), {"encoding"})
@@ -205,6 +217,12 @@ def plain_snr_db(codes: np.ndarray, config: ReadoutConfig, events: np.ndarray) -
     signal = sum((x - m) ** 2 for row in codes.tolist() for x, m in zip(row, mean, strict=True))
     noise = sum((x - u) ** 2 for a, b in zip(codes.tolist(), rebuilt, strict=True) for x, u in zip(a, b, strict=True))
     return 10 * math.log10(signal / noise)
+
+
+def test_what_leaves_in_the_first_tick_counts():
+    config = ReadoutConfig(rows=1, columns=1, clocks_per_sample=10)
+    found = measure_quality(config, np.zeros((3, 1), np.int32), make_events([3, 4, 13], 0, 0, True))
+    assert (found.late, found.peak_load) == (3, 0.2)
 
 
 @pytest.mark.parametrize(("resolution", "clocks"), [(6, 64), (8, 64), (6, 1024), (8, 0), (6, 0)])
@@ -277,6 +295,9 @@ def test_recordings_of_other_arrays_or_rates_are_refused(tmp_path):
     write_csv(tmp_path / "s/b/0.csv", counts("tap", rate_hz=200), rate_hz=200)
     write_csv(tmp_path / "s/c/0.csv", counts("tap"))
     with pytest.raises(InputError, match="has 200 samples/s, the others 35; give the rate of all with --sample-rate"):
+        read_set(tmp_path / "s", FIRST, ReadoutConfig())
+    write_csv(tmp_path / "s/b/0.csv", counts("tap", rate_hz=10), rate_hz=10)
+    with pytest.raises(InputError, match="has 10 samples/s, the others 35"):
         read_set(tmp_path / "s", FIRST, ReadoutConfig())
     with pytest.raises(InputError, match="16 taxels, the array has 2 x 4 = 8; give --rows and --columns, or neither"):
         read_set(tmp_path / "s/a/0.csv", FIRST, ReadoutConfig(rows=2, columns=4), {"rows", "columns"})
