@@ -15,7 +15,7 @@ from model.errors import InputError
 from model.power.equations import CORRECTIONS, READOUTS, PowerModel
 from model.power.explore import GivenRates
 from model.power.parameters import PowerParameters
-from model.power.rates import RateTable, load_tables, measure_table, stored_table, tables_text
+from model.power.rates import RESOLUTIONS, TAUS_S, RateTable, load_tables, measure_table, stored_table, tables_text
 from model.power.study import FIG6_NOISE_V, fig6_data, fig7_data, sensitivity_data, sensitivity_models
 from model.power.synthesis import SynthesisReport
 from model.textures.dataset import open_dataset
@@ -365,6 +365,9 @@ def test_rates_between_time_constants_lie_between_and_scale_with_taxels(measured
 
     assert rate(0.2) < rate(0.1) < rate(0.05) < rate(0.02)
     assert rate(0.1, 192) == pytest.approx(3 * rate(0.1))
+    assert rate((0.2 * 0.02) ** 0.5) == pytest.approx((rate(0.2) * rate(0.02)) ** 0.5)
+    alone = dataclasses.replace(measured, taus_s=measured.taus_s[:1], nlcs_hz=measured.nlcs_hz[:1])
+    assert alone.population_hz("nlcs", 6, measured.taus_s[0]) == pytest.approx(rate(measured.taus_s[0]))
 
 
 def test_rates_that_were_not_measured_are_refused(measured):
@@ -386,6 +389,7 @@ def test_stored_rates_are_the_published_ones():
     assert {(t.dataset, t.preset) for t in load_tables()} == {
         (d, p) for d in ("kylberg", "embedded") for p in ("paper", "physical")
     }
+    assert {(table.taus_s, table.resolutions) for table in load_tables()} == {(TAUS_S, RESOLUTIONS)}
 
 
 def test_stored_rates_of_the_embedded_textures_are_measured_again():
