@@ -24,7 +24,7 @@ from flow.mutants.suite import Suite
 from rtl.verilog import Config, top_block
 
 MOST = 16
-"""Cases of blocks, and of each test of whole readouts, that are asked; configurations in which one is compared."""
+"""Cases of blocks that are asked first, and of each test of whole readouts; configurations in which one is compared."""
 
 LARGEST, LARGEST_LONG = 64, 15
 """Taxels of the arrays in the tests of blocks, and in those of whole readouts."""
@@ -100,15 +100,18 @@ class Judge:
         quick, own, _ = self._all_tests(file)
         for name in quick:
             left = self._run(name, left, quick=True)
-        for name in own:
+        for name in _spread(own):
             left = self._run(name, left)
         return left
 
     def conclude(self, file: str, left: dict[Change, Finding]) -> None:
         """Decide what those are that are left: equivalent, killed by a property or a whole readout, or alive."""
         quick, own, later = self._all_tests(file)
-        left = self._compare(file, [*quick, *own], left)
+        left = self._compare(file, [*quick, *_spread(own)], left)
         left = self._prove(file, self._ask_others(file, left))
+        asked = _spread(own)
+        for name in (name for name in own if name not in asked):
+            left = self._run(name, left)
         long = [name for test in later for name in _spread(self._tests([test], LARGEST_LONG, False))] if left else []
         for name in long:
             left = self._run(name, left)
@@ -120,7 +123,7 @@ class Judge:
         tests = [test for test in GROUNDS[file].tests if test == file.partition(".")[0] or test not in LONG]
         later = [test for test in GROUNDS[file].tests if test not in tests]
         quick = self._tests(tests, LARGEST, True) + self._tests(later, LARGEST, True)
-        return quick, _spread(self._tests(tests, LARGEST, False)), later
+        return quick, self._tests(tests, LARGEST, False), later
 
     def _decide(self, finding: Finding, verdict: str, by: str = "") -> None:
         finding.verdict, finding.by = verdict, by
