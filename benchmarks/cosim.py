@@ -28,6 +28,7 @@ from cocotb_tests.session.runners import VERILATOR_FLAGS, build_environment
 from cocotb_tests.session.simulator import build
 from cocotb_tests.session.store import BUILD
 from model.config import ReadoutConfig
+from model.files import origin
 from model.readout import Stimulus, simulate
 
 CONFIG = ReadoutConfig()
@@ -212,7 +213,8 @@ def main(
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text(
         json.dumps(
-            {
+            origin(f"python benchmarks/cosim.py --rounds {rounds}")
+            | {
                 "benchmark": "cosim",
                 "rounds": rounds,
                 "clocks": stimulus.clocks,

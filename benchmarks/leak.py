@@ -19,6 +19,7 @@ from encoder import JsonFile, texture_like, write_report
 from numba import njit
 
 from model.config import ReadoutConfig
+from model.files import origin
 from model.taxel import count_events
 
 RESOLUTIONS = (4, 6, 8, 10)
@@ -106,7 +107,8 @@ def main(
             cells.append("{:+.2f} .. {:+.2f}".format(*found["exponential"]))
             print(f"| {resolution} | {shift} | " + " | ".join(cells) + f" | {found['moving']:+.2f} |")
     if json_file is not None:
-        write_report(json_file, {"benchmark": "leak", "ticks": ticks, "sample_bits": 12, "results": results})
+        said = origin(f"python benchmarks/leak.py --ticks {ticks}") | {"benchmark": "leak", "ticks": ticks}
+        write_report(json_file, said | {"sample_bits": 12, "results": results})
 
 
 if __name__ == "__main__":
