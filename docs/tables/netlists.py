@@ -254,6 +254,22 @@ def low_power() -> str:
 
 
 @table
+def frame_gates() -> str:
+    """The frame readout beside the others, in gates."""
+    frame = netlists()["frame-8x8-ihp"]
+    rows = []
+    for encoding, name in ENCODERS.items():
+        both = [netlists()[f"{encoding}-{frontend}-8x8-ihp"] for frontend in ("digital", "analog")]
+        rows.append(
+            [name, *(f"{one['flops']:,}" for one in both), *(f"{one['area_um2_per_taxel']:,.0f}" for one in both)]
+        )
+    rows.append(["frames", f"{frame['flops']:,}", "", f"{frame['area_um2_per_taxel']:,.0f}", ""])
+    fronts = ("digital", "analog")
+    head = ["readout", *(f"flops, {front}" for front in fronts), *(f"um2 per taxel, {front}" for front in fronts)]
+    return markdown(head, rows)
+
+
+@table
 def layout() -> str:
     """Layouts in 130 nm rules, and what was checked."""
     rows = []

@@ -12,7 +12,7 @@ from typing import Any, get_args
 
 from model.config import Encoding
 from model.errors import InputError
-from model.files import read_json, write_json
+from model.files import origin, read_json, write_json
 from model.textures.presets import PRESETS
 
 READOUTS = ("nlcs", "lcs", "frame", "cw-lcs")
@@ -225,7 +225,8 @@ class Sweep:
 
 def write_sweep(path: Path, command: str | None, points: Sequence[PointSummary]) -> None:
     """Write ``sweep.json``, whole or not at all; what files of before have not is left out where it is not known."""
-    write_json(path, {"command": command, "points": [_without_unknown(dataclasses.asdict(point)) for point in points]})
+    said: dict[str, Any] = {"command": command, **(origin(command) if command else {})}
+    write_json(path, said | {"points": [_without_unknown(dataclasses.asdict(point)) for point in points]})
 
 
 def _without_unknown(fields: dict[str, Any]) -> dict[str, Any]:

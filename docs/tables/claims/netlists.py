@@ -30,6 +30,16 @@ def windows() -> Iterator[str]:
     yield f"and then {window:.0f} pJ until its window is closed ({wired:.0f} with wires)"
 
 
+@claim(LOW_POWER)
+def flops() -> Iterator[str]:
+    """Flops of a taxel, and how often a row leaks."""
+    closing, leaking = (netlists()[f"{name}-digital-8x8-ihp"] for name in ("cw-lcs", "nlcs"))
+    config = leaking["configuration"]
+    yield f"flops of {closing['flops'] / 64:.0f} a taxel at a period of {closing['configuration']['window_period']}"
+    share = 1 / (config["leak_period"] * config["clocks_per_sample"])
+    yield f"once in {config['leak_period']} sample ticks: {100 * share:.3f} % of the clocks"
+
+
 @claim(LAYOUT)
 def laid_out() -> Iterator[str]:
     """The last line of ``make layout``, and the layouts in words."""
@@ -42,3 +52,11 @@ def laid_out() -> Iterator[str]:
     large = read("docs/data/layout/lcs-digital-8x8-6b.json")
     assert not large["comparison"]
     yield f"among {large['cells']:,} cells"
+
+
+@claim("docs/reference/frame.md")
+def smaller() -> Iterator[str]:
+    """How much smaller the frame readout is."""
+    frame = netlists()["frame-8x8-ihp"]["area_um2_per_taxel"]
+    times = [netlists()[f"{name}-digital-8x8-ihp"]["area_um2_per_taxel"] / frame for name in ("lcs", "cw-lcs", "nlcs")]
+    yield f"The frame readout is {min(times):.0f} to {max(times):.0f} times smaller than those"

@@ -8,6 +8,7 @@ from typing import Any
 from docs.tables.claims import claim
 from docs.tables.speed import SCALE, TILES
 from docs.tables.written import read
+from model.power.rates import stored_table
 
 PAGE = "docs/results/scale.md"
 
@@ -96,3 +97,17 @@ def builds() -> Iterator[str]:
     skins = read("benchmarks/results/scale_skins.json")["results"]
     (taxels,) = {skin["taxels"] for skin in skins}
     yield f"A skin of {taxels:,} taxels"
+
+
+@claim("docs/reference/tiles.md")
+def carried() -> Iterator[str]:
+    """How many tiles one output carries."""
+    rates = {bits: stored_table().population_hz("lcs", bits) / 64 for bits in (2, 6)}
+    tile = 64 * 64 * rates[6]
+    yield f"sends about {round(rates[6], -1):,.0f} events/s, a tile of 64 x 64 {tile / 1e6:.1f} million"
+    yield (
+        f"one output at 100 MHz carries {100e6 // tile:.0f} of them; at 2 b ({rates[2]:.0f} events/s a taxel) "
+        f"{round(100e6 / (64 * 64 * rates[2]), -1):.0f}"
+    )
+    (taxels,) = {skin["taxels"] for skin in read("benchmarks/results/scale_skins.json")["results"]}
+    yield f"has a measured skin of {taxels:,} taxels"
