@@ -12,7 +12,7 @@ import pytest
 
 from docs.tables import claims
 from docs.tables.__main__ import PAGES, ROOT
-from docs.tables.claims import CLAIMS, mended, plain, unbound
+from docs.tables.claims import CLAIMS, mended, plain, unbound, words_of
 
 FREE = tomllib.loads((Path(__file__).parent / "free.toml").read_text())
 ANYWHERE = set(FREE.pop("anywhere"))
@@ -51,7 +51,7 @@ def free(page: str) -> set[str]:
 def test_a_claim_stands_in_its_page_as_the_data_have_it(name: str) -> None:
     page, build = CLAIMS[name]
     text = plain((ROOT / page).read_text())
-    missing = [words for words in map(plain, build()) if words not in text]
+    missing = [words for words in words_of(build) if words not in text]
     assert not missing, f"{page} does not say what the data say; run python -m docs.tables, or write: {missing}"
 
 

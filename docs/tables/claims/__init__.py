@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator
+from functools import cache
 
 from docs.tables.written import ROOT
 
@@ -36,9 +37,15 @@ def plain(text: str) -> str:
     return " ".join(text.split())
 
 
+@cache
+def words_of(build: Build) -> tuple[str, ...]:
+    """Return what a claim says, with one blank between two words."""
+    return tuple(map(plain, build()))
+
+
 def said(page: str) -> list[str]:
     """Return all that the claims of a page say."""
-    return [plain(words) for where, build in CLAIMS.values() if where == page for words in build()]
+    return [words for where, build in CLAIMS.values() if where == page for words in words_of(build)]
 
 
 def unbound(page: str, free: set[str], patterns: Iterable[str] = ()) -> list[str]:
