@@ -86,7 +86,8 @@ def test_every_file_and_its_tests_are_there() -> None:
     for file, tests in TESTS.items():
         assert (ROOT / file).is_file(), file
         for test in tests:
-            assert (ROOT / test.partition("::")[0]).is_file(), test
+            path, _, function = test.partition("[")[0].partition("::")
+            assert f"def {function}" in (ROOT / path).read_text(), test
 
 
 def edit_of(text: str) -> Edit:

@@ -66,6 +66,14 @@ def test_a_network_of_whole_numbers_stays_what_it_is(reset: str, readout: str) -
     assert np.array_equal(whole.network.run_counts(COUNTS)[0], state.evidence)
 
 
+def test_a_bias_as_large_as_its_bits_hold_is_kept_and_a_larger_one_shifted() -> None:
+    made = network(step=1 / 128)
+    found = {bits: quantise(weights_of(made), Precision(bias_bits=bits)).network for bits in (9, 8, 7)}
+    assert [whole.config.bias_shift for whole in found.values()] == [0, 0, 2]
+    assert found[8].b_hidden.max() == 127
+    assert found[8].b_hidden.tolist() == found[9].b_hidden.tolist()
+
+
 def test_more_bits_make_a_smaller_error_and_steps_are_powers_of_two_of_each_other() -> None:
     made = network(1)
     errors = []

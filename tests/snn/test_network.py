@@ -264,12 +264,20 @@ def test_building_and_running_leave_the_global_generator_alone() -> None:
         ({"surrogate": "box"}, "surrogate must be one of gaussian, fast-sigmoid, triangle, arctan, not 'box'"),
         ({"dropout": 1.0}, "dropout must be a probability below 1, not 1.0"),
         ({"hidden": 0}, "hidden must be at least 1, not 0"),
+        ({"weight_bits": 1}, "weight_bits must be 0 or in 2..8, not 1"),
+        ({"weight_bits": 9}, "weight_bits must be 0 or in 2..8, not 9"),
     ],
 )
 def test_bad_networks_are_refused(fields: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError) as error:
         NetworkConfig.from_dict({"inputs": 4, "classes": 2} | fields)
     assert str(error.value) == message
+
+
+def test_weights_may_have_any_bits_that_the_hardware_has() -> None:
+    for bits in (0, 2, 8):
+        network = build(NetworkConfig.from_dict({"inputs": 4, "classes": 2, "weight_bits": bits}), 0)
+        assert network.config.to_dict()["weight_bits"] == bits
 
 
 def test_scans_of_another_array_are_refused() -> None:

@@ -231,6 +231,17 @@ def test_a_graph_of_another_program_is_run_as_it_says(tmp_path: Path) -> None:
     assert network.config.neurons.rule.floor == float("-inf")
 
 
+def test_leaks_that_differ_come_in_as_learned_ones_that_began_as_the_first() -> None:
+    tau = np.array([0.01, 0.02, 0.04, 0.05, 0.1])
+    lif = nir.LIF(tau=tau, r=np.full(5, 3.0), v_leak=np.zeros(5), v_threshold=np.ones(5))
+    leaky = nir.LIF(tau=np.full(2, 0.02), r=np.full(2, 0.5), v_leak=np.zeros(2), v_threshold=np.ones(2))
+    network = from_nir(foreign(lif1=lif, if2=leaky), step_s=0.001).network
+    assert isinstance(network, SpikingNetwork)
+    np.testing.assert_allclose(network.decays()[0].detach().numpy(), 1 - 0.001 / tau, rtol=1e-6)
+    neurons = network.config.neurons
+    assert (neurons.learn_decay, neurons.decay, neurons.output_decay) == (True, pytest.approx(0.9), pytest.approx(0.95))
+
+
 def test_numbers_for_whole_layers_and_scales_of_channels_are_taken() -> None:
     scale = np.array([1.0, 2.0, 0.5, 0.0])
     graph = foreign(lif1=nir.LIF(tau=np.array(0.01), r=np.array(3.0), v_leak=np.array(0.0), v_threshold=np.array(1.0)))
