@@ -20,7 +20,7 @@ from model.textures.dataset import embedded_dataset
 from model.textures.paper import PaperScan
 from model.textures.physical import PhysicalScan
 from snn.data.augment import AugmentConfig, at_speed, augment
-from snn.data.bins import BinConfig, bin_recording
+from snn.data.bins import MOST_COUNTS, BinConfig, bin_recording
 from snn.data.frame_steps import FrameSteps
 from snn.data.frames import frame_dataset, values_of
 from snn.data.record import record, record_dataset
@@ -66,6 +66,12 @@ def test_the_time_window_cuts_and_a_partial_last_bin_is_left_out() -> None:
     assert counts[:, 0].tolist() == [1, 0]
     counts = bin_recording(made, BinConfig(bin_s=3e-3)).dense()
     assert counts[:, 0].tolist() == [2, 1, 0]
+
+
+def test_a_recording_of_more_counts_than_are_taken_is_refused() -> None:
+    long = recording([1], [0], [True], clocks=MOST_COUNTS // 12 + 1)
+    with pytest.raises(InputError, match=rf"more than {MOST_COUNTS} counts; choose a longer bin"):
+        bin_recording(long, BinConfig(bin_s=1e-4))
 
 
 def test_the_paper_preset_starts_where_its_events_count() -> None:
@@ -167,7 +173,11 @@ def test_the_name_of_frames_says_rate_bits_and_what_the_receiver_makes_of_them()
     ):
         frames = FrameSteps.parse(name, 0.004)
         assert (frames.name, frames.frames_per_step, frames.step_s) == (name, together, step_s)
-    assert FrameSteps.parse("frame-onoff:250:8:4", 0.004).name == "frame-onoff:250:8"
+    for name in ("frame-onoff:250:8:4", "frame-onoff:250:8"):
+        assert FrameSteps.parse(name, 0.004).name == "frame-onoff:250:8"
+    for name in ("frame:250:8:4", "frame:250", "frames:250:8", "frame-onoff:250:8:4:2"):
+        with pytest.raises(InputError, match=r"frames are given as KIND:RATE:BITS"):
+            FrameSteps.parse(name, 0.004)
     assert FrameSteps(rate_hz=5000.0, bits=10, frames_per_step=20) == FrameSteps(), "as older files have it"
 
 

@@ -48,6 +48,7 @@ SCANS = _of(
     "without_polarity_on_and_off_share_a_channel",
     "nlcs_has_one_channel_a_taxel",
     "the_time_window_cuts_and_a_partial_last_bin_is_left_out",
+    "a_recording_of_more_counts_than_are_taken_is_refused",
     "the_paper_preset_starts_where_its_events_count",
     "differences_and_crossings_by_hand",
     "a_scan_that_has_not_begun_has_no_differences",
