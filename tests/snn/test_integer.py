@@ -124,6 +124,14 @@ def test_what_the_hardware_has_not_is_refused(fields: dict[str, Any], said: str)
         quantise(Weights(made, ("a", "b", "c"), 0.004), Precision())
 
 
+def test_a_network_that_has_diverged_is_refused() -> None:
+    made = network()
+    with torch.no_grad():
+        made.w_out[1, 2] = torch.inf
+    with pytest.raises(InputError, match="w_out has values that are no finite numbers; train again"):
+        quantise(weights_of(made), Precision())
+
+
 def test_a_network_that_rounds_its_weights_learns_through_it_and_becomes_what_it_was() -> None:
     made = network(2, weight_bits=3)
     x = torch.from_numpy(COUNTS.transpose(1, 0, 2)).float()
