@@ -212,6 +212,7 @@ def test_refuses_outputs_that_cannot_be(tmp_path: Path) -> None:
     missing = tmp_path / "none" / "events.npz"
     for path, sentence in (
         (tmp_path / "events.csv", "event files end in .npz, events.csv does not; rename the output"),
+        (tmp_path / "events.txt", "event files end in .npz, events.txt does not; rename the output"),
         (missing, f"cannot write {missing}: the folder {missing.parent} does not exist; create it first"),
         (folder, f"cannot write {folder}: it is a folder; give the name of a file"),
     ):
