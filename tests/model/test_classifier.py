@@ -191,6 +191,7 @@ def test_images_hold_every_weight_at_its_address(tmp_path: Path) -> None:
             assert got - (got >> 4 << 5) == weight
     assert [neurons[n << config.neuron_row_bits | 3] & 511 for n in range(20)] == [b & 511 for b in own.b_hidden]
     assert [neurons[n << config.neuron_row_bits | 4] & 511 for n in range(3)] == [b & 511 for b in own.b_out]
+    assert not any(neurons[n << config.neuron_row_bits | 4] for n in range(3, 20))  # no output, no bias of one
     paths = write_images(own, tmp_path, "net")
     assert [path.name for path in paths] == ["net.weights.hex", "net.neurons.hex"]
     assert [int(line, 16) for line in paths[0].read_text().split()] == words

@@ -8,6 +8,7 @@ import json
 import math
 import os
 import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from model.textures.physical import PhysicalScan
 from model.textures.presets import preset
 from model.textures.rates import PUBLISHED_RATES_HZ, measure_rates, published_rate_hz
 
+DOCS = Path(__file__).parents[2] / "docs"
 PAPER = preset("paper")
 PHYSICAL = preset("physical")
 FULL = os.environ.get("ESKIN_FULL") == "1"
@@ -98,6 +100,12 @@ def float_nlcs_events(signals: np.ndarray, config: ReadoutConfig, first: int) ->
         u = (u + step * fired) * decay
         events += int(fired.sum()) if tick >= first else 0
     return events
+
+
+def test_published_rates_are_those_of_the_table() -> None:
+    rows = json.loads((DOCS / "data/event_rates.json").read_text())["points"]
+    stated = {(row["encoding"], row["resolution"]): row["published_hz"] for row in rows}
+    assert stated == pytest.approx(PUBLISHED_RATES_HZ, abs=0.051)
 
 
 @pytest.mark.parametrize("resolution", [4, 6, 8])

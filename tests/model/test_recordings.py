@@ -48,10 +48,16 @@ def test_any_delimiter_is_read(tmp_path, mark):
 
 @pytest.mark.parametrize(
     ("name", "step", "unit_s"),
-    [("time", 0.02857, 1), ("time_ms", 28.57, 1e-3), ("t [us]", 28571.4, 1e-6), ("timestamp", 28.57, 1e-3)],
+    [
+        ("time", 0.02857, 1),
+        ("time_ms", 28.57, 1e-3),
+        ("t [us]", 28571.4, 1e-6),
+        ("timestamp", 28.57, 1e-3),
+        ("timestamp", 1_000_000, 1e-9),
+    ],
 )
 def test_time_stamps_are_no_taxel_and_give_the_rate(tmp_path, name, step, unit_s):
-    rows = "".join(f"{1000 + k * step:.6g},{k % 5},{-k % 7}\n" for k in range(40))
+    rows = "".join(f"{1000 + k * step:.8g},{k % 5},{-k % 7}\n" for k in range(40))
     table = table_of(tmp_path, f"{name},a,b\n{rows}")
     assert table.names == ("a", "b")
     assert table.time_s[0] == 0
@@ -75,6 +81,11 @@ def test_a_counter_of_samples_is_neither_a_taxel_nor_time(tmp_path):
     assert table.values.shape == (40, 2)
     assert table.time_s is None
     assert "taken as a counter, and left out" in table.notes[0]
+
+
+def test_columns_of_an_array_are_named_by_their_number(tmp_path):
+    np.save(tmp_path / "x.npy", np.array([[1.0, 5.0, 2.0], [0.0, 3.0, 4.0]]))
+    assert read_table(tmp_path / "x.npy", Preparation()).names == ("1", "2", "3")
 
 
 def test_chosen_columns_are_the_taxels(tmp_path):
@@ -263,6 +274,13 @@ def test_the_clock_is_as_slow_as_can_be(tmp_path):
     worse = measure_quality(half, codes, simulate(half, Stimulus.from_samples(half, codes)))
     assert worse.late + worse.merged > 0
     assert with_clock(config.replace(link="four_phase"), found.codes).clocks_per_sample > config.clocks_per_sample
+
+
+def test_the_clock_begins_with_what_the_largest_burst_takes():
+    config = ReadoutConfig(rows=1, columns=1)
+    burst = np.array([[0], [11 * config.step], [0]], np.int32)  # 11 events, and 4 clocks for each of a taxel, and 8
+    assert with_clock(config, [burst]).clocks_per_sample == 64
+    assert with_clock(config, [2 * burst]).clocks_per_sample == 128
 
 
 # -- folders -----------------------------------------------------------------------------------------

@@ -104,6 +104,7 @@ CHEAPEST = _of(
 OF_SCANS = _of(
     "tests/model/test_rates.py",
     "rate_is_events_over_the_whole_scan_without_those_skipped",
+    "published_rates_are_those_of_the_table",
     "clipped_samples_are_counted",
     "nothing_to_measure_is_refused",
     "rates_grow_with_the_array",
