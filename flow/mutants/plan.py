@@ -60,7 +60,7 @@ GROUNDS = {
     "registers.decay": Ground("registers", ("decay", "host")),
     "classifier.numbers": Ground("classifier", ("classifier", "touch")),
     "classifier.lane": Ground("classifier", ("classifier", "touch")),
-    "classifier.memory": Ground("classifier", ("classifier", "touch")),
+    "classifier.memory": Ground("classifier", ("memory", "classifier", "touch")),
     "classifier.core": Ground("classifier", ("classifier", "touch")),
     "classifier.chip": Ground("classifier", ("touch",)),
     "readout": Ground("readout", ("readout", "analog", "host", "tiles"), ("readout",), STILL),

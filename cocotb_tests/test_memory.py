@@ -1,0 +1,61 @@
+"""The memories of the weights against a list: a word is there a clock after its address, and a write reads nothing."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import cocotb
+import pytest
+
+from cocotb_tests.bench.block import Block, Checker, report
+from cocotb_tests.test_classifier import JOB, network_of
+
+CLOCKS = 400
+CONFIG = network_of(5, 12, 3, 4)
+TOPS = {"eskin_weights": CONFIG.weight_words, "eskin_neuron_weights": CONFIG.neuron_words}
+
+
+@cocotb.test()
+async def memory_is_a_list(dut: Any) -> None:
+    """Fill the memory, then read and write at random, often at one address; what was read stays during a write."""
+    job = json.loads(os.environ[JOB])
+    rng, words = random.Random(job["seed"]), job["words"]
+    block = Block(dut)
+    check = Checker(block)
+    content = [rng.getrandbits(len(block.pin("write_data"))) for _ in range(words)]
+    for address, word in enumerate(content):
+        block.drive(write_valid=1, write_address=address, write_data=word)
+        await block.settle()
+        await block.edge()
+    read = None
+    for _ in range(CLOCKS):
+        writes, at, to = rng.random() < 0.4, rng.randrange(words), rng.randrange(words)
+        at = to if rng.random() < 0.3 else at
+        word = rng.getrandbits(len(block.pin("write_data")))
+        block.drive(read_address=at, write_valid=writes, write_address=to, write_data=word)
+        await block.settle()
+        if read is not None:
+            check.equal("read_data", read, block.read("read_data"), f"read {at}, write {to if writes else 'nothing'}")
+        check.counts["at one address"] += writes and at == to
+        await block.edge()
+        if writes:
+            content[to] = word
+        else:
+            read = content[at]
+    report(check.counts)
+
+
+@pytest.mark.parametrize("top", TOPS)
+def test_memory_reads_what_was_written_and_nothing_during_a_write(top: str, tmp_path: Path) -> None:
+    from cocotb_tests.session.simulator import build  # not in the simulator, which imports this file too
+
+    environment = {JOB: json.dumps({"words": TOPS[top], "seed": 4})}
+    build(CONFIG, "icarus", top=top).test("cocotb_tests.test_memory", tmp_path, "memory_is_a_list", environment)
+    counts = Counter(json.loads((tmp_path / "counts.json").read_text()))
+    assert counts["checks"] > CLOCKS / 2
+    assert counts["at one address"] > 20
