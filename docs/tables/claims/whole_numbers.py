@@ -112,3 +112,10 @@ def rtl_spikes() -> Iterator[str]:
         f"same predictions for {check['images']} of {check['images']} images. The {test['images']} test images: "
         f"{test['correct']} right"
     )
+
+
+@claim("docs/reference/classifier.md")
+def memories() -> Iterator[str]:
+    """The memories of the networks that come with the project."""
+    bits = networks()["hardware-physical-128-qat4"]["4"]["memory_bits"]
+    yield f"beside memories of {bits / 8000:.1f} kB"
