@@ -20,7 +20,7 @@ from flow.mutants.equivalence import same
 from flow.mutants.facts import Facts
 from flow.mutants.plan import GROUNDS, LONG, NOT_ASKED
 from flow.mutants.planting import first_failed
-from flow.mutants.suite import Suite
+from flow.mutants.suite import Suite, watched
 from rtl.verilog import Config, top_block
 
 MOST = 16
@@ -28,6 +28,9 @@ MOST = 16
 
 LARGEST, LARGEST_LONG = 64, 15
 """Taxels of the arrays in the tests of blocks, and in those of whole readouts."""
+
+COMPARE_S = 60
+"""Seconds of the processor for the comparison of a module with the original."""
 
 UNFIT = "unfit "
 """Begins the fact that a test could not be asked."""
@@ -214,9 +217,10 @@ class Judge:
         if (known := self.facts.get(key)) is not None:
             return str(known)
         try:
-            proved = same(module, within(module, original), within(module, mutated))
+            with watched(COMPARE_S):
+                proved = same(module, within(module, original), within(module, mutated))
             answer = {True: "same", False: "differs", None: "not proved"}[proved]
-        except Exception:  # what Yosys refuses is not proved
+        except Exception:  # what Yosys refuses, or takes too long for, is not proved
             answer = "not proved"
         self.facts.add(key, answer)
         return answer

@@ -244,7 +244,7 @@ class Suite:
             simulator.Build.test = mutated  # type: ignore[assignment,method-assign]
             try:
                 limit = CPU_S + CPU_S_EACH * len(numbers)
-                with _changed(verilog_text=lambda config: text, BUILD=Path(folder)), _watched(limit):
+                with _changed(verilog_text=lambda config: text, BUILD=Path(folder)), watched(limit):
                     reports = runtestprotocol(self.items[name], log=False, nextitem=None)
             finally:
                 simulator.Build.test = test  # type: ignore[method-assign]
@@ -311,8 +311,8 @@ def _ending(limit_s: float) -> Iterator[None]:
 
 
 @contextmanager
-def _watched(limit_s: float) -> Iterator[None]:
-    """End a simulation that takes too much time; that of the processor counts, so a busy machine is no reason."""
+def watched(limit_s: float) -> Iterator[None]:
+    """End what this process has started if it takes too much time of the processor, so a busy machine is no reason."""
 
     def look(signum: int, frame: Any) -> None:
         children = list(_children(os.getpid()))
