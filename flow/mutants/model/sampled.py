@@ -103,6 +103,8 @@ def _copy() -> Iterator[tuple[Path, Callable[[tuple[str, ...]], tuple[int, str]]
             shutil.copytree(ROOT / name, place / name, ignore=leave)
         for name in COPIED_FILES:
             shutil.copy(ROOT / name, place / name)
+        for step in ("init -q", "-c user.name=x -c user.email=x@x commit -q --allow-empty -m x"):  # results name one
+            subprocess.run(["git", *step.split()], cwd=place, check=True)
         environment = os.environ | {"PYTHONPATH": folder, "ESKIN_HOLDOUT": "1", "OMP_NUM_THREADS": "1"}
         words = [sys.executable, "-m", "flow.mutants.model.forks"]
         with subprocess.Popen(
