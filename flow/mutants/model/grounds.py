@@ -156,6 +156,18 @@ DISTURBED = (
 )
 
 TESTS: dict[str, tuple[str, ...]] = {
+    "model/taxel_kernels.py": TAXEL,
+    "model/taxel.py": TAXEL,
+    "model/window.py": TAXEL,
+    "model/decay.py": TAXEL,
+    "model/readout.py": (*READOUT, "tests/model/test_recording.py"),
+    "model/arbiter.py": ("tests/model/test_arbiter.py", *READOUT),
+    "model/link.py": ("tests/model/test_link.py", *READOUT),
+    "model/tiles/config.py": TILES,
+    "model/tiles/merge.py": TILES,
+    "model/tiles/relay.py": TILES,
+    "model/tiles/run.py": TILES,
+    "model/registers/settings.py": READOUT,
     "model/config.py": ("tests/model/test_config.py",),
     "model/frame_config.py": ("tests/model/test_frame.py", AGREEMENT),
     "model/frame.py": ("tests/model/test_frame.py", AGREEMENT),
@@ -221,18 +233,6 @@ TESTS: dict[str, tuple[str, ...]] = {
     "snn/data/coding.py": ("tests/snn/test_coding.py",),
     "snn/data/disturb.py": DISTURBED,
     "snn/experiments/intervals.py": INTERVALS,
-    "model/taxel_kernels.py": TAXEL,
-    "model/taxel.py": TAXEL,
-    "model/window.py": TAXEL,
-    "model/decay.py": TAXEL,
-    "model/readout.py": (*READOUT, "tests/model/test_recording.py"),
-    "model/arbiter.py": ("tests/model/test_arbiter.py", *READOUT),
-    "model/link.py": ("tests/model/test_link.py", *READOUT),
-    "model/tiles/config.py": TILES,
-    "model/tiles/merge.py": TILES,
-    "model/tiles/relay.py": TILES,
-    "model/tiles/run.py": TILES,
-    "model/registers/settings.py": READOUT,
 }
 """Files that are mutated, and the tests of each: those that call it, and not what reaches it by chance.
 
