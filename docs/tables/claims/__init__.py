@@ -38,6 +38,13 @@ def plain(text: str) -> str:
 
 
 @cache
+def place(words: str) -> re.Pattern[str]:
+    """Return what finds words in a plain text, not within a longer number; " ... " is whatever stands between."""
+    pattern = re.escape(words).replace(re.escape(" ... "), " .*? ")
+    return re.compile(rf"(?<!\d)(?<!\d[.,]){pattern}(?![.,]?\d)")
+
+
+@cache
 def words_of(build: Build) -> tuple[str, ...]:
     """Return what a claim says, with one blank between two words."""
     return tuple(map(plain, build()))
@@ -67,10 +74,9 @@ def unbound(page: str, free: set[str], patterns: Iterable[str] = ()) -> list[str
     """
     text = _prose((ROOT / page).read_text())
     for words in sorted(map(_prose, said(page)), key=len, reverse=True):
-        text = text.replace(words, " _ ")
+        text = place(words).sub(" _ ", text)
     for words in sorted(free, key=len, reverse=True):
-        pattern = re.escape(words).replace(re.escape(" ... "), " .*? ")
-        text, found = re.subn(rf"(?<![\d.,]){pattern}(?![\d]|[.,]\d)", " _ ", text)
+        text, found = place(words).subn(" _ ", text)
         if not found:
             raise ValueError(f"{page} does not say {words!r}, which tests/docs/free.toml leaves out")
     for pattern in patterns:
@@ -89,16 +95,16 @@ def mended(page: str, text: str) -> str:
     A claim that is not there is looked for with any numbers in it; where it stands once so, they are written anew.
     """
     for words in said(page):
-        if words in plain(text):
+        if place(words).search(plain(text)):
             continue
         parts = [r"\s+".join(map(re.escape, part.split(" "))) for part in NUMBER.split(words)]
         places = list(re.finditer(f"({NUMBER.pattern})".join(parts), text))
         if len(places) == 1:
-            (place,) = places
+            (old,) = places
             numbers = iter(NUMBER.findall(words))
-            new, at = "", place.start()
+            new, at = "", old.start()
             for group in range(1, len(parts)):
-                new += text[at : place.start(group)] + next(numbers)
-                at = place.end(group)
-            text = text[: place.start()] + new + text[at:]
+                new += text[at : old.start(group)] + next(numbers)
+                at = old.end(group)
+            text = text[: old.start()] + new + text[at:]
     return text
