@@ -48,7 +48,7 @@ def judge(picked: list[Edit], folder: Path, again: bool, on_finding: Callable[[F
     folder : Path
         Of the log.
     again : bool
-        Whether those alive are judged once more: tests are new.
+        Whether those alive that no argument stands for are judged once more: tests are new.
     on_finding : callable
         Called with every finding.
 
@@ -59,7 +59,11 @@ def judge(picked: list[Edit], folder: Path, again: bool, on_finding: Callable[[F
     """
     folder.mkdir(parents=True, exist_ok=True)
     log = folder / "model.jsonl"
-    known = {one.key: one for one in read(log) if not (again and one.verdict == "alive")}
+    keys = {edit.key for edit in picked}
+    known = {one.key: one for one in read(log) if one.key in keys}
+    argue(known.values())
+    if again:
+        known = {key: one for key, one in known.items() if one.verdict != "alive"}
     todo = [edit for edit in picked if edit.key not in known]
     facts = Facts(folder / "model_facts.jsonl")
     if todo:
