@@ -12,6 +12,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -71,11 +72,12 @@ def judge(picked: list[Edit], folder: Path, again: bool, on_finding: Callable[[F
             for file in dict.fromkeys(edit.file for edit in todo):
                 own = [edit for edit in todo if edit.file == file]
                 original = (place / file).read_text()
-                if facts.get(whole := _question(TESTS[file])) is None:
-                    code, failed = ask(TESTS[file])
-                    if code:
-                        raise RuntimeError(f"the tests of {file} fail without an edit: {failed or code}")
-                    facts.add(whole, "pass")
+                for tests in _by_path(TESTS[file]):
+                    if facts.get(whole := _question(tests)) is None:
+                        code, failed = ask(tests)
+                        if code:
+                            raise RuntimeError(f"the tests of {file} fail without an edit: {failed or code}")
+                        facts.add(whole, "pass")
                 for edit in own:
                     (place / file).write_text(edit.text)
                     code, failed = ask(TESTS[file])
@@ -90,10 +92,23 @@ def judge(picked: list[Edit], folder: Path, again: bool, on_finding: Callable[[F
     return found
 
 
+def _by_path(tests: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+    """Yield tests by the file in which they stand."""
+    for _, own in groupby(tests, key=_path):
+        yield tuple(own)
+
+
+def _path(test: str) -> str:
+    return test.partition("::")[0]
+
+
 def _question(tests: tuple[str, ...]) -> str:
-    """Return whether tests pass, as a question that is another one when they change, or a file they are asked about."""
-    names = [*(test.partition("::")[0] for test in tests), *(file for file, own in TESTS.items() if own == tests)]
-    texts = [(ROOT / name).read_bytes() for name in dict.fromkeys(names)]
+    """Return whether tests of a file pass, as a question that is another one when it changes or what they are asked of.
+
+    So tests that several files share are asked once.
+    """
+    files = [file for file, own in TESTS.items() if tests in _by_path(own)]
+    texts = [(ROOT / name).read_bytes() for name in (_path(tests[0]), *files)]
     return f"{' '.join(tests)} {hashlib.sha256(b'|'.join(texts)).hexdigest()[:16]}"
 
 
