@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from flow.asic.clocks import ClockError
-from flow.asic.equivalence import design_of, prove
+from flow.asic.equivalence import Equivalence, design_of, prove
 from flow.asic.library import read
 from flow.asic.structure import check
 from flow.asic.synthesis import Netlist, netlist
@@ -29,6 +29,12 @@ def made(without: tuple[str, ...] = (), reset: str = "sync") -> Netlist:
     return netlist(CONFIG.replace(reset=reset), read(path))
 
 
+@functools.cache
+def proof_of(without: tuple[str, ...] = (), reset: str = "sync") -> Equivalence:
+    """Return what is proved of such a netlist, done once."""
+    return prove(made(without, reset))
+
+
 def swapped(old: str, new: str, number: int = 1, **options: str) -> Netlist:
     """Return the netlist with one text in place of another: the first only, or another number of them."""
     whole = made(**options)
@@ -39,7 +45,7 @@ def swapped(old: str, new: str, number: int = 1, **options: str) -> Netlist:
 
 @pytest.mark.quick
 def test_every_flop_and_output_is_proved() -> None:
-    proof = prove(made())
+    proof = proof_of()
     outputs = 1 + CONFIG.event_bits  # request and address
     assert proof.holds
     assert not proof.unproved
@@ -49,14 +55,14 @@ def test_every_flop_and_output_is_proved() -> None:
 
 def test_flops_that_hold_the_inverse_are_proved_too() -> None:
     # Quill's flop has no preset: those that the reset sets hold the inverse.
-    proof = prove(made(reset="async"))
+    proof = proof_of(reset="async")
     assert proof.holds
 
 
 def test_a_gate_built_of_a_latch_is_proved_as_well() -> None:
-    proof = prove(made(without=("SLUMBER",)))
+    proof = proof_of(without=("SLUMBER",))
     assert proof.holds
-    assert proof.gated_flops == prove(made()).gated_flops
+    assert proof.gated_flops == proof_of().gated_flops
 
 
 @pytest.mark.parametrize(
@@ -84,11 +90,12 @@ def test_a_clock_that_is_stopped_by_a_plain_gate_is_refused() -> None:
 
 
 def test_the_netlist_keeps_the_rules() -> None:
-    for netlist_of in (made(), made(reset="async"), made(without=("SLUMBER",))):
+    for options in ({}, {"reset": "async"}, {"without": ("SLUMBER",)}):
+        netlist_of = made(**options)
         found = check(netlist_of, design_of(netlist_of))
         assert not found.problems
         assert found.clock_gates >= CONFIG.taxels
-        assert found.flops == prove(netlist_of).flops
+        assert found.flops == proof_of(**options).flops
 
 
 @pytest.mark.parametrize(
