@@ -1,16 +1,23 @@
-"""The chip as it is delivered, and what it refuses; ``test_touch.py`` plays scans through it."""
+"""The chip as it is delivered, when its bins end, and what it refuses; ``test_touch.py`` plays scans through it."""
 
 from __future__ import annotations
 
 import json
+import os
+import random
 from pathlib import Path
 from typing import Any
 
+import cocotb
 import pytest
 
+from cocotb_tests.bench.block import Block, Checker, report
+from cocotb_tests.bench.classifier import load_words
+from cocotb_tests.test_classifier import JOB, random_network
 from cocotb_tests.test_verilog import lint
 from model.classifier.chip_config import ChipConfig
 from model.classifier.config import ClassifierConfig
+from model.classifier.run import simulate
 from model.config import ReadoutConfig
 from model.errors import InputError
 from rtl.delivery import write
@@ -32,6 +39,51 @@ def chip(rows: int, columns: int, channels: int, hidden: int, **own: Any) -> Chi
 
 
 CHIPS = [chip(3, 5, 30, 20), chip(2, 4, 8, 24, encoding="nlcs", reset="async")]
+
+SCANS = 12
+
+
+@cocotb.test()
+async def bins_begin_anew(dut: Any) -> None:
+    """Begin scans without events by a reset or by ``scan_start``, at any clock, and note when classes come."""
+    job = json.loads(os.environ[JOB])
+    config, rng = ChipConfig.from_dict(job["config"]), random.Random(job["seed"])
+    block = Block(dut)
+    check = Checker(block)
+    block.drive(rst=1, scan_start=0, load_valid=0, sample_valid=0, sample=0, taxel_enable=0)
+    network = random_network(config.classifier, rng)
+    await load_words(block, network, rng)
+    width = config.classifier.clocks_per_bin
+    for number in range(SCANS):
+        if number % 4:
+            block.drive(scan_start=1)
+            await block.settle()
+            await block.edge()
+            block.drive(scan_start=0)
+        else:
+            await block.reset()
+        clocks, seen = rng.randrange(4 * width), []
+        for clock in range(clocks):
+            await block.settle()
+            if block.read("class_valid"):
+                seen.append(clock)
+            await block.edge()
+        run = simulate(network, [], range(width - 1, clocks, width), clocks)
+        expected = [clock for clock in run.valid if clock < clocks]
+        check.holds("ClassesAfterTheirBins", seen == expected, (seen, expected))
+        check.counts["classes after a scan_start"] += len(seen) if number % 4 else 0
+    report(check.counts)
+
+
+def test_a_scan_start_begins_the_bins_anew(tmp_path: Path) -> None:
+    from cocotb_tests.session.simulator import build  # not in the simulator, which imports this file too
+
+    config = chip(2, 2, 8, 3, reset="async")
+    job = {JOB: json.dumps({"config": config.to_dict(), "seed": 7})}
+    build(config, "icarus", top="eskin_chip").test("cocotb_tests.test_chip", tmp_path, "bins_begin_anew", job)
+    counts = json.loads((tmp_path / "counts.json").read_text())
+    assert counts["ClassesAfterTheirBins"] == SCANS
+    assert counts["classes after a scan_start"] > 5
 
 
 def test_a_chip_is_what_its_fields_say() -> None:

@@ -96,6 +96,7 @@ PROPERTIES = (
     "OverrunFlagged",
     "NoClockOfAStallUncounted",
     "ClassAndEvidence",
+    "ClassHeldBetweenBins",
     "EveryPotential",
     "EveryOutput",
 )

@@ -100,6 +100,9 @@ class ClassifierBench:
                 trace.append((block.read(f"{name}_index"), block.read_signed(f"{name}_potential"), spike))
         if block.read("class_valid"):
             seen.classes.append((clock, block.read("class_index"), self._evidence()))
+        elif seen.classes:
+            winner = block.read("class_index")
+            self.check.holds("ClassHeldBetweenBins", winner == seen.classes[-1][1], (winner, seen.classes[-1]))
         await block.edge()
 
     def _evidence(self) -> list[int]:

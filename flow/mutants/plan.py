@@ -62,7 +62,7 @@ GROUNDS = {
     "classifier.lane": Ground("classifier", ("classifier", "touch")),
     "classifier.memory": Ground("classifier", ("memory", "classifier", "touch")),
     "classifier.core": Ground("classifier", ("classifier", "touch")),
-    "classifier.chip": Ground("classifier", ("touch",)),
+    "classifier.chip": Ground("classifier", ("chip", "touch")),
     "readout": Ground("readout", ("readout", "analog", "host", "tiles"), ("readout",), STILL),
 }
 """All modules of ``rtl/`` with logic in them, and what looks at each."""
