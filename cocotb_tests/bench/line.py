@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import select
 import signal
 import subprocess
 import time
@@ -18,7 +19,9 @@ IDLE_BITS = 20
 """Bit times that pass in the simulation while the host says nothing."""
 
 NAP_S = 0.0005
-"""So that a host on the same core comes to its turn."""
+"""So that a host on the same core comes to its turn, unless it says something sooner."""
+LOADING_NAP_S = 0.005
+"""While a host that has said nothing yet still loads its libraries."""
 
 MOST_SECONDS = 120
 BEGINS_AFTER = 27
@@ -85,7 +88,7 @@ class Line:
             except BlockingIOError:
                 data = b""
             if not data:
-                time.sleep(NAP_S)
+                select.select([self.master], [], [], NAP_S if self.sent else LOADING_NAP_S)
                 await Timer(IDLE_BITS * self.bit_ns, "ns")
             for byte in data:
                 if (sent := self.to_board(self.sent, byte)) is not None:
