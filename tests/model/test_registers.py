@@ -8,9 +8,11 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from model import window
 from model.config import ReadoutConfig
 from model.errors import InputError
 from model.registers.description import WORD_BITS, registers
@@ -183,3 +185,11 @@ def test_a_leak_period_below_the_rows_is_refused() -> None:
         InputError, match=r"leak_period must be at least the number of rows, 8, with registers=spi, not 7"
     ):
         ReadoutConfig(registers="spi", encoding="nlcs", leak_period=7)
+
+
+def test_a_window_that_was_quiet_for_longer_than_a_shorter_period_closes_with_the_next_tick() -> None:
+    taxel, written = SimpleNamespace(quiet=30, closed=0), SimpleNamespace(window_period=10, levels=4)
+    closes = window.pass_tick.py_func
+    assert closes(written, taxel)
+    assert (taxel.quiet, taxel.closed) == (0, 1)
+    assert [closes(written, taxel) for _ in range(10)] == [False] * 9 + [True]

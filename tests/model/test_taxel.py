@@ -377,8 +377,9 @@ def test_bad_samples_are_refused(samples: Any, sentence: str) -> None:
 
 
 def test_other_misfits_are_refused() -> None:
-    with pytest.raises(InputError, match="one column for each of the 4 taxels, not 3"):
-        encode(one("nlcs", columns=4), np.zeros((2, 3), np.int16))
+    for taxels in (3, 5):
+        with pytest.raises(InputError, match=f"one column for each of the 4 taxels, not {taxels}"):
+            encode(one("nlcs", columns=4), np.zeros((2, taxels), np.int16))
     with pytest.raises(InputError, match=r"out must be of shape \(2, 1\) and type int16, not \(2, 1\) and int32"):
         encode(one("lcs"), column(0, 0), out=np.zeros((2, 1), np.int32))
     with pytest.raises(InputError, match="late must be given for cw-lcs deciding more than once per sample"):
@@ -389,8 +390,18 @@ def test_other_misfits_are_refused() -> None:
         decode(one("cw-lcs"), column(0, 1), column(0, 1))  # type: ignore[arg-type]
     with pytest.raises(InputError, match="counts must have one column for each of the 1 taxels, not 2"):
         uncontended_events(one("lcs"), np.zeros((2, 2), np.int16))
-    with pytest.raises(InputError, match="counts must be signed integers of shape"):
-        decode(one("lcs"), np.zeros(3))  # type: ignore[arg-type]
+    others: list[Any] = [np.zeros((2, 1)), np.zeros(3, np.int16)]
+    for counts_of_another_kind in others:
+        with pytest.raises(InputError, match="counts must be signed integers of shape"):
+            decode(one("lcs"), counts_of_another_kind)
+
+
+@pytest.mark.parametrize("resolution", [12, 13, 14, 15])
+def test_a_swing_over_the_whole_range_is_counted_whatever_the_resolution(resolution: int) -> None:
+    config = one("lcs", sample_bits=20, resolution=resolution, clocks_per_sample=2**18, closing_shift=0)
+    ends = encode(config, np.array([[2**19 - 1], [-(2**19)]]))[:, 0].tolist()
+    top = 2 ** (resolution + 1) - 1  # steps from 0 to the highest, and back to one above the lowest
+    assert ends == [top, -2 * top]
 
 
 def test_samples_of_any_layout_give_the_same_events_and_stay_untouched() -> None:

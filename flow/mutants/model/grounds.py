@@ -158,7 +158,7 @@ DISTURBED = (
 TESTS: dict[str, tuple[str, ...]] = {
     "model/taxel_kernels.py": TAXEL,
     "model/taxel.py": TAXEL,
-    "model/window.py": TAXEL,
+    "model/window.py": (REGISTERS, *TAXEL),
     "model/decay.py": TAXEL,
     "model/readout.py": (*READOUT, "tests/model/test_recording.py"),
     "model/arbiter.py": ("tests/model/test_arbiter.py", *READOUT),
