@@ -83,24 +83,6 @@ SET = _of(
     "one_scale_and_one_configuration_hold_for_the_whole_set",
 )
 PRESETS = "tests/model/test_presets.py"
-NETLISTS = _of(
-    "tests/model/test_power.py",
-    "digital_power_is_the_published_energy_per_event_or_that_of_the_netlist",
-    "a_netlist_is_scaled_by_taxels_and_clocked_as_fast_as_its_events",
-    "a_lone_event_may_cost_more_and_more_events_never_draw_less",
-) + _of(
-    "tests/commands/test_power.py",
-    "power_takes_a_synthesis_report",
-    "a_broken_synthesis_report_is_one_sentence",
-    "two_reports_of_one_readout_are_refused",
-    "a_report_of_all_fields_is_read_back",
-)
-CHEAPEST = _of(
-    "tests/commands/test_power.py",
-    "explore_names_the_cheapest",
-    "explore_is_the_consistent_model",
-    "explore_without_options_and_with_a_silent_sensor",
-)
 OF_SCANS = _of(
     "tests/model/test_rates.py",
     "rate_is_events_over_the_whole_scan_without_those_skipped",
@@ -109,31 +91,6 @@ OF_SCANS = _of(
     "nothing_to_measure_is_refused",
     "rates_grow_with_the_array",
     "workers_do_not_change_the_result_and_every_image_is_reported",
-)
-NOISE = _of(
-    "tests/snn/test_studies.py",
-    "noise_has_its_rms_and_its_bandwidth",
-    "scans_with_next_to_no_noise_are_those_of_the_training",
-    "power_is_that_of_the_model_at_these_rates",
-)
-MERITS = _of(
-    "tests/snn/test_studies.py",
-    "errors_are_to_the_nearest_crossing_of_the_same_level",
-    "steps_of_events_begin_where_they_count",
-    "answers_are_paired_on_the_folds_that_both_have",
-    "events_know_times_to_a_sample_and_frames_to_a_period",
-    "a_touch_that_rests_sends_no_events_and_all_frames",
-)
-TRAINING = _of(
-    "tests/snn/test_train.py",
-    "signs_of_divergence_are_named",
-    "output_neurons_that_never_fire_are_counted",
-    "a_loss_that_is_no_number_stops_the_training",
-    "a_checkpoint_of_another_configuration_or_a_damaged_one_is_refused",
-    "scans_of_another_array_are_refused",
-    "the_selected_epoch_is_that_of_the_held_out_images_not_of_the_test",
-    "a_resumed_training_ends_in_the_same_bits",
-    "a_network_learns_an_easy_task",
 )
 SKINS = "tests/model/test_recordings.py"
 BOARD = "tests/model/test_board.py"
@@ -160,7 +117,6 @@ TESTS: dict[str, tuple[str, ...]] = {
     "model/taxel.py": TAXEL,
     "model/window.py": (REGISTERS, *TAXEL),
     "model/decay.py": TAXEL,
-    "model/readout.py": (*READOUT, "tests/model/test_recording.py"),
     "model/arbiter.py": ("tests/model/test_arbiter.py", *READOUT),
     "model/link.py": ("tests/model/test_link.py", *READOUT),
     "model/tiles/config.py": TILES,
@@ -189,14 +145,10 @@ TESTS: dict[str, tuple[str, ...]] = {
     "model/recordings/suit.py": (SKINS,),
     "model/recordings/table.py": (SKINS,),
     "model/board/frames.py": (BOARD,),
-    "model/board/records.py": (BOARD,),
     "model/power/equations.py": ("tests/model/test_power.py",),
     "model/power/build.py": ("tests/model/test_power.py", "tests/commands/test_power.py"),
     "model/power/rates.py": TABLES,
-    "model/power/synthesis.py": NETLISTS,
-    "model/power/explore.py": CHEAPEST,
     "model/registers/driver.py": (REGISTERS,),
-    "model/registers/description.py": (REGISTERS,),
     "model/registers/spi.py": (REGISTERS, f"{SPI}[icarus-sync]"),
     "model/registers/file.py": (REGISTERS, f"{FILE}[3x5-nlcs-async]"),
     "model/registers/pattern.py": (REGISTERS, f"{PATTERN}[3x5-lcs]"),
@@ -212,27 +164,16 @@ TESTS: dict[str, tuple[str, ...]] = {
     "snn/exchange/nir_layers.py": NIR,
     "snn/exchange/weights.py": (*WEIGHTS, *NIR),
     "snn/exchange/transforms.py": ("tests/snn/test_transforms.py",),
-    "snn/exchange/nir_events.py": ("tests/snn/test_nir_events.py",),
     "snn/rounding.py": ("tests/snn/test_integer.py", "tests/snn/test_precision.py"),
     "snn/adam.py": ("tests/snn/test_adam.py",),
     "snn/calibration.py": ("tests/snn/test_calibration.py",),
     "snn/data/bins.py": SCANS,
     "snn/data/augment.py": SCANS,
     "snn/data/frame_steps.py": SCANS,
-    "snn/data/frames.py": SCANS,
-    "snn/data/scans.py": SCANS,
-    "snn/data/folds.py": _of("tests/snn/test_train.py", "folds_are_stratified_and_cover_every_image_once"),
-    "snn/data/counts.py": ("tests/snn/test_counts.py",),
-    "snn/studies/noise.py": NOISE,
-    "snn/studies/paired.py": MERITS,
-    "snn/studies/latency.py": MERITS,
-    "snn/studies/timing.py": MERITS,
-    "snn/studies/rest.py": MERITS,
-    "snn/training.py": TRAINING,
-    "snn/checkpoint.py": TRAINING,
     "snn/data/coding.py": ("tests/snn/test_coding.py",),
     "snn/data/disturb.py": DISTURBED,
     "snn/experiments/intervals.py": INTERVALS,
+    "model/readout.py": (*READOUT, "tests/model/test_recording.py"),
 }
 """Files that are mutated, and the tests of each: those that call it, and not what reaches it by chance.
 
