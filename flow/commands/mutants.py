@@ -51,6 +51,7 @@ def model_mutants(
     share: Annotated[float, typer.Option(min=0.0, max=1.0, help="share of all places that is tried")] = 0.07,
     seed: Annotated[int, typer.Option(min=0, help="of the edits that are drawn")] = 1,
     again: Annotated[bool, typer.Option(help="judge anew what is alive: tests are new")] = False,
+    judging: Annotated[bool, typer.Option("--judge/--no-judge", help="judge, or report what was found")] = True,
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for what is found")] = Path("out/mutants"),
 ) -> None:
     """Mutate a sample of places of model/ and snn/, each before the tests of its file; goes on where it was stopped."""
@@ -59,7 +60,11 @@ def model_mutants(
 
     picked, places = drawn(share, seed)
     print(f"{len(picked)} edits drawn with SEED={seed}, of {sum(places.values())} places")
-    found = judge(picked, out, again, lambda finding: print(f"{finding.verdict:<8}{finding.name}", flush=True))
+
+    def tell(finding: Finding) -> None:
+        print(f"{finding.verdict:<8}{finding.name}", flush=True)
+
+    found = judge(picked, out, again, tell, judging)
     write(
         out / "mutants.json",
         f"make mutants MODEL=1 SHARE={share:g} SEED={seed}",

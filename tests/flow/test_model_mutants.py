@@ -122,6 +122,7 @@ def test_a_stopped_campaign_goes_on_and_the_file_is_as_before(tmp_path: Path, as
     assert asked == ["good"] * files + ["bad 1", "like it", "bad 2"]
     assert [one.verdict for one in found] == [one.verdict for one in told] == ["killed", "alive", "killed"]
     assert found[0].by == "tests/model/test_link.py"
+    assert sampled.judge([*picked, edit_of("bad 3")], tmp_path, False, told.append, judging=False) == found
     sampled.judge(picked, tmp_path, True, told.append)
     assert asked[files + 3 :] == ["like it"]
     assert (tmp_path / "model/link.py").read_text() == "good"

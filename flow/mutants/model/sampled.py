@@ -40,7 +40,9 @@ def drawn(share: float, seed: int) -> tuple[list[Edit], dict[str, int]]:
     return picked, counts
 
 
-def judge(picked: list[Edit], folder: Path, again: bool, on_finding: Callable[[Finding], None]) -> list[Finding]:
+def judge(
+    picked: list[Edit], folder: Path, again: bool, on_finding: Callable[[Finding], None], judging: bool = True
+) -> list[Finding]:
     """Judge edits, those already judged left out, keep each in a log, and return all findings.
 
     Parameters
@@ -52,6 +54,8 @@ def judge(picked: list[Edit], folder: Path, again: bool, on_finding: Callable[[F
         Whether those alive that no argument stands for are judged once more: tests are new.
     on_finding : callable
         Called with every finding.
+    judging : bool
+        Whether to judge those that were not judged yet.
 
     Raises
     ------
@@ -65,7 +69,7 @@ def judge(picked: list[Edit], folder: Path, again: bool, on_finding: Callable[[F
     argue(known.values())
     if again:
         known = {key: one for key, one in known.items() if one.verdict != "alive"}
-    todo = [edit for edit in picked if edit.key not in known]
+    todo = [edit for edit in picked if edit.key not in known] if judging else []
     facts = Facts(folder / "model_facts.jsonl")
     if todo:
         with _copy() as (place, ask):
