@@ -48,9 +48,12 @@ LAYERS = {
         "formal.run formal.bind",
         "formal.report cross mutants",
         "coverage.constructs coverage.points.point",
-        "coverage.points.readout coverage.points.registers coverage.points.blocks coverage.points.classifier",
+        "coverage.points.readout coverage.points.registers coverage.points.blocks coverage.points.classifier "
+        "coverage.points.board",
         "coverage.points.every",
         "coverage.bench coverage.stimuli coverage.waivers",
+        "coverage.boards.host",
+        "coverage.boards.script coverage.boards.play",
         "coverage.plan",
         "coverage.run",
         "faults.gates faults.lanes faults.course",

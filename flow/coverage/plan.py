@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from flow.coverage import stimuli
+from flow.coverage.boards.play import board, small_board
+from model.board.config import BoardConfig
 from model.classifier.chip_config import ChipConfig
 from model.classifier.config import ClassifierConfig
 from model.config import ReadoutConfig
@@ -34,7 +36,7 @@ class Run:
     """
 
     name: str
-    config: Config
+    config: Config | BoardConfig
     player: Callable[[Any, Path], object]
     small: bool = False
     only: tuple[str, ...] = ()
@@ -64,7 +66,7 @@ GATE = ("lcs digital stream", "cw-lcs digital stream")
 
 def runs() -> list[Run]:
     """Return all runs."""
-    return [*_readouts(), *_frames(), *_hosts(), *_skins(), *_classifiers()]
+    return [*_readouts(), *_frames(), *_hosts(), *_skins(), *_classifiers(), *_boards()]
 
 
 def _readouts() -> Iterator[Run]:
@@ -152,3 +154,10 @@ def _classifiers() -> Iterator[Run]:
         yield Run(
             f"chip {encoding}", ChipConfig(readout=readout, classifier=network), stimuli.chip, only=("eskin_bin_timer",)
         )
+
+
+def _boards() -> Iterator[Run]:
+    """Yield the two designs of a board: their points, and the lines of what is the same in both."""
+    for design in ("player", "receiver"):
+        own = tuple(f"eskin_board_{part}" for part in ("uart_receiver", "uart_sender", "frames_crc"))
+        yield Run(f"board {design}", small_board(design), board, only=own)

@@ -19,13 +19,15 @@ from flow.coverage.plan import Run
 from flow.coverage.points.every import points
 from flow.coverage.points.point import Point
 from flow.coverage.waivers import Waiver, claim, explained, unproved
+from model.board.config import BoardConfig
 from model.files import make_folder, origin, read_json, write_json
+from rtl.verilog import Config
 
 SOURCES = sources(
     (
         *((package, "**/*.py") for package in (rtl, model, cocotb_tests)),
         (cocotb_tests, "**/*.v"),
-        *((flow.coverage, f"{name}.py") for name in ("bench", "constructs", "stimuli")),
+        *((flow.coverage, f"{name}.py") for name in ("bench", "constructs", "stimuli", "boards/*")),
     )
 )
 KINDS = ("line", "branch", "toggle", "condition")
@@ -108,7 +110,7 @@ def play(runs: Iterable[Run], folder: Path, on_run: Callable[[str, int, int], No
     reached = Reached()
     for run in runs:
         wanted = points(run.config)
-        key = [run.name, run.config.to_dict(), [asdict(point) for point in wanted], SOURCES]
+        key = [run.name, _fields(run.config), [asdict(point) for point in wanted], SOURCES]
         kept = make_folder(folder, "runs") / f"{digest(key)}.json"
         if not kept.exists():
             with scratch_folder(kept.parent, "run") as running, counting(points) as counts:
@@ -121,6 +123,10 @@ def play(runs: Iterable[Run], folder: Path, on_run: Callable[[str, int, int], No
         own = [count for construct, count in counts.counts.items() if construct.kind != "point"]
         on_run(run.name, len(own), sum(count > 0 for count in own))
     return reached
+
+
+def _fields(config: Config | BoardConfig) -> dict[str, Any]:
+    return asdict(config) if isinstance(config, BoardConfig) else config.to_dict()
 
 
 def judge(reached: Reached, listed: list[Waiver], whole: bool = True) -> Verdict:
