@@ -2,7 +2,7 @@
 # Variables behind make are options of its command: ROWS=12 is --rows 12. They are read from MAKEFLAGS, so that no
 # shell and no make expands them.
 
-TARGETS := help setup sim replay touch soak verilog gates asic gatepower layout fpga formal faults coverage properties mutants crosscheck rates train crossval sweep predict robustness noise-power merits precision power fig6 fig7 fig8 \
+TARGETS := help setup sim replay touch soak verilog gates asic gatepower layout fpga formal faults coverage properties mutants crosscheck crossproof rates train crossval sweep predict robustness noise-power merits precision power fig6 fig7 fig8 \
   fig9 sensitivity explore frames study report docs bench check test lint format clean
 
 # Before anything else looks at them: typed variables reach no environment, where COLUMNS is the width of a window.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flow.commands.evidence import coverage, crosscheck, faults, formal, properties
+from flow.commands.evidence import coverage, crosscheck, crossproof, faults, formal, properties
 from flow.commands.mutants import model_mutants, mutants
 from flow.commands.netlist import asic, asic_scale, gatesim, power
 from flow.commands.places import fpga, layout
@@ -18,6 +18,7 @@ COMMANDS = (
     mutants,
     model_mutants,
     crosscheck,
+    crossproof,
     gatesim,
     asic,
     asic_scale,

@@ -12,7 +12,7 @@ import shutil
 import subprocess
 import tempfile
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -140,6 +140,39 @@ def kept_lines(path: Path) -> Iterator[Any]:
     for line in path.read_text(errors="replace").splitlines() if path.exists() else ():
         with contextlib.suppress(ValueError):
             yield json.loads(line)
+
+
+class Pieces:
+    """Results of a long run, kept as they come, so that one that was stopped goes on behind them.
+
+    Parameters
+    ----------
+    out : Path or None
+        File of the whole result, beside which they are kept; None keeps nothing.
+    code : str
+        Of what computes: pieces of another one are computed anew.
+    """
+
+    def __init__(self, out: Path | None, code: str) -> None:
+        self.path, self.code = out and out.with_name(f".{out.name}.pieces"), code
+        if out:
+            check_writable(out)
+        lines = kept_lines(self.path) if self.path else ()
+        self._known = {piece["name"]: piece for piece in lines if piece["code"] == code}
+
+    def of(self, name: str, job: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+        """Return a piece by its name, computed if it is not known."""
+        if name in self._known:
+            return self._known[name]
+        piece = {"name": name, "code": self.code, **job()}
+        if self.path:
+            keep_line(self.path, piece)
+        return piece
+
+    def forget(self) -> None:
+        """Remove what is kept: the whole result is written."""
+        if self.path:
+            self.path.unlink(missing_ok=True)
 
 
 def origin(command: str) -> dict[str, str]:

@@ -44,6 +44,7 @@ def proofs() -> str:
 
 EVIDENCE = {
     "proved": ("formal", "properties of the RTL, runs of any length"),
+    "proved, again": ("crossproof", "the same properties, searched by a second solver, bugs planted"),
     "covered": ("coverage", "RTL lines, branches, toggles; points of the specification"),
     "killed": ("mutants", "automatic mutants of the RTL that the tests notice"),
     "killed, model": (

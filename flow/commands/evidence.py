@@ -1,4 +1,4 @@
-"""The commands formal, faults, coverage, properties and crosscheck (docs/design/verification.md)."""
+"""The commands formal, faults, coverage, properties, crosscheck and crossproof (docs/design/verification.md)."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from model.files import atomic_write
 
 if TYPE_CHECKING:
     from flow.formal.mutants import Mutant
+    from flow.formal.plan import Proof
 
 
 def formal(
@@ -32,15 +33,10 @@ def formal(
 ) -> None:
     """Prove the properties of every block; the last line says how many hold."""
     from flow.formal.engine import solve
-    from flow.formal.plan import proofs
     from flow.formal.report import write
     from flow.formal.run import closing_line, judge, outcomes
 
-    known = sorted({proof.block for proof in proofs()})
-    if block and block not in known:
-        raise InputError(f"--block must be one of {', '.join(known)}, not {block!r}")
-    chosen = [p for p in proofs() if (not block or p.block == block) and (not small or p.small)]
-    verdicts = []
+    chosen, verdicts = _chosen(block, small), []
     for proof in chosen:
         verdicts.append((proof, solve(proof.checker(proof.config), proof.depth, limit)))
         said = verdicts[-1][1]
@@ -154,6 +150,45 @@ def crosscheck(
     )
     if said:
         raise typer.Exit(1)
+
+
+def crossproof(
+    block: Annotated[str, typer.Option(help="only this block, as of make formal")] = "",
+    small: Annotated[bool, typer.Option(help="only one small configuration of each block")] = False,
+    mutants: Annotated[bool, typer.Option(help="compare planted bugs too")] = False,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON")] = None,
+) -> None:
+    """Search with z3 what make formal proved: each first clock, of failures too, must be that of the first solver.
+
+    With --out it goes on where it was stopped.
+    """
+    from flow.cross.prove import campaign, closing_line, write
+
+    chosen, found = _chosen(block, small), []
+    grounds = [proof for proof in _chosen(block, False) if proof.hunts] if mutants else []
+    for one in campaign(chosen, grounds, out):
+        found.append(one)
+        print(
+            f"{one.block:<15}{one.bug or one.size:<45}{one.properties:>3} properties{one.seconds:>7.1f} s", flush=True
+        )
+        for problem in one.problems:
+            print(f"PROBLEM: {problem}")
+    if out:
+        words = [f"BLOCK={block}"] * bool(block) + ["SMALL=1"] * small + ["MUTANTS=1"] * mutants
+        write(found, out, " ".join(["make crossproof", *words]))
+    print(closing_line(found))
+    if any(one.problems for one in found):
+        raise typer.Exit(1)
+
+
+def _chosen(block: str, small: bool) -> list[Proof]:
+    """Return the proofs of a block, or of all, without those of large configurations if so asked."""
+    from flow.formal.plan import proofs
+
+    known = sorted({proof.block for proof in proofs()})
+    if block and block not in known:
+        raise InputError(f"--block must be one of {', '.join(known)}, not {block!r}")
+    return [p for p in proofs() if (not block or p.block == block) and (not small or p.small)]
 
 
 def _hunt(block: str) -> Iterator[tuple[Mutant, set[str]]]:

@@ -16,7 +16,7 @@ from flow.faults.plan import Trial, most_changed, most_ticks
 from model.classifier.config import ClassifierConfig
 from model.config import ReadoutConfig
 from model.crew.cluster import Needs, version
-from model.files import check_writable, keep_line, kept_lines, origin, write_json
+from model.files import Pieces, origin, write_json
 from model.frame_config import FrameConfig
 from model.tiles.config import TilesConfig
 
@@ -149,18 +149,13 @@ def campaign(small: bool, out: Path | None, tell: Callable[[str], None]) -> Done
     tell : callable
         Takes a line for each piece.
     """
-    known, code = {}, version(CODE)
-    if out:
-        check_writable(out)
-        known = {piece["name"]: piece for piece in kept_lines(_pieces(out)) if piece["code"] == code}
+    pieces = Pieces(out, version(CODE))
     done = Done([], [], [])
     jobs: list[tuple[str, Callable[[], dict[str, Any]]]] = []
     jobs += [(f"{trial}", partial(_tried, trial)) for trial in plan.trials(small)]
     jobs += [(f"{config}", partial(_met, config)) for config in plan.surroundings(small)]
     for name, job in jobs:
-        piece = known.get(name) or {"name": name, "code": code, **job()}
-        if out and name not in known:
-            keep_line(_pieces(out), piece)
+        piece = pieces.of(name, job)
         done.blocks += piece["blocks"]
         done.cases += piece["cases"]
         done.problems += piece["problems"]
@@ -183,10 +178,6 @@ def _met(config: ReadoutConfig) -> dict[str, Any]:
     return {"blocks": [], "cases": met, "problems": [], "said": said}
 
 
-def _pieces(out: Path) -> Path:
-    return out.with_name(f".{out.name}.pieces")
-
-
 def closing_line(done: Done) -> str:
     """Return the last line of ``make faults``."""
     total, never = (sum(line[name] for line in done.blocks) for name in ("upsets", NEVER))
@@ -198,4 +189,4 @@ def closing_line(done: Done) -> str:
 def write(path: Path, command: str, done: Done) -> None:
     """Write all results as JSON; their pieces are needed no more."""
     write_json(path, {**origin(command), "result": closing_line(done), **vars(done)})
-    _pieces(path).unlink(missing_ok=True)
+    Pieces(path, version(CODE)).forget()

@@ -16,8 +16,8 @@ from flow.formal.checker import Checker
 from rtl import yosys
 
 TO_GATES = (
-    "read_rtlil readout.il; {expose}hierarchy -check -top {top}; proc; flatten; opt_clean; chformal -lower; "
-    "chformal -assert -cover -remove; async2sync; formalff -clk2ff -ff2anyinit; setundef -undriven -anyseq; opt -full; "
+    "read_rtlil readout.il; {expose}hierarchy -check -top {top}; proc; flatten; opt_clean; async2sync; "
+    "formalff -clk2ff -ff2anyinit; setundef -undriven -anyseq; opt -full; "
     "techmap; opt -fast; simplemap; dffunmap; aigmap; opt_clean; "
     "write_aiger -I -zinit -no-startoffset search.aig; "
     "delete -port o:seen_*; opt_clean; write_aiger -I -zinit -no-startoffset proof.aig; design -reset; "

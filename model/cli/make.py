@@ -149,6 +149,11 @@ TARGETS = {
         "flow crosscheck",
         ("sim", "lint"),
     ),
+    "crossproof": Target(
+        "what make formal proved, searched by a second solver, z3 [BLOCK= SMALL=1 MUTANTS=1 OUT=]",
+        "flow crossproof",
+        ("proof",),
+    ),
     "rates": Target("mean population event rate over a dataset [DATASET= PRESET= LIMIT=]", "model rates"),
     "train": Target(
         'train one network [DATA=my_skin/ RECIPE= FRAMES= SET="NAME=VALUE ..." EPOCHS= FOLD= OUT=]', "snn train", SNN
