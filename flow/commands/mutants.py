@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from model.cli.crew_options import Scheduler, open_crew
 from model.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,11 +21,19 @@ def mutants(
     again: Annotated[bool, typer.Option(help="judge anew what the quick check left: tests are new")] = False,
     limit: Annotated[int | None, typer.Option(min=1, help="mutants at most [all]")] = None,
     judging: Annotated[bool, typer.Option("--judge/--no-judge", help="judge, or report what was found")] = True,
+    workers: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="pieces side by side on this machine [none: all in turn]")
+    ] = None,
+    scheduler: Scheduler = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for what is found")] = Path("out/mutants"),
 ) -> None:
-    """Mutate the RTL's source, and see which mutants the tests and proofs kill; goes on where it was stopped."""
+    """Mutate the RTL's source, and see which mutants the tests and proofs kill; goes on where it was stopped.
+
+    With --workers or --scheduler it is judged in pieces, and goes on behind the last whole one.
+    """
     from flow.mutants.campaign import chosen, closing_line, summary, unfit, write
     from flow.mutants.campaign import run as judge
+    from flow.mutants.pieces import NEEDS, spread
     from flow.mutants.plan import GROUNDS
 
     known = sorted({ground.block for ground in GROUNDS.values()})
@@ -37,6 +46,10 @@ def mutants(
     def tell(finding: Finding) -> None:
         print(f"{finding.verdict:<11}{'quick' if finding.quick else '':<6}{finding.name}", flush=True)
 
+    if judging and (workers or scheduler):
+        with open_crew(workers, scheduler, NEEDS, threads=True) as crew:
+            spread(picked, out, seed, tell, again, crew)
+        again = False
     found = judge(picked, out, seed, tell, again, judging)
     silent = unfit(out)
     write(out / "mutants.json", command, summary(found, len(picked), silent))

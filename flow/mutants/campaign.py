@@ -12,7 +12,7 @@ from typing import Any
 
 from flow.mutants.argued import argue
 from flow.mutants.changes import Change, changes
-from flow.mutants.facts import Facts
+from flow.mutants.facts import FACTS, Facts
 from flow.mutants.judge import UNFIT, Finding, Judge
 from flow.mutants.plan import GROUNDS
 from flow.mutants.suite import Suite
@@ -20,6 +20,9 @@ from model.files import keep_line, kept_lines, origin, write_json
 
 OF_MODEL = "model_and_snn"
 """The other campaign, within the file of that of the RTL."""
+
+FINDINGS = "findings.jsonl"
+"""The log in the folder of a campaign."""
 
 FEWEST = 24
 """Mutants of a module, where it has so many."""
@@ -66,32 +69,37 @@ def run(
     judging : bool
         Whether to judge those that were not judged yet.
     """
-    log = folder / "findings.jsonl"
-    known = {finding.key: finding for finding in read(log)}
-    if again:
-        known = {key: one for key, one in known.items() if one.quick or one.verdict not in ("alive", "killed")}
+    judged = known(folder, again)
 
     def keep(finding: Finding) -> None:
-        known[finding.key] = finding
-        keep_line(log, finding.to_dict())
+        judged[finding.key] = finding
+        keep_line(folder / FINDINGS, finding.to_dict())
         on_finding(finding)
 
-    todo = [change for change in picked if change.key not in known]
+    todo = [change for change in picked if change.key not in judged]
 
     def ask(suite: Suite) -> None:
-        _note_quick(suite, known.values())
-        judge = Judge(suite, Facts(folder / "facts.jsonl"), seed, keep)
+        _note_quick(suite, judged.values())
+        judge = Judge(suite, Facts(folder / FACTS), seed, keep)
         files = [file for file in GROUNDS if any(change.file == file for change in todo)]
         left = {file: judge.test(file, [change for change in todo if change.file == file]) for file in files}
         for file in files:  # what is left takes most of the time: tests of whole readouts, and proofs
             judge.conclude(file, left[file])
 
     todo = todo if judging else []
-    if todo or known:
+    if todo or judged:
         tests = {test for change in picked for test in GROUNDS[change.file].tests}
         Suite().collect([f"cocotb_tests/test_{test}.py" for test in sorted(tests)], ask)
-    found = [known[change.key] for change in picked if change.key in known]
+    found = [judged[change.key] for change in picked if change.key in judged]
     argue(found)
+    return found
+
+
+def known(folder: Path, again: bool) -> dict[str, Finding]:
+    """Return what was found before and is not judged once more, by the keys of the mutants."""
+    found = {finding.key: finding for finding in read(folder / FINDINGS)}
+    if again:
+        found = {key: one for key, one in found.items() if one.quick or one.verdict not in ("alive", "killed")}
     return found
 
 
@@ -110,7 +118,7 @@ def read(log: Path) -> Iterator[Finding]:
 
 def unfit(folder: Path) -> dict[str, str]:
     """Return why a test could not be asked, by its name: it fails with the original RTL too, in this campaign."""
-    return Facts(folder / "facts.jsonl").of(UNFIT)
+    return Facts(folder / FACTS).of(UNFIT)
 
 
 def _counted(findings: list[Finding]) -> dict[str, int]:

@@ -6,6 +6,9 @@ from pathlib import Path
 
 from model.files import keep_line, kept_lines
 
+FACTS = "facts.jsonl"
+"""Their file in the folder of a campaign."""
+
 
 class Facts:
     """Answers by their questions, in a file of JSON lines.

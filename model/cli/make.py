@@ -139,7 +139,7 @@ TARGETS = {
         defaults={"OUT": "out/verilog"},
     ),
     "mutants": Target(
-        "wrong edits of RTL or model, to be killed by tests or proofs; resumable [BLOCK= SHARE= SEED= MODEL=1 AGAIN=1]",
+        "wrong edits of RTL or model, to be killed by tests or proofs; resumable [BLOCK= SHARE= WORKERS= MODEL=1]",
         "flow mutants",
         ("sim", "dev"),
         switches={"MODEL": Target("", "flow model-mutants", ("sim", "snn", "dev", "mutants"))},

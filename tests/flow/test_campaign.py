@@ -8,6 +8,7 @@ import json
 import subprocess
 import sys
 from collections import Counter
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from flow.mutants.elsewhere import COUNT, configs
 from flow.mutants.equivalence import same
 from flow.mutants.facts import Facts
 from flow.mutants.judge import Finding, Judge
+from flow.mutants.pieces import judge, pieces
 from flow.mutants.plan import GROUNDS, NOT_ASKED
 from flow.mutants.planting import first_failed
 from flow.mutants.suite import Suite, made_of, modules_of, mutated
@@ -188,6 +190,29 @@ def test_a_campaign_judges_keeps_and_goes_on(tmp_path: Path) -> None:
     log = (tmp_path / "findings.jsonl").read_text()
     (tmp_path / "findings.jsonl").write_text(log.rstrip()[:-20])  # as one that was stopped while it wrote
     assert len(list(read(tmp_path / "findings.jsonl"))) == 4
+    again = subprocess.run([*command, "--workers", "2"], capture_output=True, text=True)  # the one that is left, apart
+    assert again.returncode == 0, again.stdout[-2000:] + again.stderr[-2000:]
+    assert again.stdout.splitlines()[-1] == line
+    assert again.stdout.count("killed ") == 2  # it, and those of the last line
+    assert len(list(read(tmp_path / "findings.jsonl"))) == 5
+
+
+def test_a_crew_gets_pieces_of_a_program_each() -> None:
+    drawn = [Change(f"{n}", file, "", "", start=n) for n in range(50) for file in ("link", "decay")]
+    found = list(pieces(drawn))
+    assert [(len(piece), {change.file for change in piece}) for piece in found] == [
+        (48, {"link"}),
+        (2, {"link"}),
+        (48, {"decay"}),
+        (2, {"decay"}),
+    ]
+    assert sorted(change.name for piece in found for change in piece) == sorted(change.name for change in drawn)
+
+
+def test_a_piece_that_fails_ends_the_campaign_with_its_words() -> None:
+    missing = asdict(Change("x", "link", "no such text", "", start=0))
+    with pytest.raises(RuntimeError, match="a piece of the campaign failed: Traceback"):
+        judge([missing | {"file": "no_such_file"}], [], 1)
 
 
 def test_the_closing_line_counts_what_lives_and_what_is_left() -> None:
