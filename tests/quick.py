@@ -52,6 +52,7 @@ COMMANDS = {
     "flow mutants": "tests/flow/test_campaign.py::test_every_edit_is_another_program",  # a campaign takes seconds
     "flow model-mutants": "tests/flow/test_model_mutants.py::test_a_stopped_campaign_goes_on_and_the_file_is_as_before",
     "flow crosscheck": "tests/flow/test_cross.py::test_slang_takes_what_is_delivered",  # compiling takes seconds
+    "flow crossproof": "tests/flow/test_crossproof.py::test_both_find_the_same_first_clocks_of_a_block_and_of_a_bug",
     "flow asic": "tests/flow/test_asic_report.py::test_bad_input_is_one_sentence",  # runs take ten seconds and more
     "flow asic-scale": "tests/flow/test_scale.py::test_what_is_no_size_is_one_sentence",  # an array takes longer
     "flow layout": "tests/flow/test_layout.py::test_blif_and_spice",  # a layout takes half a minute
