@@ -20,13 +20,13 @@ from cocotb.clock import Clock
 from cocotb.triggers import Timer
 from cocotb.utils import get_sim_time
 
+from cocotb_tests.bench.chip import network_of
 from cocotb_tests.bench.line import CLOCK_NS, Line, Spoil, as_it_is
 from cocotb_tests.session.simulator import build
 from model.board.config import BoardConfig, SerialConfig
 from model.classifier.chip_config import ChipConfig
 from model.classifier.config import ClassifierConfig
 from model.classifier.file import IntegerWeights
-from model.classifier.network import IntegerNetwork
 from model.config import ReadoutConfig
 from model.events.recording import Recording
 from rtl.board.top import TOP, verilog
@@ -62,16 +62,7 @@ def board(chip: ChipConfig | None) -> BoardConfig:
 
 def weights_of(chip: ChipConfig, path: Path) -> Path:
     """Write random weights for a chip."""
-    rng = np.random.default_rng(1)
-    config = chip.classifier
-    network = IntegerNetwork(
-        config,
-        rng.integers(-40, 90, (config.inputs, config.hidden)),
-        rng.integers(-60, 60, (config.hidden, config.hidden)),
-        rng.integers(-60, 90, (config.hidden, config.classes)),
-        rng.integers(-20, 20, config.hidden),
-        rng.integers(-20, 20, config.classes),
-    )
+    network = network_of(chip)
     training = {"readout": chip.readout.to_dict(), "preset": None, "dataset": "own", "tested": {}, "recordings": None}
     IntegerWeights(network, ("a", "b", "c"), {"training": training}).save(path)
     return path

@@ -148,6 +148,19 @@ def counts_of(config: ChipConfig, events: Events, whole: int) -> NDArray[np.int6
     return counts
 
 
+def network_of(chip: ChipConfig) -> IntegerNetwork:
+    """Return a network of random weights under which neurons and classes come and go."""
+    rng, config = np.random.default_rng(1), chip.classifier
+    return IntegerNetwork(
+        config,
+        rng.integers(-40, 90, (config.inputs, config.hidden)),
+        rng.integers(-60, 60, (config.hidden, config.hidden)),
+        rng.integers(-60, 90, (config.hidden, config.classes)),
+        rng.integers(-20, 20, config.hidden),
+        rng.integers(-20, 20, config.classes),
+    )
+
+
 def write_weights(network: IntegerNetwork, folder: Path) -> None:
     """Write both memory images as the harness loads them."""
     for name, image in (("weights", weight_image(network)), ("neurons", neuron_image(network))):

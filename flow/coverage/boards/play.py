@@ -12,6 +12,7 @@ import numpy as np
 from amaranth.back import rtlil
 from numpy.typing import NDArray
 
+from cocotb_tests.bench.chip import network_of
 from cocotb_tests.session import simulator
 from flow.coverage.boards.host import JOB, RUN_CLOCKS
 from flow.coverage.constructs import with_points
@@ -81,19 +82,6 @@ def board(config: BoardConfig, folder: Path) -> None:
     for name, samples in scans.items():
         assert config.chip is not None
         hold(config.chip, network, samples, json.loads((folder / f"{name}.json").read_text()), name)
-
-
-def network_of(chip: ChipConfig) -> IntegerNetwork:
-    """Return a network of random weights."""
-    rng, config = np.random.default_rng(1), chip.classifier
-    return IntegerNetwork(
-        config,
-        rng.integers(-40, 90, (config.inputs, config.hidden)),
-        rng.integers(-60, 60, (config.hidden, config.hidden)),
-        rng.integers(-60, 90, (config.hidden, config.classes)),
-        rng.integers(-20, 20, config.hidden),
-        rng.integers(-20, 20, config.classes),
-    )
 
 
 def scans_of(chip: ChipConfig) -> dict[str, NDArray[np.int16]]:
