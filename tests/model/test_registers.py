@@ -10,11 +10,13 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from model import window
 from model.config import ReadoutConfig
 from model.errors import InputError
+from model.registers import settings
 from model.registers.description import WORD_BITS, registers
 from model.registers.driver import Registers
 from model.registers.export import c_header, constants, page
@@ -193,3 +195,23 @@ def test_a_window_that_was_quiet_for_longer_than_a_shorter_period_closes_with_th
     assert closes(written, taxel)
     assert (taxel.quiet, taxel.closed) == (0, 1)
     assert [closes(written, taxel) for _ in range(10)] == [False] * 9 + [True]
+
+
+def test_settings_are_those_of_a_host_from_clock_0_on_or_one_sentence() -> None:
+    def given(clocks: list[int], coarser: int = 0) -> np.ndarray:
+        made = np.zeros(len(clocks), settings.SETTING_DTYPE)
+        made["t"], made["coarser"] = clocks, coarser
+        return made
+
+    config = ReadoutConfig(registers="spi", resolution=6)
+    settings.check(config, given([]))
+    settings.check(config, given([0, 1, 7], coarser=5))
+    settings.check(config.replace(registers="none"), given([]))
+    for wrong in ([1, 5], [0, 5, 5], [0, 5, 4]):
+        with pytest.raises(InputError, match="the clocks of settings must rise from 0"):
+            settings.check(config, given(wrong))
+    for coarser in (-1, 6):
+        with pytest.raises(InputError, match=re.escape("a resolution must be in 1..6, as built")):
+            settings.check(config, given([0], coarser))
+    with pytest.raises(InputError, match="settings need registers; build the readout with registers=spi"):
+        settings.check(config.replace(registers="none"), given([0]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from model.errors import InputError
 from model.events.address import make_events
 from model.events.recording import Recording
 from model.readout import Stimulus, simulate
-from model.tiles.config import TilesConfig
+from model.tiles.config import TilesConfig, tiles_of
 from model.tiles.merge import merge
 from model.tiles.relay import relay
 from model.tiles.run import simulate_skin
@@ -134,5 +135,19 @@ def test_stimuli_that_do_not_belong_together_are_one_sentence() -> None:
     other = Stimulus.from_samples(TILE, np.zeros((5, 6), np.int32))
     with pytest.raises(InputError, match="4 tiles need a stimulus each, not 1"):
         simulate_skin(SKIN, [one])
-    with pytest.raises(InputError, match="the tiles' stimuli must have the same clocks"):
-        simulate_skin(SKIN, [one, one, one, other])
+    moved, longer = (
+        dataclasses.replace(one, **fields)
+        for fields in ({"sample_clock": one.sample_clock + 1}, {"clocks": one.clocks + 1})
+    )
+    assert len(simulate_skin(SKIN, [one] * 4)) == 0
+    for wrong in (other, moved, longer):
+        with pytest.raises(InputError, match="the tiles' stimuli must have the same clocks"):
+            simulate_skin(SKIN, [one, one, one, wrong])
+
+
+def test_tiles_in_words_are_rows_and_columns() -> None:
+    assert tiles_of("2x3") == (2, 3)
+    assert (TilesConfig().tile_rows, TilesConfig().tile_columns) == (1, 1)
+    for wrong in ("2", "x3", "2x", "ax3", "2x-3"):
+        with pytest.raises(InputError, match=f"tiles must be rows and columns, as 4x4, not '{wrong}'"):
+            tiles_of(wrong)

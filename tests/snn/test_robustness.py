@@ -28,6 +28,7 @@ from snn.data.disturb import (
     compare,
     disturbed_dataset,
     draw_strengths,
+    noisy,
     record_disturbed,
 )
 from snn.data.record import record
@@ -121,6 +122,15 @@ def test_ideal_comparators_give_the_counts_of_the_encoder(texture: Texture, clea
     assert len(noise) > 1.2 * len(found)
     with pytest.raises(InputError, match="are modelled for lcs, not for nlcs"):
         compare(CONFIG.replace(encoding="nlcs"), signals, 0.0, 0.0, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(("pole", "alike"), [(None, 0.0), (0.01, np.exp(-2 * np.pi * 0.01))])
+def test_noise_behind_a_pole_has_the_rms_that_was_asked_for_and_forgets_at_its_pace(pole, alike) -> None:
+    noise = noisy(np.zeros((50_000, 6)), 0.02, np.random.default_rng(0), pole)
+    assert noise.std() == pytest.approx(0.02, rel=0.02)
+    assert noise[:50].std() == pytest.approx(0.02, rel=0.4)  # from the start
+    assert np.mean(noise[1:] * noise[:-1]) / 0.02**2 == pytest.approx(alike, abs=0.02)
+    assert np.mean(noise[:, 1:] * noise[:, :-1]) / 0.02**2 == pytest.approx(0, abs=0.05)  # taxels apart
 
 
 def test_training_scans_are_disturbed_within_their_ranges_and_the_first_is_clean(clean: Recording) -> None:

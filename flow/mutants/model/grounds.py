@@ -16,6 +16,7 @@ NETWORK = ("tests/snn/test_network.py",)
 REGISTERS = "tests/model/test_registers.py"
 SPI = "cocotb_tests/test_spi.py::test_slave_equals_its_model_in_every_clock"
 PATTERN = "cocotb_tests/test_pattern.py::test_pattern_equals_its_model_in_every_clock"
+HOST = "cocotb_tests/test_host.py::test_readout_equals_the_model_while_a_host_sets_it"
 FILE = "cocotb_tests/test_registers.py::test_file_equals_its_model_in_every_clock"
 
 TABLES = _of(
@@ -123,7 +124,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "model/tiles/merge.py": TILES,
     "model/tiles/relay.py": TILES,
     "model/tiles/run.py": TILES,
-    "model/registers/settings.py": READOUT,
+    "model/registers/settings.py": (REGISTERS, f"{HOST}[2x2-nlcs-analog]", f"{HOST}[3x5-cw-lcs-digital]", *READOUT),
     "model/config.py": ("tests/model/test_config.py",),
     "model/frame_config.py": ("tests/model/test_frame.py", AGREEMENT),
     "model/frame.py": ("tests/model/test_frame.py", AGREEMENT),
