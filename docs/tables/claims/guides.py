@@ -1,10 +1,11 @@
-"""What the guides claim."""
+"""What the guides and the reference claim."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from docs.tables.claims import claim
+from docs.tables.fpga import routed
 from docs.tables.rates import rates
 from docs.tables.written import read
 
@@ -14,6 +15,14 @@ def steps() -> Iterator[str]:
     """Events of a channel in a step of the network."""
     per_channel = {p["resolution"]: p["here_hz"] * 0.004 / 128 for p in rates() if p["encoding"] == "lcs"}
     yield f"At 8 b a channel has {per_channel[8]:.0f} events a step (`paper`, 4 ms), at 2 b {per_channel[2]:.2f};"
+
+
+@claim("docs/reference/classifier.md")
+def beside_others() -> Iterator[str]:
+    """What the classifier alone takes of an FPGA."""
+    kept = routed()["classifier-8b"]
+    assert "MULT18X18D" not in {kind for kind, count in kept["used"].items() if count}
+    yield f"{kept['block_rams']} block RAMs | {kept['luts']:,} LUT4, no multiplier"
 
 
 @claim("docs/guide/recordings.md")
