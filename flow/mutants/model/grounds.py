@@ -174,7 +174,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "snn/data/coding.py": ("tests/snn/test_coding.py",),
     "snn/data/disturb.py": DISTURBED,
     "snn/experiments/intervals.py": INTERVALS,
-    "model/readout.py": (*READOUT, "tests/model/test_recording.py"),
+    "model/readout.py": (*READOUT, "tests/model/test_recording.py", f"{HOST}[2x2-nlcs-analog]"),
 }
 """Files that are mutated, and the tests of each: those that call it, and not what reaches it by chance.
 
