@@ -154,7 +154,7 @@ class Pieces:
     """
 
     def __init__(self, out: Path | None, code: str) -> None:
-        self.path, self.code = out and out.with_name(f".{out.name}.pieces"), code
+        self.path, self.code = out and pieces_of(out), code
         if out:
             check_writable(out)
         lines = kept_lines(self.path) if self.path else ()
@@ -169,10 +169,10 @@ class Pieces:
             keep_line(self.path, piece)
         return piece
 
-    def forget(self) -> None:
-        """Remove what is kept: the whole result is written."""
-        if self.path:
-            self.path.unlink(missing_ok=True)
+
+def pieces_of(out: Path) -> Path:
+    """Return where the pieces of a result are kept; to be removed when it is written."""
+    return out.with_name(f".{out.name}.pieces")
 
 
 def origin(command: str) -> dict[str, str]:

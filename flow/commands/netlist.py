@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from flow.commands.outcome import conclude
+from flow.commands.outcome import check_name, conclude
 from flow.scale.wire import FARAD_PER_UM, OHM_PER_UM, PITCH_UM, SIZES, Wire
 from model.cli.config_options import with_config
 from model.cli.field_options import with_fields
@@ -80,8 +80,7 @@ def asic(
     own = stored | own
     if own and readout != "frame":
         raise InputError(f"--{next(iter(own)).replace('_', '-')} belongs to the frame readout; add --readout frame")
-    if name != Path(name).name or name.startswith("."):
-        raise InputError(f"--name must be the plain name of a folder, not {name!r}")
+    check_name(name)
     chosen = FrameConfig(readout=config, **own) if readout == "frame" else config
     corners = {"typical": lib} | {corner: at for corner, at in (("slow", slow), ("fast", fast)) if at}
     found = report.run(chosen, corners, name, lambda stage: print(stage, flush=True), power)

@@ -1,8 +1,18 @@
-"""How a command with checks ends."""
+"""What commands that make a folder of a run share: its name, and how they end."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import typer
+
+from model.errors import InputError
+
+
+def check_name(name: str) -> None:
+    """Refuse the name of a run that would lead out of its folder."""
+    if name != Path(name).name or name.startswith("."):
+        raise InputError(f"--name must be the plain name of a folder, not {name!r}")
 
 
 def conclude(problems: list[str], line: str) -> None:

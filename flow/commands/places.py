@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from flow.commands.outcome import conclude
+from flow.commands.outcome import check_name, conclude
 from model.cli.config_options import with_config
 from model.config import ReadoutConfig
 from model.errors import InputError
@@ -28,8 +28,7 @@ def layout(
     from flow.layout.cells import WrongCell
     from flow.layout.environment import Crashed
 
-    if name != Path(name).name or name.startswith("."):
-        raise InputError(f"--name must be the plain name of a folder, not {name!r}")
+    check_name(name)
     try:
         found = run.run(config, name, out, compare, lambda stage: print(stage, flush=True))
     except (WrongCell, Crashed) as wrong:

@@ -200,6 +200,3 @@ def summary(reached: Reached, verdict: Verdict) -> dict[str, Any]:
 def write(path: Path, command: str, reached: Reached, verdict: Verdict) -> None:
     """Write the result with its command, commit and date."""
     write_json(path, {**origin(command), **summary(reached, verdict)})
-
-
-__all__ = ["Reached", "Verdict", "closing_line", "judge", "play", "summary", "write"]

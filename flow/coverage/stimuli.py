@@ -188,6 +188,3 @@ def chip(config: ChipConfig, folder: Path) -> None:
     from cocotb_tests.test_touch import play as touch
 
     touch(config, VERILATOR, folder)
-
-
-__all__ = ["alone", "chip", "classifier", "frame", "host", "merge", "readout", "relay", "skin"]

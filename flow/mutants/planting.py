@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -16,13 +15,12 @@ import pytest
 from cocotb_tests.session.store import ROOT
 from flow.formal.mutants import planted
 from flow.mutants.changes import Change
+from flow.mutants.model.forks import WORDS, first_of
 
 JOB = "ESKIN_PLANTED"
 """Environment variable with the edit, as JSON; empty for the original."""
 
 LIMIT_S = 300
-WORDS = ("-q", "-x", "--tb=no", "-rfE", "-p", "no:cacheprovider", "-p", "no:xdist", "-o", "addopts=")
-FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+)", re.MULTILINE)
 
 
 def first_failed(tests: Sequence[str], change: Change | None) -> str:
@@ -33,8 +31,7 @@ def first_failed(tests: Sequence[str], change: Change | None) -> str:
         done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=LIMIT_S)
     except subprocess.TimeoutExpired:
         return f"{' '.join(tests)} (never ends)"
-    found = FAILED.search(done.stdout)
-    return (found[1] if found else " ".join(tests)) if done.returncode else ""
+    return (first_of(done.stdout) or " ".join(tests)) if done.returncode else ""
 
 
 @pytest.hookimpl(wrapper=True)

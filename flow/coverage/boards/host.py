@@ -209,6 +209,3 @@ async def wait_for(signal: Any, value: int = 1) -> None:
     """Wait until a pin has a level."""
     while int(signal.value) != value:
         await (RisingEdge(signal) if value else FallingEdge(signal))
-
-
-__all__ = ["JOB", "RUN_CLOCKS", "Host", "Mismatch", "damaged", "wait_for"]

@@ -116,6 +116,3 @@ def hold(
     for what, wanted in (("events", events), ("classes", classes)):
         if left[what] != wanted:
             raise AssertionError(f"{name}: {what} differ: model {wanted}, board {left[what]}")
-
-
-__all__ = ["board", "small_board", "text"]

@@ -313,6 +313,3 @@ async def _sent(host: Host, events: list[tuple[int, int]], lossless: bool) -> No
         late.append(next((one.time - time for time, address in wanted if address == one.address), None))
     if None in late or (lossless and max(late) - min(late) > 2):  # type: ignore[type-var, operator]
         raise Mismatch(f"events came as {found}")
-
-
-__all__ = ["foreign", "host_does_everything", "player"]

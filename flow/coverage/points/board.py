@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from flow.coverage.points.classifier import loads
 from flow.coverage.points.point import Named, Point, began
 from model.board.config import BoardConfig
 from model.board.frames import MOST_PAYLOAD
@@ -78,7 +79,6 @@ def _core(config: BoardConfig) -> Named:
 def _player(config: BoardConfig) -> Named:
     """Samples, clocks, weights, and what comes of them."""
     assert config.chip is not None
-    own = config.chip.classifier
     yield "event alone", "event_valid && !class_valid && idle"
     yield "class alone", "class_valid && !event_valid && idle"
     yield "chip waits while something is written", "active && !idle"
@@ -87,12 +87,7 @@ def _player(config: BoardConfig) -> Named:
     yield "bytes of samples come while the chip runs", "run && valid && ready"
     yield "frame waits for the chip", "active && valid && !ready"
     yield "clocks are over", "!active && $past(active) && !session && !rst"
-    for memory, words, chosen in (("rows", own.weight_words, "!"), ("neurons", own.neuron_words, "")):
-        for place, address in (("first", 0), ("last", words - 1)):
-            yield (
-                f"{place} word of {memory} written",
-                f"load_valid && {chosen}load_neurons && load_address == {address}",
-            )
+    yield from loads(config.chip.classifier)
     yield "session begins while the chip runs", "session && active"
     yield "reset while the chip runs", began("active")
 

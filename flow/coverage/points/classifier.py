@@ -37,6 +37,11 @@ def _events(config: ClassifierConfig) -> Named:
     yield "event waits for the end of a bin that is due", "event_valid && !event_ready && state == 0 && pending"
     yield "stall counted", "stall_count != 0"
     yield "stalls forgotten", "scan_start && stall_count != 0"
+    yield from loads(config)
+
+
+def loads(config: ClassifierConfig) -> Named:
+    """Both ends of both memories of weights, as a host writes them."""
     for memory, words, chosen in (
         ("rows", config.weight_words, "!load_neurons"),
         ("neurons", config.neuron_words, "load_neurons"),

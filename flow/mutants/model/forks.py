@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import resource
 import shutil
 import signal
@@ -19,7 +20,10 @@ CPU_S, WALL_S = 120, 300
 TEST_S = 30
 """Seconds of one test, of which the longest takes a third with what it compiles."""
 
-OPTIONS = ("-q", "-x", "--tb=no", "-rfE", "-p", "no:cacheprovider", "-p", "no:xdist", "-o", "addopts=")
+WORDS = ("-q", "-x", "--tb=no", "-rfE", "-p", "no:cacheprovider", "-p", "no:xdist", "-o", "addopts=")
+"""Options of pytest, which then names the first test that fails."""
+
+FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+)", re.MULTILINE)
 LOG = "said.txt"
 
 
@@ -62,18 +66,19 @@ def _run(tests: list[str]) -> dict[str, Any]:
 
         code = 3
         try:
-            code = int(pytest.main([*OPTIONS, *tests], plugins=[Limit()]))
+            code = int(pytest.main([*WORDS, *tests], plugins=[Limit()]))
         finally:
             sys.stdout.flush()
             os._exit(code)
     code = _ended(child)
     shutil.rmtree(".hypothesis", ignore_errors=True)
-    failed = [line.split()[1] for line in Path(LOG).read_text(errors="replace").splitlines() if _tells(line)]
-    return {"code": code, "failed": failed[0] if failed else ""}
+    return {"code": code, "failed": first_of(Path(LOG).read_text(errors="replace"))}
 
 
-def _tells(line: str) -> bool:
-    return line.startswith(("FAILED ", "ERROR ")) and len(line.split()) > 1
+def first_of(said: str) -> str:
+    """Return the first test that failed, of what pytest said; an empty text if none is named."""
+    found = FAILED.search(said)
+    return found[1] if found else ""
 
 
 def _ended(child: int) -> int:
