@@ -22,13 +22,13 @@ import typer
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
 
+from base.files import origin
 from cocotb_tests.bench.readout import Bench
 from cocotb_tests.bench.textures import scan
-from cocotb_tests.session.runners import VERILATOR_FLAGS, build_environment
-from cocotb_tests.session.simulator import build
-from cocotb_tests.session.store import BUILD
+from cocotb_tests.runner.build_cache import BUILD
+from cocotb_tests.runner.cocotb_runners import VERILATOR_FLAGS, build_environment
+from cocotb_tests.runner.simulator import build
 from model.config import ReadoutConfig
-from model.files import origin
 from model.readout import Stimulus, simulate
 
 CONFIG = ReadoutConfig()

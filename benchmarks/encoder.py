@@ -30,10 +30,12 @@ import typer
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt
 
+from base.errors import InputError
+from base.files import atomic_write, check_writable, origin
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.files import atomic_write, check_writable, origin
-from model.taxel import count_events, decisions_per_tick, encode
+from model.encoders.encoder import Encoder
+from model.encoders.registry import ENCODERS
+from model.taxel import count_events, encode
 
 RMS = 0.17
 BAND_HZ = (5.0, 80.0)
@@ -84,7 +86,7 @@ def texture_like(samples: int, signals: int, config: ReadoutConfig, seed: int) -
 
 def numpy_lcs(config: ReadoutConfig, samples: Codes, counts: Codes) -> None:
     """Write the LCS events of every sample into counts: NumPy over the taxels, Python over time."""
-    shift, cap = config.step.bit_length() - 1, decisions_per_tick(config)
+    shift, cap = config.step.bit_length() - 1, config.decisions_per_tick
     u = np.full(samples.shape[1], config.reference_reset // config.step, np.int16)
     difference = np.empty_like(u)
     for sample, count in zip(samples, counts, strict=True):
@@ -116,28 +118,32 @@ def snntorch_delta(config: ReadoutConfig, samples: Codes) -> Candidate | None:
 def candidates(config: ReadoutConfig, samples: Codes) -> list[Candidate]:
     """Return all that is timed, the copy first."""
     out, loop = np.zeros_like(samples), np.zeros_like(samples)
-    cw = config.replace(encoding="cw-lcs")
     columns = min(64, samples.shape[1])
-    rows = min(64, samples.shape[1] // columns)
-    leaky = config.replace(encoding="nlcs", rows=rows, columns=columns)
-    part = np.ascontiguousarray(samples[:, : leaky.taxels])
+    array = config.replace(rows=min(64, samples.shape[1] // columns), columns=columns)
+    part = np.ascontiguousarray(samples[:, : array.taxels])
     part_out = np.zeros_like(part)
 
     def magnitude(counts: Codes) -> Callable[[], int]:
         return lambda: sum(int(np.abs(line).sum(dtype=np.int64)) for line in counts)
 
+    def of(encoder: Encoder) -> Candidate:
+        """Return an encoder; one that leaks by the row takes the signals of an array."""
+        base, codes, counts = (array, part, part_out) if encoder.leaks else (config, samples, out)
+        own = base.replace(encoding=encoder.name)
+        return Candidate(encoder.name, lambda: encode(own, codes, out=counts), codes.size, magnitude(counts))
+
+    first, *others = map(of, ENCODERS)
     totals: list[NDArray[np.int64]] = []
     found = [
         Candidate("copy", lambda: np.copyto(out, samples), samples.size),
-        Candidate("lcs", lambda: encode(config, samples, out=out), samples.size, magnitude(out)),
+        first,
         Candidate(
             "lcs, counts per taxel only",
             lambda: totals.append(count_events(config, samples)),
             samples.size,
             lambda: int(totals[-1].sum()),
         ),
-        Candidate("cw-lcs", lambda: encode(cw, samples, out=out), samples.size, magnitude(out)),
-        Candidate("nlcs", lambda: encode(leaky, part, out=part_out), part.size, magnitude(part_out)),
+        *others,
         Candidate("lcs, numpy over time", lambda: numpy_lcs(config, samples, loop), samples.size, magnitude(loop)),
         snntorch_delta(config, samples),
     ]

@@ -18,8 +18,8 @@ import typer
 from encoder import JsonFile, texture_like, write_report
 from numba import njit
 
+from base.files import origin
 from model.config import ReadoutConfig
-from model.files import origin
 from model.taxel import count_events
 
 RESOLUTIONS = (4, 6, 8, 10)

@@ -24,11 +24,11 @@ from encoder import JsonFile
 from numba import njit
 from numpy.typing import NDArray
 
+from base.files import origin, write_json
 from cocotb_tests.bench.textures import scan
 from model import arbiter
 from model.arbiter import ROW_DTYPE, new_state
 from model.config import ReadoutConfig
-from model.files import origin, write_json
 from model.taxel import encode_timed, uncontended_events
 
 SIDE = 16

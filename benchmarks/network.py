@@ -34,8 +34,8 @@ import typer
 from torch import Tensor, nn
 from torch.nn import functional
 
-from model.errors import InputError
-from model.files import atomic_write, check_writable, origin
+from base.errors import InputError
+from base.files import atomic_write, check_writable, origin
 from snn.kernels import cpu as kernel
 from snn.kernels.layer import layer
 from snn.kernels.reference import layer_reference

@@ -11,15 +11,15 @@ from typing import Any
 import cocotb
 import pytest
 
-from cocotb_tests.bench.block import Block, Checker, report
+from base.errors import InputError
+from cocotb_tests.bench.block import JOB, Block, Checker, report
 from cocotb_tests.bench.classifier import load_words
-from cocotb_tests.test_classifier import JOB, random_network
+from cocotb_tests.blocks.classifier import random_network
 from cocotb_tests.test_verilog import lint
 from model.classifier.chip_config import ChipConfig
 from model.classifier.config import ClassifierConfig
 from model.classifier.run import simulate
 from model.config import ReadoutConfig
-from model.errors import InputError
 from rtl.delivery import write
 
 
@@ -76,7 +76,7 @@ async def bins_begin_anew(dut: Any) -> None:
 
 
 def test_a_scan_start_begins_the_bins_anew(tmp_path: Path) -> None:
-    from cocotb_tests.session.simulator import build  # not in the simulator, which imports this file too
+    from cocotb_tests.runner.simulator import build  # not in the simulator, which imports this file too
 
     config = chip(2, 2, 8, 3, reset="async")
     job = {JOB: json.dumps({"config": config.to_dict(), "seed": 7})}

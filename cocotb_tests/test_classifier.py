@@ -2,93 +2,16 @@
 
 from __future__ import annotations
 
-import json
-import os
-import random
-from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import cocotb
-import numpy as np
 import pytest
 
-from cocotb_tests.bench.block import JOB, report
-from cocotb_tests.bench.classifier import ClassifierBench, Stimulus
-from model.classifier.config import ClassifierConfig, highest, lowest
-from model.classifier.network import IntegerNetwork
+from cocotb_tests.blocks.classifier import SCANS, cosimulate
+from model.classifier.config import ClassifierConfig
 
 if TYPE_CHECKING:
-    from cocotb_tests.session.runners import Simulator
-
-
-SCANS = 120
-
-
-def job() -> tuple[ClassifierConfig, random.Random]:
-    """Return, within the simulator, the configuration of the test and its source of randomness."""
-    fields = json.loads(os.environ[JOB])
-    return ClassifierConfig.from_dict(fields["config"]), random.Random(fields["seed"])
-
-
-def random_network(config: ClassifierConfig, rng: random.Random) -> IntegerNetwork:
-    """Return a network with weights over all their bits, some rows at the ends of them, all biases."""
-    generator = np.random.default_rng(rng.getrandbits(32))
-
-    def drawn(bits: int, *shape: int) -> Any:
-        values = generator.integers(lowest(bits), highest(bits) + 1, shape)
-        at_end = generator.random(shape[0]) < 0.2
-        values[at_end] = np.where(generator.random(shape)[at_end] < 0.5, lowest(bits), highest(bits))
-        return values
-
-    return IntegerNetwork.filled(config, drawn)
-
-
-def random_scan(config: ClassifierConfig, rng: random.Random, bins: int, rate: str) -> Stimulus:
-    """Return a scan whose events come ``seldom``, in ``bursts`` or ``always``, with bins that fit and that do not."""
-    work = 3 * config.hidden + config.hidden * (config.groups + config.classes) // 2 + config.classes
-    clock, ends = config.hidden + config.classes, []
-    for _ in range(bins):
-        clock += rng.choice([rng.randint(1, 4), rng.randint(1, work), work + rng.randint(0, 6 * config.groups + 30)])
-        ends.append(clock)
-    clocks = clock + rng.choice([rng.randint(1, work), 3 * work])
-    gap = {"seldom": 12 * config.groups, "bursts": 1, "always": 0}[rate]
-    events, at = [], 0
-    while at < clocks:
-        at += rng.randint(0, gap) + (
-            rng.randint(0, 40 * config.groups) if rate == "bursts" and rng.random() < 0.1 else 0
-        )
-        at += rate == "always"
-        events.append((at, rng.randrange(config.inputs)))
-    return Stimulus(events, sorted(set(ends)), clocks)
-
-
-@cocotb.test()
-async def scans_equal_the_model(dut: Any) -> None:
-    """Networks that are loaded anew, scans begun by reset and by scan_start, in mid-work, at all rates of events."""
-    config, rng = job()
-    bench = ClassifierBench(dut, config, rng)
-    bins = 6 if config.hidden > 4 else 24
-    for number in range(3):
-        await bench.load(random_network(config, rng))
-        for rate in ("seldom", "bursts", "always"):
-            await bench.play(random_scan(config, rng, bins, rate), reset=rng.random() < 0.5 or number == 0)
-    report(bench.check.counts)
-
-
-@cocotb.test()
-async def scans_begin_at_any_time(dut: Any) -> None:
-    """Scans of a bin or two, each begun by scan_start wherever the one before has come to."""
-    config, rng = job()
-    bench = ClassifierBench(dut, config, rng)
-    await bench.load(random_network(config, rng))
-    work = 6 * config.hidden + config.hidden * (config.groups + config.classes)
-    for number in range(SCANS):
-        whole = random_scan(config, rng, 2, rng.choice(["seldom", "bursts", "always"]))
-        clocks = rng.randint(1, whole.ends[-1] + work)
-        cut = Stimulus([e for e in whole.events if e[0] < clocks], [e for e in whole.ends if e < clocks], clocks)
-        await bench.play(cut, reset=number == 0)
-    report(bench.check.counts)
+    pass
 
 
 PROPERTIES = (
@@ -128,18 +51,6 @@ CONFIGS = [
 def name(config: ClassifierConfig) -> str:
     """Return the name of a configuration in the list of tests."""
     return f"{config.inputs}-{config.hidden}-{config.classes}-{config.lanes}l-{config.reset}"
-
-
-def cosimulate(
-    config: ClassifierConfig, simulator: Simulator, folder: Path, seed: int, test: str = "scans_equal_the_model"
-) -> Counter[str]:
-    """Run a cocotb test of the classifier and return what it counted."""
-    from cocotb_tests.session.simulator import build  # not in the simulator, which imports this file too
-
-    environment = {JOB: json.dumps({"config": config.to_dict(), "seed": seed})}
-    program = build(config, simulator, top="eskin_classifier")
-    program.test("cocotb_tests.test_classifier", folder, test, environment)
-    return Counter(json.loads((folder / "counts.json").read_text()))
 
 
 @pytest.mark.parametrize("config", CONFIGS, ids=name)

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from cocotb_tests.test_classifier import CONFIGS, name, random_network
+from cocotb_tests.blocks.classifier import random_network
+from cocotb_tests.test_classifier import CONFIGS, name
 from cocotb_tests.test_verilog import lint
 from model.classifier.config import ClassifierConfig
 from model.classifier.file import IntegerWeights
@@ -52,7 +53,7 @@ def test_command_writes_the_classifier_of_a_file(tmp_path: Path) -> None:
     config = CONFIGS[0]
     weights = IntegerWeights(random_network(config, random.Random(1)), ("a", "b", "c"))
     weights.save(tmp_path / "integer.npz")
-    command = [sys.executable, "-m", "rtl", "verilog", "--classifier", str(tmp_path / "integer.npz"), "-o"]
+    command = [sys.executable, "-m", "app", "verilog", "--classifier", str(tmp_path / "integer.npz"), "-o"]
     subprocess.run([*command, str(tmp_path / "out"), "--reset", "async"], check=True, capture_output=True)
     described = json.loads((tmp_path / "out" / f"{TOP}.json").read_text())
     assert ClassifierConfig.from_dict(described["configuration"]) == config.replace(reset="async")

@@ -2,104 +2,22 @@
 
 from __future__ import annotations
 
-import json
-import os
 import random
-from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import cocotb
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from cocotb_tests.bench.block import JOB, Sink, report
-from cocotb_tests.bench.frame import FrameBench, SarAdc
+from cocotb_tests.bench.frame import SarAdc
 from cocotb_tests.bench.textures import random_scan, scan
+from cocotb_tests.blocks.frame import cosimulate, scanned_frames
 from model.config import ReadoutConfig
-from model.frame import FrameStimulus, simulate
 from model.frame_config import FrameConfig
-from model.frame_words import adc_code, unpack
+from model.frame_words import adc_code
 
 if TYPE_CHECKING:
-    from cocotb_tests.session.runners import Simulator
-
-
-def job() -> tuple[FrameConfig, random.Random]:
-    """Return, within the simulator, the configuration of the test and its source of randomness."""
-    fields = json.loads(os.environ[JOB])
-    return FrameConfig.from_dict(fields["config"]), random.Random(fields["seed"])
-
-
-@cocotb.test()
-async def frames_equal_the_model(dut: Any) -> None:
-    """All receivers and ADCs, frame starts that come early or late, moving signals, resets in mid-stream."""
-    config, rng = job()
-    bench = FrameBench(dut, config, rng)
-    texture = np.load("samples.npy")
-    edges = np.array([-config.readout.full_scale, -1, 0, config.readout.full_scale - 1])
-
-    def moving(clock: int) -> Any:
-        # The last but one of every 64 sample periods is at an edge of the range, all taxels.
-        tick = clock // 37
-        value = texture[tick % len(texture)]
-        return np.full_like(value, edges[tick // 64 % 4]) if tick % 64 == 62 else value
-
-    bench.samples = moving
-    await bench.block.reset()
-    await bench.reset()
-    pairs = [(sink, timing) for sink in Sink.NAMES for timing in SarAdc.TIMINGS]
-    if config.taxels > 100:  # one pair a receiver and an ADC: a frame takes thousands of clocks
-        pairs = [(sink, SarAdc.TIMINGS[number % 3]) for number, sink in enumerate(Sink.NAMES)]
-    for sink, timing in pairs:
-        bench.begin(timing, sink)
-        for _ in range(min(400 + config.frame_clocks, 3000)):
-            await bench.clock(start=rng.random() < (0.3 if bench.model.taxel < 0 else 0.02))
-        await bench.finish()
-        # Reset within a scan, at a place of its own every time, then a frame that must be whole.
-        await bench.clock(start=True)
-        for _ in range(rng.randrange(3, 3 + min(config.frame_clocks, 300))):
-            await bench.clock(start=True)
-        await bench.reset(1)
-        await bench.clock(start=True)
-        bench.check.counts["frames begun after reset"] += bench.model.taxel == 0
-        if config.taxels <= 100:
-            await bench.finish()
-        else:
-            await bench.reset(1)
-    report(bench.check.counts)
-
-
-def scanned_frames(config: FrameConfig) -> int:
-    """Return how many frames of a scan are played: fewer of a large array."""
-    return 24 if config.taxels < 20 else 6
-
-
-@cocotb.test()
-async def texture_scan_gives_its_codes(dut: Any) -> None:
-    """A scan over an embedded photograph at the frame rate: the words and their clocks are those of ``simulate``."""
-    config, rng = job()
-    bench = FrameBench(dut, config, rng)
-    samples = np.load("samples.npy")
-    await bench.block.reset()
-    await bench.reset()
-    begin = bench.block.time
-    stimulus = FrameStimulus.from_samples(config, samples, drain=4)
-    bench.samples = lambda clock: samples[min((clock - begin) // config.clocks_per_frame, len(samples) - 1)]
-    times: list[int] = []
-    for t in range(stimulus.clocks):
-        await bench.clock(start=t % config.clocks_per_frame == 0 and t < len(samples) * config.clocks_per_frame)
-        times += [t] * (len(bench.words) - len(times))
-    expected = simulate(config, stimulus)
-    sync, data = np.array(bench.words, np.uint64).T
-    bench.check.holds("WordsOfSimulate", np.array_equal(data, expected.words["data"]), data)
-    bench.check.holds("ClocksOfSimulate", times == expected.words["t"].tolist(), times)
-    codes = unpack(config, data, sync.astype(bool))
-    bench.check.holds("CodesOfTheScan", np.array_equal(codes, adc_code(config, samples)), codes)
-    bench.check.counts["different codes"] = len(np.unique(codes))
-    await bench.finish()
-    report(bench.check.counts)
+    from cocotb_tests.runner.cocotb_runners import Simulator
 
 
 PROPERTIES = (
@@ -136,19 +54,6 @@ CONFIGS = [
 def name(config: FrameConfig) -> str:
     """Return the name of a configuration in the list of tests."""
     return f"{config.rows}x{config.columns}-{config.resolution}b-{config.word_bits}b-{config.reset}"
-
-
-def cosimulate(
-    config: FrameConfig, simulator: Simulator, test: str, folder: Path, seed: int, samples: NDArray[np.int64]
-) -> Counter[str]:
-    """Run one cocotb test of the frame readout on samples of a scan, and return what it counted."""
-    from cocotb_tests.session.simulator import build  # not in the simulator, which imports this file too
-
-    np.save(folder / "samples.npy", samples)
-    program = build(config, simulator, top="eskin_frame_readout")
-    environment = {JOB: json.dumps({"config": config.to_dict(), "seed": seed})}
-    program.test("cocotb_tests.test_frame", folder, test, environment)
-    return Counter(json.loads((folder / "counts.json").read_text()))
 
 
 CASES = [

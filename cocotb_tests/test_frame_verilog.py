@@ -79,7 +79,7 @@ def test_ports_are_those_of_the_contract() -> None:
 
 
 def test_command_writes_the_text_of_the_library(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "rtl", "verilog", "--readout", "frame", "--rows", "2", "--word-bits", "12"]
+    command = [sys.executable, "-m", "app", "verilog", "--readout", "frame", "--rows", "2", "--word-bits", "12"]
     for seed in ("1", "2"):
         subprocess.run(
             [*command, "-o", str(tmp_path / seed)], check=True, capture_output=True, env={"PYTHONHASHSEED": seed}

@@ -15,11 +15,11 @@ from cocotb.utils import get_sim_time
 
 from cocotb_tests.bench.block import Block, Checker, job, payload, report
 from cocotb_tests.bench.reference import AddressEvent, LinkReference
-from cocotb_tests.session.block import cosimulate
+from cocotb_tests.runner.block import cosimulate
 from model.config import ReadoutConfig
 
 if TYPE_CHECKING:
-    from cocotb_tests.session.runners import Simulator
+    from cocotb_tests.runner.cocotb_runners import Simulator
 
 PERIOD_PS = 10_000
 BEFORE_EDGE_PS = 10  # when everything is compared

@@ -12,8 +12,8 @@ from typing import Any
 import cocotb
 import pytest
 
-from cocotb_tests.bench.block import Block, Checker, report
-from cocotb_tests.test_classifier import JOB, network_of
+from cocotb_tests.bench.block import JOB, Block, Checker, report
+from cocotb_tests.test_classifier import network_of
 
 CLOCKS = 400
 CONFIG = network_of(5, 12, 3, 4)
@@ -52,7 +52,7 @@ async def memory_is_a_list(dut: Any) -> None:
 
 @pytest.mark.parametrize("top", TOPS)
 def test_memory_reads_what_was_written_and_nothing_during_a_write(top: str, tmp_path: Path) -> None:
-    from cocotb_tests.session.simulator import build  # not in the simulator, which imports this file too
+    from cocotb_tests.runner.simulator import build  # not in the simulator, which imports this file too
 
     environment = {JOB: json.dumps({"words": TOPS[top], "seed": 4})}
     build(CONFIG, "icarus", top=top).test("cocotb_tests.test_memory", tmp_path, "memory_is_a_list", environment)

@@ -3,58 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
-import cocotb
 import pytest
 
-from cocotb_tests.bench.block import Block, Checker, job, report
-from cocotb_tests.session.block import cosimulate
+from cocotb_tests.blocks.pattern import play
 from model.config import ReadoutConfig
-from model.registers import pattern
-
-CLOCKS = 2500
-
-
-@cocotb.test()
-async def pattern_follows_its_model(dut: Any) -> None:
-    """Every mode at several paces, with rows that are granted early, late, and when they do not ask."""
-    config, rng = job()
-    block = Block(dut)
-    check = Checker(block)
-    state, now = pattern.new_state(), pattern.Pattern()
-    block.drive(restart=0, granted=0, **now._asdict())
-    await block.reset()
-    willing = 1.0
-    for _ in range(CLOCKS):
-        restart = rng.random() < 0.01
-        if restart:
-            row, column = rng.randrange(config.rows), rng.randrange(config.columns)
-            on, turns = (rng.randrange(2), rng.randrange(2)) if config.has_polarity else (1, 0)
-            now = pattern.Pattern(
-                rng.choice([0, 1, 1, 2, 2, 2]), on, turns, rng.choice([0, 0, 1, 2, 5, rng.randrange(16)]), row, column
-            )
-            willing = rng.choice([1.0, 0.3])
-        asks = pattern.requests(state, restart)
-        granted = 1 << state[pattern.ROW] if rng.random() < willing else 1 << rng.randrange(config.rows)
-        taken = bool(asks and granted >> state[pattern.ROW] & 1)
-        block.drive(restart=restart, granted=granted, **now._asdict())
-        await block.settle()
-        told = (now, state)
-        check.equal("testing", now.mode != 0, block.read("testing"), told)
-        check.equal("row_request", asks << state[pattern.ROW], block.read("row_request"), told)
-        column = 1 << state[pattern.COLUMN]
-        check.equal("column_request", column, block.read("column_request"), told)
-        if config.has_polarity:
-            sign = column if state[pattern.SIGN] else 0
-            check.equal("column_polarity", sign, block.read("column_polarity"), told)
-        check.counts["taken"] += taken
-        check.counts["waits"] += asks and not taken
-        check.counts["withdrawn"] += restart and state[pattern.REQUEST] == 1
-        await block.edge()
-        pattern.advance(state, now, (config.rows, config.columns), restart, taken)
-    report(check.counts)
-
 
 BASE = ReadoutConfig(registers="spi")
 CONFIGS = [
@@ -66,7 +19,7 @@ CONFIGS = [
 
 @pytest.mark.parametrize("config", CONFIGS, ids=lambda config: f"{config.rows}x{config.columns}-{config.encoding}")
 def test_pattern_equals_its_model_in_every_clock(config: ReadoutConfig, tmp_path: Path) -> None:
-    counts = cosimulate(config, "icarus", "eskin_pattern", "pattern_follows_its_model", tmp_path, seed=13)
+    counts = play(config, "icarus", "pattern_follows_its_model", tmp_path, 13)
     assert counts["taken"] > 200
     assert counts["withdrawn"] > 0
     assert counts["waits"] > 50 or config.rows == 1

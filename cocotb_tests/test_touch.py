@@ -7,49 +7,20 @@ import json
 import re
 import shutil
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import pytest
 
-from cocotb_tests.bench.textures import random_scan
-from cocotb_tests.session import simulator
-from cocotb_tests.session.session import MismatchFound, follow
-from cocotb_tests.session.simulator import Simulator, build
+from cocotb_tests.runner import simulator
+from cocotb_tests.runner.process import MismatchFound
+from cocotb_tests.runner.simulator import Simulator
 from cocotb_tests.test_chip import CHIPS
-from cocotb_tests.test_commands import call
+from cocotb_tests.touch.noise import play
 from cocotb_tests.touch.plan import SHIPPED, Network
-from cocotb_tests.touch.player import JOB, Job
 from model.classifier.chip_config import ChipConfig
-from model.classifier.config import highest, lowest
 from model.classifier.file import IntegerWeights
-from model.classifier.network import IntegerNetwork
+from tests.app.test_simulate import call
 
 LAST = re.compile(r"touch to class: (\d+) images, (\d+) events, 0 mismatches, (\d+) right")
-
-
-def network_of(chip: ChipConfig) -> IntegerWeights:
-    """Return a network of weights at random."""
-    config, rng = chip.classifier, np.random.default_rng(5)
-
-    def drawn(bits: int, *shape: int) -> Any:
-        return rng.integers(lowest(bits), highest(bits) + 1, shape)
-
-    return IntegerWeights(IntegerNetwork.filled(config, drawn), tuple(f"class {n}" for n in range(config.classes)))
-
-
-def play(chip: ChipConfig, program: Simulator, folder: Path, network: IntegerWeights | None = None) -> dict[str, Any]:
-    """Play a moving texture through a chip in its harness and return its result."""
-    (network or network_of(chip)).save(folder / "network.npz")
-    np.savez(folder / "arrays.npz", **{"array/noise": random_scan(chip.readout, 60, np.random.default_rng(2))})  # type: ignore[arg-type]
-    job = Job(
-        str(folder / "network.npz"), chip.to_dict(), {"noise": {}}, str(folder / "arrays.npz"), str(folder), "again"
-    )
-    job.write(folder / "job.json")
-    follow(build(chip, program), "cocotb_tests.touch.player", {JOB: str(folder / "job.json")}, folder)
-    with np.load(folder / "noise.npz") as found:
-        assert len(found["taken"]) == json.loads(str(found["metadata"]))["events"]
-        return dict(json.loads(str(found["metadata"])))
 
 
 @pytest.mark.parametrize("program", ["icarus", "verilator"])
@@ -124,13 +95,13 @@ def test_mistakes_are_one_sentence(tmp_path: Path) -> None:
     names = (f"brick/brick-{number:02}" for number in range(16))
     foreign = next(name for name in names if name not in loaded.notes["training"]["tested"])
     for arguments, sentence in (
-        (["--weights", tmp_path / "none.npz"], "none.npz does not exist; make one with python -m snn quantise"),
+        (["--weights", tmp_path / "none.npz"], "none.npz does not exist; make one with eskin quantise"),
         (["--weights", tmp_path / "silent.npz"], "silent.npz does not say which readout it was trained for; quantise "),
         (["--weights", tmp_path / "torn.npz"], "torn.npz says of its training is damaged; quantise again"),
         (["--weights", tmp_path / "other.npz"], "takes 128 channels, 4 x 8 taxels of lcs have 32 or 64; give the "),
         (["--weights", tmp_path / "one.npz", "--only", foreign], f"every network here has learned {foreign}; give"),
         (["--only", "sky"], "dataset embedded has no texture 'sky'; one of them is brick/brick-00"),
-        (["--data", tmp_path], "--data needs --weights, from python -m snn quantise"),
+        (["--data", tmp_path], "--data needs --weights, from eskin quantise"),
         (["--data", tmp_path, "--weights", tmp_path / "one.npz"], "was trained on textures; leave --data out"),
     ):
         done = call("touch", *arguments, "-o", tmp_path / "out")

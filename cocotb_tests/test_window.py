@@ -9,7 +9,7 @@ import cocotb
 import pytest
 
 from cocotb_tests.bench.block import Block, Checker, job, report
-from cocotb_tests.session.block import cosimulate
+from cocotb_tests.runner.block import cosimulate
 from model.config import ReadoutConfig
 
 CLOCKS = 1200

@@ -15,8 +15,8 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("model", "rtl", "flow", "snn", "cocotb_tests")
-COMMANDS = ("commands", "cli")
+PACKAGES = ("model", "rtl", "skin", "power", "cocotb_tests", "snn", "board", "flow", "verify", "base")
+COMMANDS = ("commands",)
 AT_THE_TOP = ("CONTRIBUTING.md", "CHANGELOG.md")
 
 

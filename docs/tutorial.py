@@ -74,14 +74,16 @@ below.axhline(high, color="C3", lw=0.8)
 _ = below.set(xlabel="time / ms", ylabel="error, codes")
 
 # %% [markdown]
-# The other two encoders are a word in the configuration. CW-LCS closes its window while nothing happens, as at
+# The other encoders are a word in the configuration. CW-LCS closes its window while nothing happens, as at
 # the turns of the sine, and so sees smaller changes; N-LCS is one comparator whose threshold leaks, a leaky
-# neuron, and sends no OFF events. [Encoders](reference/encoders.md) has their rules.
+# neuron, and sends no OFF events; bipolar N-LCS sends both. [Encoders](reference/encoders.md) has their rules.
 
 # %%
-for encoding in ("lcs", "cw-lcs", "nlcs"):
+from model.encoders import registry
+
+for encoding in registry.NAMES:
     other = config.replace(encoding=encoding, window_period=4)
-    print(f"{encoding:7} {np.abs(encode_timed(other, samples)[0]).sum():4} events")
+    print(f"{encoding:12} {np.abs(encode_timed(other, samples)[0]).sum():4} events")
 
 # %% [markdown]
 # ## Clock by clock
@@ -165,9 +167,9 @@ import tempfile
 folder = tempfile.mkdtemp()
 options = "--rows 1 --columns 1 --encoding lcs --resolution 4 --sim icarus --textures 0 --waves"
 done = subprocess.run(
-    [sys.executable, "-m", "cocotb_tests", "sim", *options.split(), "--out", folder], capture_output=True, text=True
+    [sys.executable, "-m", "app", "sim", *options.split(), "--out", folder], capture_output=True, text=True, check=True
 )
-print((done.stdout or done.stderr).replace(folder, "out/sim"))
+print(done.stdout.replace(folder, "out/sim"))
 
 # %% [markdown]
 # ## A texture's class
@@ -176,8 +178,8 @@ print((done.stdout or done.stderr).replace(folder, "out/sim"))
 # scan, sensor model and readout.
 
 # %%
-from model.textures.dataset import open_dataset
-from model.textures.physical import PhysicalScan
+from skin.textures.dataset import open_dataset
+from skin.textures.physical import PhysicalScan
 from snn.data.record import record, record_dataset
 
 textures, scan = open_dataset("embedded"), PhysicalScan()
@@ -270,14 +272,14 @@ for kind, starts in {"press": (1.0,), "tap": (0.5, 1.5, 2.5, 3.5), "rub": (0.8, 
 # %%
 def run(*words):
     environment = os.environ | {"PYTHONPATH": os.getcwd()}
-    command = [sys.executable, "-m", *words]
-    return subprocess.run(command, cwd=skin.parent, env=environment, capture_output=True, text=True)
+    command = [sys.executable, "-m", "app", *words]
+    return subprocess.run(command, cwd=skin.parent, env=environment, capture_output=True, text=True, check=True)
 
 
-trained = run("snn", "train", "--data", "my_skin", "--epochs", "40", "--set", "hidden=64")
-print("\n".join(trained.stdout.splitlines()[-3:]) or trained.stderr)
-played = run("cocotb_tests", "sim", "--data", "my_skin", "--encoding", "lcs", "--sim", "icarus", "--ticks", "60")
-print(played.stdout or played.stderr)
+trained = run("train", "--data", "my_skin", "--epochs", "40", "--set", "hidden=64")
+print("\n".join(trained.stdout.splitlines()[-3:]))
+played = run("sim", "--data", "my_skin", "--encoding", "lcs", "--sim", "icarus", "--ticks", "60")
+print(played.stdout)
 
 # %% [markdown]
 # ## Where to go on

@@ -10,10 +10,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args, get_type_hints
 
-from model.errors import InputError
-from model.files import read_json
+from base.errors import InputError
+from base.files import read_json
+from model.encoders import registry
+from model.encoders.encoder import Encoder
 
-Encoding = Literal["lcs", "cw-lcs", "nlcs"]
+Encoding = Literal["lcs", "cw-lcs", "nlcs", "nlcs-bipolar"]
+"""Names of ``model.encoders.registry``, written once more for the type checker."""
+if get_args(Encoding) != registry.NAMES:
+    raise TypeError(
+        f"Encoding lists {get_args(Encoding)}, model.encoders.registry {registry.NAMES}; make them the same"
+    )
+
 Link = Literal["stream", "four_phase"]
 Frontend = Literal["digital", "analog"]
 Reset = Literal["sync", "async"]
@@ -54,6 +62,12 @@ def parameter(default: Any, unit: str, source: str, meaning: str, option: str = 
     return field(default=default, metadata={"unit": unit, "source": source, "meaning": meaning, "option": option})
 
 
+def option_of(field: dataclasses.Field[Any]) -> str:
+    """Return the command-line option of a field made by ``parameter``: its name without the unit."""
+    name = field.metadata["option"] or field.name.removesuffix(f"_{field.metadata['unit'].lower()}")
+    return "--" + name.replace("_", "-")
+
+
 @dataclass(frozen=True, kw_only=True)
 class ReadoutConfig:
     """All parameters of one readout. Immutable, validated on construction, JSON in and out.
@@ -62,8 +76,8 @@ class ReadoutConfig:
     ----------
     rows, columns : int
         Taxel array, 1..64 each. Taxel (r, c) has index ``r * columns + c``.
-    encoding : "lcs", "cw-lcs" or "nlcs"
-        Level crossing, level crossing with a closing window, leaky-neuron level crossing.
+    encoding : str
+        Name of an encoder of ``model.encoders``.
     sample_bits : int
         W, bits of a signed sample; full scale +-1.0 is +-2**(W-1) codes.
     resolution : int
@@ -106,7 +120,7 @@ class ReadoutConfig:
     True
     >>> ReadoutConfig(resolution=11)
     Traceback (most recent call last):
-    model.errors.InputError: resolution must be in 1..sample_bits - 2 = 10, not 11
+    base.errors.InputError: resolution must be in 1..sample_bits - 2 = 10, not 11
     """
 
     rows: int = parameter(8, "", f"{SPECIFICATION} 1", "rows of taxels, 1..64")
@@ -142,8 +156,7 @@ class ReadoutConfig:
         self._check_range("window_period", 1, 2**16)
         self._check_range("leak_shift", 1, 16)
         self._check_range("leak_period", 1, MAX_LEAK_PERIOD)
-        if self.encoding == "nlcs":  # sample and fraction share one 32-bit word
-            self._check_range("fraction_bits", 0, 31 - self.sample_bits, "31 - sample_bits")
+        self.encoder.check(self)
         self._check_range("fraction_bits", 0, 28)
         self._check_range("clocks_per_sample", 1, 2**24)
         if not (math.isfinite(self.sample_rate_hz) and self.sample_rate_hz > 0):
@@ -152,14 +165,8 @@ class ReadoutConfig:
             raise InputError(
                 f"sample_rate_hz must be in {MIN_RATE_HZ:g}..{MAX_RATE_HZ:g} hertz, not {self.sample_rate_hz!r}"
             )
-        if self.registers != "none" and self.encoding == "nlcs" and self.leak_period < self.rows:
-            raise InputError(
-                f"leak_period must be at least the number of rows, {self.rows}, with registers={self.registers}, "
-                f"not {self.leak_period}"
-            )
-        # A reference stands on a level of its encoder; the leaky one never goes below zero.
-        low = 0 if self.encoding == "nlcs" else -self.full_scale
-        self._check_range("reference_reset", low, self.full_scale - 1)
+        # A reference stands on a level of its encoder.
+        self._check_range("reference_reset", self.encoder.lowest(self), self.full_scale - 1)
         if self.reference_reset % self.grid:
             raise InputError(
                 f"reference_reset must be a multiple of {self.grid} codes (a level of the encoder), "
@@ -189,6 +196,11 @@ class ReadoutConfig:
     # -- derived numbers -------------------------------------------------------------------------
 
     @property
+    def encoder(self) -> Encoder:
+        """The encoder, of ``model.encoders``."""
+        return registry.named(self.encoding)
+
+    @property
     def taxels(self) -> int:
         """Number of taxels, rows * columns."""
         return self.rows * self.columns
@@ -204,6 +216,16 @@ class ReadoutConfig:
         return 1 << (self.sample_bits - 2 - self.resolution)
 
     @property
+    def decisions_per_tick(self) -> int:
+        """How often a free taxel decides between two samples."""
+        return self.clocks_per_sample if self.decide_every == "clock" else 1
+
+    @property
+    def most_events_per_tick(self) -> int:
+        """Largest number of events of one tick: all decisions, or the steps of the whole range."""
+        return min(self.decisions_per_tick, 1 << (self.resolution + 2))
+
+    @property
     def closing_levels_log2(self) -> int:
         """log2 of the number of half-widths of a CW-LCS window: closing_shift, less where D is too small."""
         return min(self.closing_shift, self.sample_bits - 2 - self.resolution)
@@ -215,23 +237,23 @@ class ReadoutConfig:
 
     @property
     def grid(self) -> int:
-        """Codes between neighbouring positions of the reference: D (LCS), closing step (CW-LCS), 1 (N-LCS)."""
-        return {"lcs": self.step, "cw-lcs": self.closing_step, "nlcs": 1}[self.encoding]
+        """Codes between neighbouring positions of the reference."""
+        return self.encoder.grid(self)
 
     @property
     def has_polarity(self) -> bool:
-        """True where events carry ON or OFF; N-LCS is unipolar."""
-        return self.encoding != "nlcs"
+        """True where events carry ON or OFF."""
+        return self.encoder.polarity
 
     @property
     def closes(self) -> bool:
         """True where every taxel has a closing window of more than one half-width."""
-        return self.encoding == "cw-lcs" and self.closing_levels_log2 > 0
+        return self.encoder.closes(self)
 
     @property
     def needs_tick(self) -> bool:
         """True where the RTL needs the sample tick as a time base, whatever the front end."""
-        return self.closes or self.encoding == "nlcs" or self.decide_every == "sample"
+        return self.encoder.needs_tick(self) or self.decide_every == "sample"
 
     @property
     def half_width_bits(self) -> int:
@@ -266,8 +288,8 @@ class ReadoutConfig:
     # -- construction and exchange ---------------------------------------------------------------
 
     @classmethod
-    def from_tau(cls, tau_s: float, ts_s: float, **parameters: Any) -> ReadoutConfig:
-        """Return an N-LCS configuration whose leak comes closest to a time constant.
+    def from_tau(cls, tau_s: float, ts_s: float, encoding: Encoding = "nlcs", **parameters: Any) -> ReadoutConfig:
+        """Return the configuration of an encoder that leaks whose leak comes closest to a time constant.
 
         A coarse leak (small leak_shift) takes events away, about a quarter of its step, and a short period meets tau
         badly: the leak_shift of 1..6 with the smallest sum of both errors is taken. ``tau_s`` of the result is the
@@ -277,8 +299,10 @@ class ReadoutConfig:
         ----------
         tau_s, ts_s : float
             Wanted time constant and sample period in seconds.
+        encoding : str
+            Name of an encoder that leaks.
         **parameters
-            All other fields of the configuration but encoding, sample_rate_hz, leak_shift and leak_period.
+            All other fields of the configuration but sample_rate_hz, leak_shift and leak_period.
 
         Raises
         ------
@@ -306,7 +330,7 @@ class ReadoutConfig:
             )
         _, shift, period = min(candidates)
         return cls(
-            encoding="nlcs",
+            encoding=encoding,
             sample_rate_hz=1.0 / ts_s,
             leak_shift=shift,
             leak_period=period,
@@ -317,6 +341,18 @@ class ReadoutConfig:
         """Return a copy with some fields changed, validated again."""
         self._check_names(changes)
         return dataclasses.replace(self, **changes)
+
+    def chosen(self, field: str, **values: Any) -> Any:
+        """Return what stands for the value of a field, such as the link; refuse a value for which nothing stands.
+
+        Raises
+        ------
+        InputError
+            If the field has a value that is not among the names; whoever asked does not know it yet.
+        """
+        if (value := getattr(self, field)) not in values:
+            raise InputError(f"{field} {value!r} is not known here; known are {', '.join(values)}")
+        return values[value]
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as a plain dictionary; registers only where there are any."""

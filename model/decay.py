@@ -1,14 +1,17 @@
-"""The leak of N-LCS: how much, and when: the staggered phases of the one counter that serves the whole array."""
+"""The leak of N-LCS: how much, and when: the staggered phases of the one counter that serves the whole array.
+
+Plain Python, which ``model.encoders.compiled`` compiles.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from model.config import ReadoutConfig
+if TYPE_CHECKING:  # a configuration knows its encoder, which may leak
+    from model.config import ReadoutConfig
 
 
 def decay_phases(config: ReadoutConfig) -> NDArray[np.int64]:
@@ -20,13 +23,11 @@ def decay_phases(config: ReadoutConfig) -> NDArray[np.int64]:
     return np.arange(config.rows, dtype=np.int64) * config.leak_period // config.rows
 
 
-@njit(cache=True, nogil=True)
 def leak_of(u: Any, leak_shift: int) -> Any:
     """Return the leak of a reference, u 2**-k rounded half up (docs/specification.md, section 2, N-LCS)."""
     return (u + (1 << (leak_shift - 1))) >> leak_shift
 
 
-@njit(inline="always")
-def is_due(p: Any, phase: int, tick: int) -> bool:
+def is_due(leak_period: int, phase: int, tick: int) -> bool:
     """Return whether a row of some phase leaks at a sample tick, counted from 0."""
-    return tick % p.leak_period == phase
+    return tick % leak_period == phase

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import InputError
+from base.errors import InputError
 from model.frame_config import FrameConfig
 from model.frame_words import adc_code
 

@@ -6,8 +6,8 @@ import dataclasses
 from dataclasses import dataclass, field
 from typing import Any
 
+from base.errors import InputError
 from model.config import ReadoutConfig, parameter
-from model.errors import InputError
 
 MAX_WORD_BITS = 64
 MAX_CLOCKS = 1024

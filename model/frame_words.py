@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import InputError
+from base.errors import InputError
 from model.frame_config import FrameConfig
 
 

@@ -14,18 +14,19 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from model import arbiter, decay, link, window
+from base.errors import InputError
+from base.files import forget_stale_kernels
+from model import arbiter, decay, link
 from model import taxel_kernels as taxel
+from model.address_events import EVENT_DTYPE, Events
 from model.arbiter import ONE, ZERO, lowest, without_lowest
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.events.address import EVENT_DTYPE, Events
-from model.files import forget_stale_kernels
+from model.encoders import compiled
 from model.registers import pattern, settings
 
-forget_stale_kernels(
-    Path(__file__), (Path(str(m.__file__)) for m in (arbiter, decay, link, pattern, settings, taxel, window))
-)
+SOURCES = (*compiled.sources(), *(Path(str(m.__file__)) for m in (arbiter, link, pattern, settings, taxel)))
+"""Files and folders whose code is in the compiled loop of this one."""
+forget_stale_kernels(Path(__file__), SOURCES)
 
 TAKEN, WAITED = 1, 2
 
@@ -157,7 +158,7 @@ class State:
     Attributes
     ----------
     sample, reference, half_width : ndarray of int64, shape (rows, columns)
-        Codes; the reference of N-LCS in units of 2**-fraction_bits codes.
+        Codes; the reference of an encoder that leaks in units of 2**-fraction_bits codes.
     pending, polarity : ndarray of bool, shape (rows, columns)
     latch_row, latch_columns : int
         The burst latch: its row, and its columns as bits.
@@ -226,7 +227,7 @@ def state_at(config: ReadoutConfig, stimulus: Stimulus, clock: int) -> State:
     return State(
         sample=taxels["x"],
         reference=taxels["u"],
-        half_width=config.step - taxels["closed"] * config.closing_step,
+        half_width=config.encoder.half_width(config, taxels),
         pending=(registers.rows["pending"][:, None] >> bits & ONE).astype(bool),
         polarity=(registers.rows["polarity"][:, None] >> bits & ONE).astype(bool),
         latch_row=int(registers.latch[arbiter.ROW]),
@@ -240,61 +241,42 @@ class Parameters(NamedTuple):
 
     Attributes
     ----------
-    leaky, per_sample, digital, four_phase : bool
-        N-LCS; one decision per sample tick; digital front end; four-phase link.
-    columns : int
-    reset, step, top, bottom : int
-        The reference after reset, D, and the ends of the scale; in the units of the reference (codes, N-LCS
-        2**-F codes).
-    closing_step, levels, window_period : int
-        The closing window; one level where it does not close.
-    leak_shift, leak_period, fraction_bits : int
-        The leak; without one, no fraction bits.
-    built_step, built_closing_step : int
-        Those of the configuration, whatever a host has set.
+    leaks, per_sample, digital, four_phase : bool
+        The reference leaks; one decision per sample tick; digital front end; four-phase link.
+    columns, leak_period : int
+    reset, top, bottom : int
+        The reference after reset, and the ends of the scale, in 2**-fraction_bits codes.
+    rule : NamedTuple
+        Of the encoder, with what a host has set.
     """
 
-    leaky: bool
+    leaks: bool
     per_sample: bool
     digital: bool
     four_phase: bool
     columns: int
+    leak_period: int
     reset: int
-    step: int
     top: int
     bottom: int
-    closing_step: int
-    levels: int
-    window_period: int
-    leak_shift: int
-    leak_period: int
-    fraction_bits: int
-    built_step: int
-    built_closing_step: int
+    rule: Any
 
     @classmethod
     def of(cls, config: ReadoutConfig) -> Parameters:
         """Return those of a configuration."""
-        leaky = config.encoding == "nlcs"
-        fraction_bits = config.fraction_bits if leaky else 0
+        encoder = config.encoder
+        bits = encoder.fraction_bits(config)
         return cls(
-            leaky=leaky,
+            leaks=encoder.leaks,
             per_sample=config.decide_every == "sample",
-            digital=config.frontend == "digital",
-            four_phase=config.link == "four_phase",
+            digital=config.chosen("frontend", digital=True, analog=False),
+            four_phase=config.chosen("link", stream=False, four_phase=True),
             columns=config.columns,
-            reset=config.reference_reset << fraction_bits,
-            step=config.step << fraction_bits,
-            top=(config.full_scale << fraction_bits) - 1,
-            bottom=-config.full_scale,
-            closing_step=config.closing_step,
-            levels=1 << config.closing_levels_log2 if config.encoding == "cw-lcs" else 1,
-            window_period=config.window_period,
-            leak_shift=config.leak_shift,
             leak_period=config.leak_period,
-            fraction_bits=fraction_bits,
-            built_step=config.step << fraction_bits,
-            built_closing_step=config.closing_step,
+            reset=config.reference_reset << bits,
+            top=(config.full_scale << bits) - 1,
+            bottom=-config.full_scale << bits,
+            rule=encoder.rule(config),
         )
 
 
@@ -320,7 +302,7 @@ class Registers(NamedTuple):
 
     Attributes
     ----------
-    taxels : ndarray of TAXEL_DTYPE, shape (taxels,)
+    taxels : ndarray of ``taxel_dtype``, shape (taxels,)
     rows : ndarray of ROW_DTYPE, shape (rows,)
     latch : ndarray of uint64, shape (6,)
         See ``model.arbiter``.
@@ -336,7 +318,7 @@ class Registers(NamedTuple):
     @classmethod
     def after_reset(cls, config: ReadoutConfig) -> Registers:
         """Return the registers as a reset leaves them."""
-        taxels = np.zeros(config.taxels, taxel.TAXEL_DTYPE)
+        taxels = np.zeros(config.taxels, taxel.taxel_dtype(config))
         taxels["u"] = Parameters.of(config).reset
         taxels["given"] = -1
         return cls(taxels, np.zeros(config.rows, arbiter.ROW_DTYPE), arbiter.new_state(), link.new_state())
@@ -356,7 +338,7 @@ def _run(
         stimulus.ready,
         stimulus.ack_delay,
         decay.decay_phases(config),
-        np.zeros((0, 0), np.uint8) if stimulus.decisions is None else stimulus.decisions,
+        _decisions(config, stimulus),
     )
     given_settings = stimulus.settings if len(stimulus.settings) else None
     traffic = np.zeros(0, np.uint8) if traffic is None else traffic
@@ -365,6 +347,13 @@ def _run(
     events["t"], events["p"] = time, event & 1
     events["y"], events["x"] = np.divmod(event >> 1, config.columns)
     return events, registers
+
+
+def _decisions(config: ReadoutConfig, stimulus: Stimulus) -> NDArray[np.uint8]:
+    """Return what the comparators find; without polarity there is no comparator for below."""
+    if stimulus.decisions is None:
+        return np.zeros((0, 0), np.uint8)
+    return stimulus.decisions & np.uint8(3 if config.has_polarity else 1)
 
 
 @njit(cache=True, nogil=True)
@@ -419,7 +408,7 @@ def _loop(p: Parameters, s: Inputs, r: Registers, given_settings: Any, traffic: 
             first, last = (0, len(rows)) if everyone or again else (row, row + 1)
             again = False
             for y in range(first, last):
-                leaks = tick and p.leaky and settings.leaks(host, p, phases[y], ticks)
+                leaks = tick and p.leaks and settings.leaks(host, p, phases[y], ticks)
                 todo = rows[y].again | (latch[arbiter.TAKEN] if y == row else ZERO)
                 again |= decide(p, y, ~ZERO if everyone else todo, tick, leaks, taxels, rows, latch)
 
@@ -447,25 +436,18 @@ def _loop(p: Parameters, s: Inputs, r: Registers, given_settings: Any, traffic: 
 
 @njit(inline="always")
 def _set(p: Parameters, now: Any) -> Parameters:
-    """Return the parameters with what a host sets: D and the closing step grow by the same factor."""
+    """Return the parameters with what a host sets."""
     return Parameters(
-        p.leaky,
+        p.leaks,
         p.per_sample,
         p.digital,
         p.four_phase,
         p.columns,
+        now.leak_period,
         p.reset,
-        p.built_step << now.coarser,
         p.top,
         p.bottom,
-        p.built_closing_step << now.coarser,
-        p.levels,
-        now.window_period,
-        now.leak_shift,
-        now.leak_period,
-        p.fraction_bits,
-        p.built_step,
-        p.built_closing_step,
+        compiled.told(p.rule, now),
     )
 
 

@@ -1,4 +1,4 @@
-"""The three encoders of a taxel and their decoders, integer-exact and without contention (docs/reference/encoders.md).
+"""The encoders of a taxel and their decoders, integer-exact and without contention (docs/reference/encoders.md).
 
 A request is taken in the clock after it was raised, as with one taxel and a sink that is always ready. The
 model starts with the first sample: should the reference reset so far from 0 that it fires at the silent
@@ -10,7 +10,7 @@ decisions of a tick at once, in closed form.
 All events of one tick have the same sign, and follow each other clock by clock. An event moves the reference
 to a level between itself and the sample, never beyond: ON needs x - u >= h and leaves x - u >= 0, which no
 later OFF (x - u < -h) follows; OFF needs x - u < -h and leaves x - u < 0, which no later ON (x - u >= h > 0)
-follows. N-LCS has no OFF. So a sample, which lies on the scale, never takes the reference off it either. Only the
+follows. So a sample, which lies on the scale, never takes the reference off it either. Only the
 first event may come late, in the second decision of the tick: where a window closed, or a reference leaked, in the
 first. ``encode_timed`` tells these ticks apart.
 """
@@ -23,11 +23,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from base.errors import InputError
 from model import taxel_kernels as kernels
+from model.address_events import EVENT_DTYPE, Events, taxel_of
 from model.config import ReadoutConfig
-from model.decay import decay_phases, leak_of
-from model.errors import InputError
-from model.events.address import EVENT_DTYPE, Events, taxel_of
+from model.decay import decay_phases
 
 Samples = NDArray[np.integer[Any]]
 """Codes of W bits, shape (ticks, taxels)."""
@@ -43,11 +43,6 @@ EVENT_LATENCY = 3
 
 _BLOCK_BYTES = 2**20
 """Samples handled at a time where counts are not kept: their counts stay in the cache."""
-
-
-def decisions_per_tick(config: ReadoutConfig) -> int:
-    """Return how often a free taxel decides between two samples."""
-    return config.clocks_per_sample if config.decide_every == "clock" else 1
 
 
 # -- encoders ----------------------------------------------------------------------------------------
@@ -135,38 +130,13 @@ def count_events(config: ReadoutConfig, samples: Samples) -> NDArray[np.int64]:
     ticks, taxels = samples.shape
     bank = _Bank.reset(config, taxels)
     totals = np.zeros(taxels, np.int64)
-    block = max(1, min(_BLOCK_BYTES // max(1, taxels * samples.itemsize), 2**31 // _largest_count(config) - 1))
+    block = max(1, min(_BLOCK_BYTES // max(1, taxels * samples.itemsize), 2**31 // config.most_events_per_tick - 1))
     counts = np.empty((min(block, ticks), taxels), _count_dtype(config))
     for start in range(0, ticks, block):
         part = samples[start : start + block]
         bank.run(part, counts[: len(part)], None)
         totals += kernels.magnitudes(counts[: len(part)])
     return totals
-
-
-def encode_bipolar(config: ReadoutConfig, samples: Samples) -> Counts:
-    """Return the signed events of the bipolar N-LCS that docs/results/classifier.md proposes; there is no RTL of it.
-
-    The reference has a sign and leaks towards 0 by ``u <- u - ((u + 2**(k-1)) >> k)``. ON (+1) where x - u > D moves it
-    up, OFF (-1) where x - u < -D moves it down, by D.
-
-    Parameters
-    ----------
-    config : ReadoutConfig
-        Of encoding nlcs.
-    samples : integer array, shape (ticks, taxels)
-        As for ``encode``.
-
-    Returns
-    -------
-    int16 or int32 array, shape (ticks, taxels)
-    """
-    if config.encoding != "nlcs":
-        raise InputError(f"the bipolar encoder is a leaky one, of encoding nlcs, not {config.encoding}")
-    samples = _check_samples(config, samples)
-    counts = np.empty(samples.shape, _count_dtype(config))
-    kernels.bipolar(samples, np.zeros(samples.shape[1], np.int64), _leaky(config), counts)
-    return counts
 
 
 # -- address events ----------------------------------------------------------------------------------
@@ -189,7 +159,7 @@ def uncontended_events(config: ReadoutConfig, counts: Counts, late: Flags | None
     ndarray of EVENT_DTYPE, shape (events,)
         Sorted by t, then by taxel index.
     """
-    counts, delay = _check_counts(config, counts, late, needed=config.encoding != "lcs")
+    counts, delay = _check_counts(config, counts, late, needed=config.encoder.late)
     if counts.shape[1] != config.taxels:
         raise InputError(f"counts must have one column for each of the {config.taxels} taxels, not {counts.shape[1]}")
     tick, taxel = np.nonzero(counts)
@@ -242,9 +212,7 @@ def counts_of_events(config: ReadoutConfig, events: Events, ticks: int) -> tuple
 def decode(config: ReadoutConfig, counts: Counts, late: Flags | None = None) -> NDArray[np.float64]:
     """Return the reconstruction: the reference of the encoder at the end of every tick, exactly.
 
-    LCS sums the events. No event moves the reference off the scale: one that seems to, since it came late, does
-    nothing here either. CW-LCS rebuilds every window from the ticks without events, to know by how much an
-    event moved the reference. N-LCS lets its copy of the reference leak as the encoder does.
+    No event moves the reference off the scale: one that seems to, since it came late, does nothing here either.
 
     Parameters
     ----------
@@ -258,57 +226,28 @@ def decode(config: ReadoutConfig, counts: Counts, late: Flags | None = None) -> 
     float64 array, shape (ticks, taxels)
         In codes; every value is exact. ``error_bound`` says how far the samples can be.
     """
-    counts, delay = _check_counts(config, counts, late, needed=config.encoding == "cw-lcs")
-    u = np.full(counts.shape[1], config.reference_reset, np.int64)
+    encoder = config.encoder
+    counts, delay = _check_counts(config, counts, late, needed=encoder.timed)
+    bits = encoder.fraction_bits(config)
+    u = np.full(counts.shape[1], config.reference_reset << bits, np.int64)
+    ends = (-config.full_scale << bits, (config.full_scale << bits) - 1)
     reference = np.empty(counts.shape, np.float64)
-    if config.encoding == "lcs":
-        kernels.decode_lcs(counts, u, config.step, config.full_scale, reference)
-    elif config.encoding == "cw-lcs":
-        kernels.decode_cw_lcs(counts, delay, u, _closing(config), config.full_scale, reference)
-    else:
-        u <<= config.fraction_bits
-        kernels.decode_nlcs(counts, u, _leaky(config), config.full_scale, 2.0**-config.fraction_bits, reference)
+    kernels.decode(encoder.rule(config), counts, delay, _phases(config), ends, u, reference)
     return reference
 
 
 def error_bound(config: ReadoutConfig) -> tuple[float, float]:
     """Return (low, high): low <= x - u <= high at the end of every tick, in codes, for inputs within a limit.
 
-    The limit is ``slope_limit``, also for the step from the reference after reset to the first sample.
-
-    - LCS: -D <= x - u < D.
-    - CW-LCS: -D <= x - u < D; with several decisions per tick even -h <= x - u < h, h being the half-width.
-    - N-LCS: x - u <= D, and a leak more where it decides only once per tick. No event follows a fall: there u
-      stays below the leaky peak hold of x (it leaks as u does, and never lies below x). While x, from one
-      decay tick to the next, falls by no more than the leak of its own level, that is within one leak of x.
-      This low is returned; for other inputs it is minus full scale, and less for negative ones.
+    The limit is ``slope_limit``, also for the step from the reference after reset to the first sample. The bounds of
+    every encoder stand in its ``error_bound`` (``model.encoders``).
     """
-    if config.encoding != "nlcs":
-        return -config.step, config.step - 1
-    leak = _largest_leak(config)
-    return -leak, config.step + (leak if decisions_per_tick(config) == 1 else 0)
+    return config.encoder.error_bound(config)
 
 
 def slope_limit(config: ReadoutConfig) -> float:
-    """Return the largest step between two samples, in codes, for which ``error_bound`` holds.
-
-    D for every decision of a tick. Where there is only one it is less by a closing step, if windows close, or
-    by the leak. N-LCS with several spends one on waiting for the leak, which it has to catch up as well; a
-    negative limit means that the leak of a full-scale reference alone is too much for it.
-    """
-    decisions = decisions_per_tick(config)
-    limit = float(config.step * decisions)
-    if config.encoding == "cw-lcs" and decisions == 1 and config.closing_levels_log2:
-        limit -= config.closing_step
-    elif config.encoding == "nlcs":
-        limit = config.step * max(decisions - 1, 1) - _largest_leak(config)
-    return limit
-
-
-def _largest_leak(config: ReadoutConfig) -> float:
-    """Return the leak of a full-scale reference, in codes."""
-    top = config.full_scale << config.fraction_bits
-    return float(leak_of(top, config.leak_shift)) / 2**config.fraction_bits
+    """Return the largest step between two samples, in codes, for which ``error_bound`` holds."""
+    return config.encoder.slope_limit(config)
 
 
 # -- state and checks --------------------------------------------------------------------------------
@@ -322,45 +261,28 @@ class _Bank:
 
     Attributes
     ----------
-    u : shape (taxels,)
-        Reference: in steps D (LCS), in closing steps (CW-LCS), in 2**-F codes (N-LCS).
-    closed, quiet : shape (taxels,)
-        CW-LCS: closing steps taken off the half-width, and ticks since the last one or the last event.
+    state : tuple of arrays, shape (taxels,)
+        As ``Encoder.ticks`` takes it.
     tick : int
         Ticks since reset.
     """
 
     config: ReadoutConfig
-    u: NDArray[Any]
-    closed: NDArray[Any]
-    quiet: NDArray[Any]
+    state: tuple[NDArray[Any], ...]
     tick: int = 0
 
     @classmethod
     def reset(cls, config: ReadoutConfig, taxels: int) -> _Bank:
         """Return the state after reset."""
-        start = config.reference_reset // config.grid
-        dtype: type[np.signedinteger[Any]] = np.int32
-        if config.encoding == "nlcs":
-            start <<= config.fraction_bits
-        elif config.encoding == "lcs" and config.resolution <= 12:
-            dtype = np.int16  # the cap of 2**(N + 2) steps takes N + 4 bits
-        elif config.encoding == "cw-lcs" and _closing_fits(config):
-            dtype = np.int16
-        return cls(config, np.full(taxels, start, dtype), np.zeros(taxels, dtype), np.zeros(taxels, dtype))
+        encoder = config.encoder
+        start = config.reference_reset // config.grid << encoder.fraction_bits(config)
+        starts = (start, *(0 for _ in encoder.state))
+        return cls(config, tuple(np.full(taxels, value, encoder.state_dtype(config)) for value in starts))
 
     def run(self, x: NDArray[Any], counts: Counts, late: Flags | None) -> None:
         """Write the events of the samples x, shape (ticks, taxels), into counts and, if wanted, late."""
-        c = self.config
-        timed = late is not None
-        flags = late if late is not None else _NO_FLAGS
-        if c.encoding == "lcs":
-            kernels.lcs(x, self.u, _log2(c.step), _largest_count(c), counts)
-        elif c.encoding == "cw-lcs":
-            state = kernels.TaxelState(self.u, self.closed, self.quiet)
-            kernels.cw_lcs(x, state, _closing(c), counts, flags, timed)
-        else:
-            kernels.nlcs(x, self.u, self.tick, _leaky(c), counts, flags, timed)
+        rule, flags = self.config.encoder.rule(self.config), late if late is not None else _NO_FLAGS
+        kernels.ticks(rule, x, self.state, _phases(self.config), self.tick, counts, flags, late is not None)
         self.tick += len(x)
 
 
@@ -369,32 +291,8 @@ def _phases(config: ReadoutConfig) -> NDArray[np.int32]:
     return np.repeat(decay_phases(config), config.columns).astype(np.int32)
 
 
-def _closing(config: ReadoutConfig) -> kernels.ClosingRule:
-    levels = config.closing_levels_log2
-    return kernels.ClosingRule(_log2(config.closing_step), levels, config.window_period, _largest_count(config))
-
-
-def _closing_fits(config: ReadoutConfig) -> bool:
-    """Return whether 16 bits hold the state of CW-LCS; a difference of samples takes W + 1, less the closing step."""
-    return config.sample_bits - _log2(config.closing_step) <= 15 and config.window_period <= np.iinfo(np.int16).max
-
-
-def _leaky(config: ReadoutConfig) -> kernels.LeakyRule:
-    leak = (_phases(config), config.leak_period, config.leak_shift, config.fraction_bits)
-    return kernels.LeakyRule(*leak, _log2(config.step) + config.fraction_bits, _largest_count(config))
-
-
-def _log2(power_of_two: int) -> int:
-    return power_of_two.bit_length() - 1
-
-
-def _largest_count(config: ReadoutConfig) -> int:
-    """Return the largest number of events of one tick: all decisions, or the steps of the whole range."""
-    return min(decisions_per_tick(config), 1 << (config.resolution + 2))
-
-
 def _count_dtype(config: ReadoutConfig) -> type[np.signedinteger[Any]]:
-    return np.int16 if _largest_count(config) <= np.iinfo(np.int16).max else np.int32
+    return np.int16 if config.most_events_per_tick <= np.iinfo(np.int16).max else np.int32
 
 
 def _check_samples(config: ReadoutConfig, samples: Samples) -> NDArray[Any]:
@@ -404,7 +302,7 @@ def _check_samples(config: ReadoutConfig, samples: Samples) -> NDArray[Any]:
         raise InputError(f"samples must have the shape (ticks, taxels), not {samples.shape}")
     if samples.dtype.kind not in "iu":
         raise InputError(f"samples must be integer codes, not {samples.dtype}; quantise them first")
-    if config.encoding == "nlcs" and samples.shape[1] != config.taxels:
+    if config.encoder.leaks and samples.shape[1] != config.taxels:
         raise InputError(
             f"samples must have one column for each of the {config.taxels} taxels, not {samples.shape[1]}, "
             f"since every row leaks at its own phase"
@@ -430,10 +328,10 @@ def _check_counts(config: ReadoutConfig, counts: Counts, late: Flags | None, nee
         raise InputError(
             f"counts must be signed integers of shape (ticks, taxels), not {counts.dtype} of {counts.shape}"
         )
-    if config.encoding == "nlcs" and counts.shape[1] != config.taxels:
+    if config.encoder.leaks and counts.shape[1] != config.taxels:
         raise InputError(f"counts must have one column for each of the {config.taxels} taxels, not {counts.shape[1]}")
     if late is None:
-        if needed and decisions_per_tick(config) > 1:
+        if needed and config.decisions_per_tick > 1:
             raise InputError(
                 f"late must be given for {config.encoding} deciding more than once per sample; "
                 "encode_timed returns it with the counts"

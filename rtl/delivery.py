@@ -10,11 +10,11 @@ from typing import Any
 from amaranth.hdl import Shape
 from amaranth.lib import wiring
 
+from base.files import atomic_write
 from model import __version__
 from model.classifier.chip_config import ChipConfig
 from model.classifier.config import ClassifierConfig
 from model.config import ReadoutConfig
-from model.files import atomic_write
 from model.frame_config import FrameConfig
 from model.registers.description import NAME
 from model.registers.export import c_header, page
@@ -101,7 +101,7 @@ def _fields(config: ReadoutConfig) -> dict[str, Any]:
     """Return what the meanings of a readout's ports name in braces."""
     half_width = "half_width" if config.closes else str(config.step) if config.registers == "none" else "step_code"
     return config.to_dict() | {
-        "above": f"x >= reference_code + {half_width + (' + 1' if config.encoding == 'nlcs' else '')}",
+        "above": f"x >= reference_code + {half_width + (' + 1' if config.encoder.strict else '')}",
         "below": f"x < reference_code - {half_width}",
         "half_width_bits": config.half_width_bits,
     }

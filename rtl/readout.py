@@ -53,7 +53,7 @@ class Readout(Block[ReadoutConfig]):
         for name in row.per_taxel:
             flow = In if row.signature.members[name].flow is In else Out
             ports[name] = flow(unsigned(config.rows * len(getattr(row, name))))
-        ports |= event_ports(config, Out) if config.link == "stream" else aer_ports(config)
+        ports |= config.chosen("link", stream=event_ports(config, Out), four_phase=aer_ports(config))
         if config.registers == "spi":
             ports |= PINS | ({"step_code": Out(config.half_width_bits)} if _shows_step(config) else {})
         super().__init__(config, ports)
@@ -71,9 +71,9 @@ class Readout(Block[ReadoutConfig]):
             tick = Signal()
             m.d.sync += tick.eq(self.sample_valid)
             stirs += [self.sample_valid, tick]
-        if host is not None and config.encoding == "nlcs":
+        if host is not None and config.encoder.leaks:
             stirs.append(host.decay_restart)
-        if config.encoding == "nlcs":
+        if config.encoder.leaks:
             row_decay = self._row_decay(m, tick, host, platform)
 
         for index in range(config.rows):
@@ -87,7 +87,7 @@ class Readout(Block[ReadoutConfig]):
             _request(m, arbiter, row, host, index)
             if "tick" in row.signature.members:
                 m.d.comb += row.tick.eq(tick)
-            if config.encoding == "nlcs":
+            if config.encoder.leaks:
                 m.d.comb += row.decay.eq(row_decay[index])
             if config.frontend == "digital":
                 m.d.comb += row.sample_valid.eq(self.sample_valid)

@@ -1,8 +1,8 @@
-"""The taxel: comparator, reference and one pending request, for the three encoders."""
+"""The taxel: one pending request, and what its encoder adds, reference and comparators."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any
 
 from amaranth.hdl import Cat, Const, Module, Mux, Signal, signed, unsigned
@@ -10,38 +10,9 @@ from amaranth.lib.wiring import In, Out
 
 from model.config import ReadoutConfig
 from rtl.block import Block
+from rtl.encoders.encoder import Own
+from rtl.encoders.registry import named
 from rtl.logic import or_tree
-from rtl.window import ClosingWindow
-
-
-@dataclass(frozen=True)
-class Own:
-    """Signals that the parts of a taxel share.
-
-    Attributes
-    ----------
-    pending : Signal
-        Register: a request waits.
-    enabled : Signal
-        Register: the mask of the clock before, so that a masked taxel is reset once and then stands still; where the
-        taxel ``sleeps``, it also has taken a sample since.
-    on, off : Signal
-        A free taxel steps up, or down, in this clock; where both are high, up.
-    asks : Signal
-        An enabled taxel, if it is free, raises a request in this clock.
-    moves : Signal
-        Enable of request, polarity and reference.
-    closing : Signal
-        The window may close in this clock.
-    """
-
-    pending: Signal
-    enabled: Signal
-    on: Signal
-    off: Signal
-    asks: Signal
-    moves: Signal
-    closing: Signal
 
 
 def settings(config: ReadoutConfig) -> dict[str, Any]:
@@ -49,7 +20,7 @@ def settings(config: ReadoutConfig) -> dict[str, Any]:
     if config.registers == "none":
         return {}
     ports = {"step": In(config.resolution)}
-    if config.encoding == "nlcs":
+    if config.encoder.leaks:
         ports["leak_shift"] = In(config.leak_shift.bit_length())
     if config.closes:
         ports["window_period"] = In(config.window_period.bit_length())
@@ -71,12 +42,12 @@ class Taxel(Block[ReadoutConfig]):
     tick : In(1)
         Sample tick, the clock after ``sample_valid``; only where the taxel itself needs it.
     decay : In(1)
-        Leak in this clock (N-LCS).
+        Leak in this clock, where the encoder leaks.
     sample, sample_valid : In(W), In(1)
         The newest code (digital front end).
     above, below : In(1)
-        Decisions of the comparator macros (analog front end): x >= reference + h, x < reference - h, for N-LCS
-        x >= reference + D + 1; ``below`` only with polarity.
+        Decisions of the comparator macros (analog front end): x >= reference + h, x < reference - h, for an
+        encoder that is strict x >= reference + D + 1; ``below`` only with polarity.
     reference_code : Out(W)
         Signed, in sample codes, a register (analog front end).
     half_width : Out(half_width_bits)
@@ -96,13 +67,13 @@ class Taxel(Block[ReadoutConfig]):
     module_name = "eskin_taxel"
 
     def __init__(self, config: ReadoutConfig) -> None:
-        digital, bipolar = config.frontend == "digital", config.has_polarity
+        digital, bipolar = config.chosen("frontend", digital=True, analog=False), config.has_polarity
         super().__init__(
             config,
             {
                 "enable": In(1),
                 "tick": In(1) if config.closes or config.decide_every == "sample" else None,
-                "decay": In(1) if config.encoding == "nlcs" else None,
+                "decay": In(1) if config.encoder.leaks else None,
                 "sample": In(signed(config.sample_bits)) if digital else None,
                 "sample_valid": In(1) if digital else None,
                 "above": None if digital else In(1),
@@ -118,21 +89,21 @@ class Taxel(Block[ReadoutConfig]):
         )
 
     def elaborate(self, platform: Any) -> Module:
-        # Everything is done in units of the encoder's grid (D for LCS, the closing step for CW-LCS, one code for
-        # N-LCS): the reference stands on it, so lower bits of a sample cannot change a decision.
+        # All is in units of the grid of the encoder: the reference stands on it, so lower bits of a sample cannot
+        # change a decision.
         # Few enables, so that few gates stop the clock: ``moves`` serves request, polarity and reference. Where it is
         # high an enabled taxel is free, so what they become does not wait for the grant.
         m = Module()
         config = self.config
         own = Own(*(Signal(name=field.name) for field in fields(Own)))
-        above, below = self._leaky(m, own) if config.encoding == "nlcs" else self._level(m, own, platform)
+        above, below = named(config.encoding).build(m, self, own, platform)
         decide = self.tick if config.decide_every == "sample" else Const(1)
         switched = Signal()
         m.d.comb += switched.eq(self.enable ^ own.enabled)
         if self.sleeps:
             decide &= own.enabled
             m.d.comb += switched.eq(Mux(own.enabled, ~self.enable, self.enable & self.sample_valid))
-        leaks = own.enabled & self.decay if config.encoding == "nlcs" else Const(0)
+        leaks = own.enabled & self.decay if config.encoder.leaks else Const(0)
         m.d.comb += [
             self.request.eq(own.pending & self.enable),
             own.on.eq(decide & above),
@@ -158,106 +129,6 @@ class Taxel(Block[ReadoutConfig]):
         """
         config = self.config
         return config.frontend == "digital" and config.reference_reset == 0 and not config.closes
-
-    def _leaky(self, m: Module, own: Own) -> tuple[Any, Any]:
-        """Add the reference of N-LCS; return whether a step up is due, and one down, which never is."""
-        config = self.config
-        fraction, shift = config.fraction_bits, config.leak_shift
-        charge = Signal(config.sample_bits - 1 + fraction, init=config.reference_reset << fraction)
-        reference = Signal(config.sample_bits - 1)
-        m.d.comb += reference.eq(charge[fraction:])
-        step: Any = config.step
-        # (u + 2**(k-1)) >> k without the adder: rounding up adds the highest bit that is shifted out.
-        rounded = charge[shift:] + charge[shift - 1 : shift]
-        fits = ~reference[config.step.bit_length() - 1 :].all()
-        if config.registers != "none":
-            step = self.step << (config.step - 1).bit_length()
-            shifted = Cat(Const(0, 1), charge) >> self.leak_shift
-            rounded = shifted[1:] + shifted[:1]
-            fits = ~(reference | (step - 1)[: len(reference)]).all()
-        rise = Mux(own.on, step << fraction, 0)
-        share = Signal(len(rounded))
-        m.d.comb += share.eq(rounded)
-        leak = Mux(self.decay, share, 0)
-        with m.If(own.moves):
-            m.d.sync += charge.eq(Mux(self.enable, (charge + rise - leak)[: len(charge)], charge.init))
-        above, below = self._compare(m, own, reference, step)
-        return above & fits, below
-
-    def _level(self, m: Module, own: Own, platform: Any) -> tuple[Any, Any]:
-        """Add the reference of LCS and the window of CW-LCS; return whether a step up is due, and one down.
-
-        A digital sample never asks for a step that would leave the scale (``model.taxel``).
-        """
-        config = self.config
-        shape = signed(config.sample_bits - (config.grid - 1).bit_length())
-        reference = Signal(shape, init=config.reference_reset // config.grid)
-        half_width: Any = 1 if config.registers == "none" else self.step
-        if config.closes:
-            window = ClosingWindow(config)
-            window.place(m, "window", platform)
-            free = ~own.pending | self.granted
-            m.d.comb += [
-                window.open.eq((free & own.asks) | (own.enabled & ~self.enable)),
-                window.tick.eq(free & self.enable & self.tick),
-                own.closing.eq(self.tick & ~window.closed),
-            ]
-            half_width = window.half_width
-            if config.registers != "none":
-                m.d.comb += window.period.eq(self.window_period)
-                half_width = or_tree(
-                    [(half_width & on.replicate(len(half_width))) << s for s, on in enumerate(self.step)]
-                )
-        fall = Signal(signed(half_width.bit_length() + 1 if isinstance(half_width, int) else len(half_width) + 1))
-        m.d.comb += fall.eq(-half_width)
-        above, below = self._compare(m, own, reference, half_width)
-
-        moved = Signal(signed(len(reference) + (config.frontend == "analog")))
-        if config.frontend == "digital":
-            turns: Any = own.moves
-            step = Mux(own.on, half_width, Mux(own.off, fall, 0))
-        else:
-            # A step off the scale is not made. Where both fire, reference and polarity follow above.
-            turns = own.moves & (own.asks | ~self.enable)
-            step = Mux(self.above, half_width, fall)
-            fits = Signal()
-            m.d.comb += fits.eq(moved[-1] == moved[-2])
-            above, below = above & fits, below & fits
-        m.d.comb += moved.eq((reference + step)[: len(moved)])
-        with m.If(turns):
-            m.d.sync += reference.eq(Mux(self.enable, moved[: len(reference)], reference.init))
-        return above, below
-
-    def _compare(self, m: Module, own: Own, reference: Signal, half_width: Any) -> tuple[Any, Any]:
-        """Add the sample and its comparators, or the reference of the analog ones; return what they say."""
-        config = self.config
-        low_bits = (config.grid - 1).bit_length()
-        if config.frontend == "analog":
-            m.d.comb += self.reference_code.eq(reference << low_bits)
-            if config.closes:
-                m.d.comb += self.half_width.eq(half_width << low_bits)
-            return self.above, self.below if config.has_polarity else Const(0)
-
-        sample = Signal(signed(config.sample_bits - low_bits), name="newest")
-        newest: Any = self.sample[low_bits:].as_signed()
-        if not config.has_polarity:  # a sample below zero never asks: it counts as zero
-            sample = Signal(config.sample_bits - 1, name="newest")
-            newest = Mux(self.sample[-1], 0, self.sample[:-1])
-        takes = self.enable & self.sample_valid
-        if not self.sleeps:
-            takes |= ~self.enable & own.enabled
-            newest = Mux(self.enable, newest, 0)
-        with m.If(takes):
-            m.d.sync += sample.eq(newest)
-        difference = Signal(signed(len(sample) + 1))
-        m.d.comb += difference.eq(sample - reference)
-        above = Signal()
-        if not config.has_polarity:
-            m.d.comb += above.eq(difference > half_width)
-            return above, Const(0)
-        below = Signal()
-        m.d.comb += [above.eq(difference >= half_width), below.eq(difference < -half_width)]
-        return above, below
 
 
 class Row(Block[ReadoutConfig]):

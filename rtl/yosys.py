@@ -63,7 +63,8 @@ def run_for(
         if done.returncode:
             log = folder / "yosys.log"
             said = log.read_text(errors="replace") if log.exists() else done.stderr
-            raise YosysError(reason_of(said) or f"exit code {done.returncode}, {done.stderr.strip() or 'no word'}")
+            last = (done.stderr.strip().splitlines() or ["no word"])[-1].strip()
+            raise YosysError(reason_of(said) or f"exit code {done.returncode}, {last}")
         return {result: (folder / result).read_text(errors="replace") for result in results}
 
 

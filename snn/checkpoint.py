@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 import torch
 
-from model.errors import InputError
-from model.files import atomic_write
+from base.errors import InputError
+from base.files import atomic_write
 from snn.data.scans import ScanData, Split
 from snn.network_config import NetworkConfig
 from snn.training import Epoch, TrainConfig, Training

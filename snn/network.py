@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from model.errors import InputError
+from base.errors import InputError
 from snn.kernels.layer import Backend, layer
 from snn.network_config import BaselineConfig, NetworkConfig
 from snn.rounding import rounded_weights

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
-from model.errors import InputError
+from base.errors import InputError
 from snn.flat import flatten, hints_of, refuse_unknown, unflatten
 from snn.kernels.rule import NeuronRule
 
@@ -36,7 +36,7 @@ class SpikingConfig:
     readout : "spikes" or "membrane"
         The outputs fire and their spikes are added up; or their membranes do not fire and are averaged over time.
     weight_bits : int
-        Where not 0, the network computes with weights rounded to so many bits, as ``python -m snn quantise`` does
+        Where not 0, the network computes with weights rounded to so many bits, as ``eskin quantise`` does
         it, and learns through the rounding (straight-through).
     rate_weight, rate_limit : float
         Penalty: weight times the mean over hidden neurons of the square by which their mean spikes per step

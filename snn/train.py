@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from torch import nn
 from torch.nn import functional
 
-from model.errors import InputError
+from base.errors import InputError
 from snn.adam import Adam
 from snn.calibration import calibrate
 from snn.checkpoint import Checkpoint, fingerprint, load_checkpoint, save_checkpoint

@@ -8,7 +8,7 @@ from typing import Any
 
 from torch import nn
 
-from model.errors import InputError
+from base.errors import InputError
 from snn.adam import Adam
 from snn.data.augment import AugmentConfig
 from snn.flat import flatten, hints_of, refuse_unknown, unflatten

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from model.__main__ import app
-from model.cli.app import run
+from app.__main__ import app
+from app.cli import run
 
 # Tests run side by side, one process a core: threads of theirs would wait for each other, at twice the time in all.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -38,11 +38,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def call(folder: Path, capsys: pytest.CaptureFixture[str]) -> Callable[[str], tuple[int, str, str]]:
-    """Return a function that runs ``python -m model`` in the folder: exit code, standard output and error."""
+    """Return a function that runs ``eskin`` in the folder: exit code, standard output and error."""
 
     def call(line: str) -> tuple[int, str, str]:
         with pytest.raises(SystemExit) as left:
-            run(app, "python -m model", line.split())
+            run(app, "eskin", line.split())
         assert isinstance(left.value.code, int)
         return left.value.code, *capsys.readouterr()
 

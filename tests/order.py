@@ -7,16 +7,16 @@ from collections.abc import Sequence
 from tests.quick import fits
 
 LONG = (
-    "tests/flow/test_coverage.py::test_a_dead_line",
+    "tests/verify/test_coverage.py::test_a_dead_line",
     "tests/docs/test_tutorial.py::test_the_page_shows",
-    "cocotb_tests/test_board.py::test_a_recording",
+    "tests/board/test_gateware.py::test_a_recording",
     "tests/test_wheel.py::test_commands_work_elsewhere",
     "tests/docs/test_site.py::test_the_site",
     "tests/snn/test_train.py::test_a_killed_command",
     "tests/snn/test_sweep.py::test_a_sweep_outlives",
-    "cocotb_tests/test_commands.py::test_replay",
-    "tests/flow/test_coverage.py::test_small_runs",
-    "cocotb_tests/test_board.py::test_a_foreign_chip",
+    "tests/app/test_simulate.py::test_replay",
+    "tests/verify/test_coverage.py::test_small_runs",
+    "tests/board/test_gateware.py::test_a_foreign_chip",
     "cocotb_tests/test_readout.py::test_verilator_sees_the_same",
     "cocotb_tests/test_readout.py::test_rtl_equals_model_in_every_encoding[cw-lcs-12x16",
     "cocotb_tests/test_readout.py::test_rtl_equals_model_in_every_encoding[nlcs-12x16",

@@ -16,7 +16,6 @@ BLOCKS = {
     "decay": "cocotb_tests/test_decay.py::test_decay_ticks_are_those_of_the_rule[3-rows-5",
     "delivery": "cocotb_tests/test_verilog.py::test_port_list_is_that_of_the_module",
     "frame": "cocotb_tests/test_frame.py::test_rtl_equals_the_model_in_every_clock[icarus-1x4-6b",
-    "gates": "tests/rtl/test_gates.py::test_analog_front_end_saves_the_samples",
     "link": "cocotb_tests/test_link.py::test_link_keeps_the_protocol_and_equals_its_reference[icarus-3x5",
     "logic": "tests/rtl/test_logic.py::test_networks_compute_what_they_say",
     "readout": "cocotb_tests/test_readout.py::test_rtl_equals_model_in_every_encoding[lcs-3x5-6b",
@@ -28,60 +27,59 @@ BLOCKS = {
 """A test for each file of rtl/, by its name."""
 
 COMMANDS = {
-    "model encode": "tests/commands/test_encode.py::test_encodes_floats_in_full_scale",
-    "model decode": "tests/commands/test_decode.py::test_all_signal_files_hold_the_same",
-    "model compare": "tests/model/test_compare.py::test_different_files",
-    "model rates": "tests/model/test_rates.py::test_table_names_the_rate_and_follows_options",
-    "model event-rates": "tests/commands/test_power.py::test_event_rates_writes_a_file_that_power_reads",
-    "model power": "tests/commands/test_power.py::test_power_prints_the_breakdown_as_json",
-    "model fig6": "tests/commands/test_power.py::test_fig6_data_are_the_model",
-    "model fig7": "tests/commands/test_power.py::test_fig7_data_are_the_model",
-    "model sensitivity": "tests/commands/test_power.py::test_sensitivity_has_every_correction_alone_and_left_out",
-    "model explore": "tests/commands/test_power.py::test_explore_names_the_cheapest",
-    "model frames": "tests/model/test_frame.py::test_frames_prints_a_line_for_each_readout",
-    "model study": "tests/model/test_study.py::test_the_command_writes_data_first_and_then_the_picture",
-    "model report": "tests/model/test_report.py::test_text_from_files_cannot_leave_its_place",
-    "model play": "tests/model/test_board.py::test_no_board_is_one_sentence",  # a run takes a simulation
-    "model listen": "tests/model/test_board.py::test_listening_asks_and_ends",
-    "model load": "tests/model/test_board.py::test_another_bitstream_is_refused",
-    "model rescue": "tests/model/test_board.py::test_what_a_killed_recording_left_becomes_a_recording",
-    "flow fpga": "tests/flow/test_fpga.py::test_mistakes_are_one_sentence",  # place and route takes a minute
-    "rtl verilog": "cocotb_tests/test_frame_verilog.py::test_command_writes_the_text_of_the_library",
-    "rtl gates": "tests/rtl/test_gates.py::test_command_compares_the_readouts_of_one_array",
-    "flow properties": "tests/flow/test_bind.py::test_the_command_writes_what_goes_with_the_verilog",
-    "flow mutants": "tests/flow/test_campaign.py::test_every_edit_is_another_program",  # a campaign takes seconds
-    "flow model-mutants": "tests/flow/test_model_mutants.py::test_a_stopped_campaign_goes_on_and_the_file_is_as_before",
-    "flow crosscheck": "tests/flow/test_cross.py::test_slang_takes_what_is_delivered",  # compiling takes seconds
-    "flow crossproof": "tests/flow/test_crossproof.py::test_both_find_the_same_first_clocks_of_a_block_and_of_a_bug",
-    "flow asic": "tests/flow/test_asic_report.py::test_bad_input_is_one_sentence",  # runs take ten seconds and more
-    "flow asic-scale": "tests/flow/test_scale.py::test_what_is_no_size_is_one_sentence",  # an array takes longer
-    "flow layout": "tests/flow/test_layout.py::test_blif_and_spice",  # a layout takes half a minute
-    "flow gatesim": "tests/flow/test_gates.py::test_cells_that_are_missing_or_say_nothing",
-    "flow power": "tests/flow/test_power.py::test_a_net_that_is_missing_or_unknown",
-    "flow faults": "tests/flow/test_faults.py::test_what_goes_beyond_what_is_stated_is_a_problem",
-    "flow coverage": "tests/flow/test_coverage.py::test_a_waiver_that_explains_nothing_is_refused",  # builds take long
-    "flow formal": "tests/flow/test_formal.py::test_the_command_ends_with_its_one_line",
-    "cocotb_tests sim": "cocotb_tests/test_commands.py::test_sim_ends_with_its_one_line",
-    "cocotb_tests soak": "cocotb_tests/test_soak.py::test_mistakes_are_one_sentence",
-    "cocotb_tests touch": "cocotb_tests/test_touch.py::test_mistakes_are_one_sentence",  # a run takes half a minute
-    "cocotb_tests replay": "cocotb_tests/test_commands.py::test_replay_finds_a_dataset_by_a_relative_place",
-    "snn train": "tests/snn/test_hostile.py::test_train_names_the_data_it_used",
-    "snn crossval": "tests/snn/test_train.py::test_crossval_prints_both_readings",
-    "snn robustness": "tests/snn/test_robustness.py::test_cells_are_kept_resumed_and_paired",
-    "snn noise-power": "tests/snn/test_studies.py::test_power_is_that_of_the_model_at_these_rates",
-    "snn merits": "tests/snn/test_studies.py::test_events_know_times_to_a_sample_and_frames_to_a_period",
-    "snn precision": "tests/snn/test_precision.py::test_variants_are_read_as_they_are_written",
-    "snn sweep": "tests/snn/test_sweep.py::test_bad_options_get_one_sentence",  # pair runs a real one
-    "snn pair": "tests/snn/test_pairs.py::test_a_sweep_keeps_every_prediction",
-    "snn predict": "tests/snn/test_predict.py::test_an_intact_replay_passes",
-    "snn fig8": "tests/snn/test_figures.py::test_fig8_shows_the_first_test_image_and_its_logits",
-    "snn fig9": "tests/snn/test_figures.py::test_what_is_drawn_is_what_the_sweeps_say",
-    "snn export": "tests/snn/test_nir_network.py::test_networks_go_out_and_come_back",
-    "snn import": "tests/snn/test_nir_network.py::test_networks_go_out_and_come_back",
-    "snn convert": "tests/snn/test_nir_events.py::test_events_go_out_and_come_back",
-    "snn quantise": "tests/snn/test_integer.py::test_the_command_writes_the_network_and_its_images",
-    "snn counts": "tests/snn/test_counts.py::test_the_command_writes_what_it_prints",
-    "snn cache": "tests/snn/test_cache.py::test_the_command_shows_and_clears",
+    "encode": "tests/app/test_encode.py::test_encodes_floats_in_full_scale",
+    "decode": "tests/app/test_decode.py::test_all_signal_files_hold_the_same",
+    "compare": "tests/model/test_compare.py::test_different_files",
+    "rates": "tests/skin/test_rates.py::test_table_names_the_rate_and_follows_options",
+    "event-rates": "tests/app/test_power.py::test_event_rates_writes_a_file_that_power_reads",
+    "power": "tests/app/test_power.py::test_power_prints_the_breakdown_as_json",
+    "fig6": "tests/app/test_power.py::test_fig6_data_are_the_model",
+    "fig7": "tests/app/test_power.py::test_fig7_data_are_the_model",
+    "sensitivity": "tests/app/test_power.py::test_sensitivity_has_every_correction_alone_and_left_out",
+    "explore": "tests/app/test_power.py::test_explore_names_the_cheapest",
+    "frames": "tests/model/test_frame.py::test_frames_prints_a_line_for_each_readout",
+    "study": "tests/skin/test_study.py::test_the_command_writes_data_first_and_then_the_picture",
+    "report": "tests/app/test_report.py::test_text_from_files_cannot_leave_its_place",
+    "play": "tests/board/test_host.py::test_no_board_is_one_sentence",  # a run takes a simulation
+    "listen": "tests/board/test_host.py::test_listening_asks_and_ends",
+    "load": "tests/board/test_host.py::test_another_bitstream_is_refused",
+    "rescue": "tests/board/test_host.py::test_what_a_killed_recording_left_becomes_a_recording",
+    "fpga": "tests/board/test_bitstream.py::test_mistakes_are_one_sentence",  # place and route takes a minute
+    "verilog": "cocotb_tests/test_frame_verilog.py::test_command_writes_the_text_of_the_library",
+    "gates": "tests/flow/test_gate_count.py::test_command_compares_the_readouts_of_one_array",
+    "properties": "tests/verify/test_bind.py::test_the_command_writes_what_goes_with_the_verilog",
+    "mutants": "tests/verify/test_campaign.py::test_every_edit_is_another_program",  # a campaign takes seconds
+    "crosscheck": "tests/verify/test_crosscheck.py::test_slang_takes_what_is_delivered",  # compiling takes seconds
+    "crossproof": "tests/verify/test_crossproof.py::test_both_find_the_same_first_clocks_of_a_block_and_of_mutants",
+    "asic": "tests/flow/test_asic_report.py::test_bad_input_is_one_sentence",  # runs take ten seconds and more
+    "asic-scale": "tests/flow/test_scale.py::test_what_is_no_size_is_one_sentence",  # an array takes longer
+    "layout": "tests/flow/test_layout.py::test_blif_and_spice",  # a layout takes half a minute
+    "gatesim": "tests/flow/test_gates.py::test_cells_that_are_missing_or_say_nothing",
+    "gatepower": "tests/flow/test_power.py::test_a_net_that_is_missing_or_unknown",
+    "faults": "tests/verify/test_faults.py::test_what_goes_beyond_what_is_stated_is_a_problem",
+    "coverage": "tests/verify/test_coverage.py::test_a_waiver_that_explains_nothing_is_refused",  # builds take long
+    "formal": "tests/verify/test_proofs.py::test_the_command_ends_with_its_one_line",
+    "sim": "tests/app/test_simulate.py::test_sim_ends_with_its_one_line",
+    "soak": "tests/verify/test_soak.py::test_mistakes_are_one_sentence",
+    "touch": "cocotb_tests/test_touch.py::test_mistakes_are_one_sentence",  # a run takes half a minute
+    "replay": "tests/app/test_simulate.py::test_replay_finds_a_dataset_by_a_relative_place",
+    "train": "tests/snn/test_hostile.py::test_train_names_the_data_it_used",
+    "crossval": "tests/snn/test_train.py::test_crossval_prints_both_readings",
+    "robustness": "tests/snn/test_robustness.py::test_cells_are_kept_resumed_and_paired",
+    "noise-power": "tests/snn/test_studies.py::test_power_is_that_of_the_model_at_these_rates",
+    "merits": "tests/snn/test_studies.py::test_events_know_times_to_a_sample_and_frames_to_a_period",
+    "precision": "tests/snn/test_precision.py::test_variants_are_read_as_they_are_written",
+    "sweep": "tests/snn/test_sweep.py::test_bad_options_get_one_sentence",  # pair runs a real one
+    "pair": "tests/snn/test_pairs.py::test_a_sweep_keeps_every_prediction",
+    "predict": "tests/snn/test_predict.py::test_an_intact_replay_passes",
+    "fig8": "tests/snn/test_figures.py::test_fig8_shows_the_first_test_image_and_its_logits",
+    "fig9": "tests/snn/test_figures.py::test_what_is_drawn_is_what_the_sweeps_say",
+    "export": "tests/snn/test_nir_network.py::test_networks_go_out_and_come_back",
+    "import": "tests/snn/test_nir_network.py::test_networks_go_out_and_come_back",
+    "convert": "tests/snn/test_nir_events.py::test_events_go_out_and_come_back",
+    "quantise": "tests/snn/test_integer.py::test_the_command_writes_the_network_and_its_images",
+    "counts": "tests/snn/test_counts.py::test_the_command_writes_what_it_prints",
+    "cache": "tests/snn/test_cache.py::test_the_command_shows_and_clears",
 }
 """A test for each command of the packages."""
 
@@ -106,8 +104,8 @@ OTHERS = {
     "merge": "cocotb_tests/test_merge.py::test_merge_keeps_its_contract_and_equals_its_models[icarus-3",
     "relay": "cocotb_tests/test_relay.py::test_relay_keeps_its_contract_and_equals_its_model[icarus-5b",
     "tiles": "cocotb_tests/test_tiles.py::test_a_skin_equals_its_model[icarus-4-nlcs",
-    "make": "tests/commands/test_make.py::test_make_refuses_a_wrong_variable",
-    "errors": "tests/commands/test_app.py::test_every_mistake_is_one_sentence",
+    "make": "tests/app/test_make.py::test_make_refuses_a_wrong_variable",
+    "errors": "tests/app/test_app.py::test_every_mistake_is_one_sentence",
     "network": "tests/snn/test_network.py::test_a_neuron_by_hand",
     "kernel": "tests/snn/test_network.py::test_kernel_equals_plain_autograd",
     "quick": "tests/test_quick.py",
@@ -123,5 +121,7 @@ def fits(node: str, entry: str) -> bool:
 
 def chosen(nodes: list[str]) -> set[str]:
     """Return those of some tests that are quick: of a block or a command the first case that fits its entry."""
-    firsts = {next((node for node in nodes if fits(node, entry)), "") for entry in (BLOCKS | COMMANDS).values()}
+    firsts = {
+        next((node for node in nodes if fits(node, entry)), "") for entry in [*BLOCKS.values(), *COMMANDS.values()]
+    }
     return (firsts - {""}) | {node for node in nodes for entry in OTHERS.values() if fits(node, entry)}

@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from tests.quick import COMMANDS
+from tests.test_layers import ROOMS
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("model", "rtl", "flow", "snn", "cocotb_tests")
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the folder into which the wheel of the project was unpacked."""
     folder = tmp_path_factory.mktemp("wheel")
     sources = folder / "sources"
-    for name in PACKAGES:
+    for name in ROOMS:
         shutil.copytree(ROOT / name, sources / name, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, sources / name)
@@ -52,22 +52,21 @@ def files(folder: Path) -> set[str]:
 
 
 def test_every_file_of_the_packages_is_in_the_wheel(installed: Path) -> None:
-    wanted = {f"{name}/{path}" for name in PACKAGES for path in files(ROOT / name)}
-    assert {path for path in wanted if path.endswith((".json", ".html", ".css", ".js", ".v", ".cpp"))}
+    wanted = {f"{name}/{path}" for name in ROOMS for path in files(ROOT / name)}
+    assert {path for path in wanted if path.endswith((".json", ".html", ".v", ".cpp"))}
     assert wanted <= files(installed)
 
 
 def test_every_command_shows_its_help_elsewhere(installed: Path, tmp_path: Path) -> None:
     program = (
-        "import importlib, io, json, sys; from contextlib import redirect_stdout; from model.cli.app import run\n"
+        "import io, json, sys; from contextlib import redirect_stdout\n"
+        "from app import __main__ as program; from app.cli import run\n"
         "found = {}\n"
-        "for words in json.loads(sys.argv[1]):\n"
-        "    package, name = words.split()\n"
-        "    module = importlib.import_module(package + '.__main__')\n"
+        "for name in json.loads(sys.argv[1]):\n"
         "    text = io.StringIO()\n"
         "    try:\n"
-        "        with redirect_stdout(text): run(module.app, package, [name, '--help'])\n"
-        "    except SystemExit as left: found[words] = [left.code, module.__file__, text.getvalue()]\n"
+        "        with redirect_stdout(text): run(program.app, 'eskin', [name, '--help'])\n"
+        "    except SystemExit as left: found[name] = [left.code, program.__file__, text.getvalue()]\n"
         "print(json.dumps(found))"
     )
     found = json.loads(run(installed, tmp_path, "-c", program, json.dumps(sorted(COMMANDS))))
@@ -75,19 +74,19 @@ def test_every_command_shows_its_help_elsewhere(installed: Path, tmp_path: Path)
     for words, (code, file, text) in found.items():
         assert code == 0
         assert file.startswith(str(installed))
-        assert text.startswith(f"Usage: {words} ")
+        assert text.startswith(f"Usage: eskin {words} ")
 
 
 def test_commands_work_elsewhere_and_write_nothing_beside_the_sources(installed: Path, tmp_path: Path) -> None:
     before = files(installed)
-    assert json.loads(run(installed, tmp_path, "-m", "model", "power", "--mode", "consistent", "--json"))
-    run(installed, tmp_path, "-m", "rtl", "verilog", "--rows", "1", "--columns", "2", "-o", "chip")
-    run(installed, tmp_path, "-m", "model", "report")
+    assert json.loads(run(installed, tmp_path, "-m", "app", "power", "--mode", "consistent", "--json"))
+    run(installed, tmp_path, "-m", "app", "verilog", "--rows", "1", "--columns", "2", "-o", "chip")
+    run(installed, tmp_path, "-m", "app", "report")
     (tmp_path / "skin.csv").write_text("".join(f"0.{n % 9},0.1\n" for n in range(50)))
     encode = ["encode", "skin.csv", "--rows", "1", "--columns", "2", "--sample-rate", "1000", "-o", "out/skin.npz"]
-    run(installed, tmp_path, "-m", "model", *encode)
-    run(installed, tmp_path, "-m", "snn", "fig9")
-    run(installed, tmp_path, "-m", "snn", "convert", "out/skin.npz", "-o", "skin.nir")
+    run(installed, tmp_path, "-m", "app", *encode)
+    run(installed, tmp_path, "-m", "app", "fig9")
+    run(installed, tmp_path, "-m", "app", "convert", "out/skin.npz", "-o", "skin.nir")
     made = files(tmp_path)
     assert {"chip/eskin_readout.v", "out/report.html", "out/skin.npz", "skin.nir", "out/fig9.png"} <= made
     assert files(installed) == before
@@ -97,7 +96,7 @@ def test_commands_work_elsewhere_and_write_nothing_beside_the_sources(installed:
 def test_co_simulation_builds_in_the_current_folder(installed: Path, tmp_path: Path) -> None:
     before = files(installed)
     words = ["sim", "--rows", "1", "--columns", "2", "--encoding", "lcs", "--sim", "icarus", "--textures", "0"]
-    last = run(installed, tmp_path, "-m", "cocotb_tests", *words).splitlines()[-1]
+    last = run(installed, tmp_path, "-m", "app", *words).splitlines()[-1]
     assert last.startswith("bit-exact: 9 runs, ")
     assert (tmp_path / "build").is_dir()
     assert (tmp_path / "out" / "sim").is_dir()
@@ -106,6 +105,6 @@ def test_co_simulation_builds_in_the_current_folder(installed: Path, tmp_path: P
 
 def test_a_model_of_the_users_own_is_passed_over_with_safe_path(installed: Path, tmp_path: Path) -> None:
     """As docs/guide/install.md says: -P leaves the current folder out of the search."""
-    (tmp_path / "model.py").write_text("print('mine')")
-    assert run(installed, tmp_path, "-m", "model") == "mine\n"
-    assert run(installed, tmp_path, "-P", "-m", "model").startswith("Usage: python -m model ")
+    (tmp_path / "app.py").write_text("print('mine')")
+    assert run(installed, tmp_path, "-m", "app") == "mine\n"
+    assert run(installed, tmp_path, "-P", "-m", "app").startswith("Usage: eskin ")

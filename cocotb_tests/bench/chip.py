@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cocotb_tests.bench.readout import Bench, Mismatch
+from model.address_events import Events
 from model.classifier.chip import channels_of, clocks_of, events_of
 from model.classifier.chip_config import ChipConfig
 from model.classifier.config import ClassifierConfig
@@ -19,7 +20,6 @@ from model.classifier.file import neuron_image, weight_image
 from model.classifier.network import IntegerNetwork
 from model.classifier.run import ClassifierRun
 from model.classifier.run import simulate as simulate_classifier
-from model.events.address import Events
 
 if TYPE_CHECKING:  # importing it would compile the model in every simulator
     from model.readout import Stimulus

@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from base.errors import InputError
 from cocotb_tests.bench.stimuli import READY, ack_delays
 from model.config import ReadoutConfig
-from model.errors import InputError
+from model.encoders import registry
 from model.readout import ANALOG_RANGE, Stimulus
 
 MOST_TAXELS = 64
@@ -71,7 +72,7 @@ class Draw:
         sides = [1, 1, 2, 3, 4, 5, 7, 8, 16, 33]
         rows = self._drawn("rows", [side for side in sides if side <= self.most_taxels])
         columns = self._drawn("columns", [side for side in sides if rows * side <= max(rows, self.most_taxels)])
-        encoding = self._drawn("encoding", ["lcs", "cw-lcs", "nlcs"])
+        encoding = self._drawn("encoding", list(registry.NAMES))
         bits = self._drawn("sample_bits", [3, 4, 5, 6, 8, 12, 12, 16])
         fields = {
             "rows": rows,
@@ -90,11 +91,10 @@ class Draw:
             "reset": self._drawn("reset", ["sync", "async"]),
             "registers": self._drawn("registers", ["none", "none", "spi"]),
         }
-        if "registers" not in self.set and encoding == "nlcs" and fields["leak_period"] < rows:
+        if "registers" not in self.set and registry.named(encoding).leaks and fields["leak_period"] < rows:
             fields["registers"] = "none"  # they can stagger no leak that is shorter than the rows
         config = ReadoutConfig.from_dict(fields)
-        low = 0 if encoding == "nlcs" else -config.full_scale
-        levels = np.arange(low, config.full_scale, config.grid)
+        levels = np.arange(config.encoder.lowest(config), config.full_scale, config.grid)
         at_zero = np.zeros(len(levels), np.int64)
         return config.replace(reference_reset=self._drawn("reference_reset", np.concatenate([levels, at_zero])))
 

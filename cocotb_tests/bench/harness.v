@@ -29,6 +29,7 @@ module harness;
   parameter COLUMN_BITS = 3;
 
   parameter STEP = 16;
+  parameter BEYOND = 0;  // codes from reference + half-width to the threshold above
 
 `ifdef CHIP
   parameter CHANNEL_BITS = 7;
@@ -141,11 +142,9 @@ module harness;
 `else
       width = STEP;
 `endif
+      above[i] = seen(signal, 4 + i, above[i]) >= (code + width + BEYOND) * (1 << FRACTION_BITS);
 `ifdef POLARITY
-      above[i] = seen(signal, 4 + i, above[i]) >= (code + width) * (1 << FRACTION_BITS);
       below[i] = -seen(-signal, 4 + TAXELS + i, below[i]) < (code - width) * (1 << FRACTION_BITS);
-`else
-      above[i] = seen(signal, 4 + i, above[i]) >= (code + width + 1) * (1 << FRACTION_BITS);
 `endif
     end
   endtask

@@ -13,8 +13,8 @@ from cocotb.triggers import ValueChange
 from numpy.typing import NDArray
 
 from cocotb_tests.bench.analog import SIGNAL_BITS_MORE, Comparators, read_decisions, signal_of
+from model.address_events import EVENT_DTYPE, Events
 from model.config import ReadoutConfig
-from model.events.address import EVENT_DTYPE, Events
 from model.events.compare import Difference, first_difference
 
 if TYPE_CHECKING:  # importing it would compile the model in every simulator

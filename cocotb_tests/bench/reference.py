@@ -54,7 +54,7 @@ class TaxelReference:
 
     def __init__(self, config: ReadoutConfig) -> None:
         self.config = config
-        self.unit = 2**config.fraction_bits if config.encoding == "nlcs" else 1
+        self.unit = 2**config.fraction_bits if config.encoder.leaks else 1
         self.step = 2 ** (config.sample_bits - 2 - config.resolution)
         self.closing_step = max(self.step >> config.closing_shift, 1)
         self.reset()
@@ -80,14 +80,12 @@ class TaxelReference:
     @property
     def upper(self) -> int:
         """The smallest code that is ON."""
-        if self.config.encoding == "nlcs":
-            return self.reference // self.unit + self.step + 1
-        return self.reference + self.half_width
+        return self.reference // self.unit + self.half_width + self.config.encoder.strict
 
     @property
     def lower(self) -> int:
         """The smallest code that is not OFF."""
-        return self.reference - self.half_width
+        return self.reference // self.unit - self.half_width
 
     def on_scale(self, reference: int) -> bool:
         """Return whether a reference lies between the ends of the scale."""
@@ -96,10 +94,9 @@ class TaxelReference:
 
     def compare(self, x: int) -> tuple[bool, bool]:
         """Return whether a code is ON and whether it is OFF, by the inequalities of the specification."""
-        difference = x * self.unit - self.reference
-        if self.config.encoding == "nlcs":
-            return difference > self.step * self.unit, False
-        return difference >= self.half_width, difference < -self.half_width
+        difference, h = x - self.reference // self.unit, self.half_width
+        above = difference > h if self.config.encoder.strict else difference >= h
+        return above, self.config.has_polarity and difference < -h
 
     def comparators(self, x: int) -> tuple[bool, bool]:
         """Return what the analog comparators find: x >= upper, and x < lower where there is polarity."""
@@ -134,7 +131,7 @@ class TaxelReference:
         above, below = self.compare(self.sample) if decision is None else decision
         if not self.pending or granted:
             decides = tick or self.config.decide_every == "clock"
-            rise = self.step * self.unit if self.config.encoding == "nlcs" else self.half_width
+            rise = self.half_width * self.unit
             on = decides and above and self.on_scale(self.reference + rise)
             off = decides and below and not above and self.on_scale(self.reference - rise)
             self._move(on, off, tick, decay)
@@ -146,16 +143,17 @@ class TaxelReference:
 
     def _move(self, on: bool, off: bool, tick: bool, decay: bool) -> None:
         """Move reference and window by a decision."""
-        if self.config.encoding == "nlcs":
+        if self.config.encoder.leaks:
             divisor = 2**self.config.leak_shift
-            leak = (2 * self.reference + divisor) // (2 * divisor) if decay else 0  # rounded half up
-            self.reference += (self.step * self.unit if on else 0) - leak
+            inward = off if self.reference >= 0 else on  # a step towards zero takes the place of the leak
+            leak = (2 * self.reference + divisor) // (2 * divisor) if decay and not inward else 0  # rounded half up
+            self.reference += (on - off) * self.step * self.unit - leak
             return
         if on:
             self.reference += self.half_width
         elif off:
             self.reference -= self.half_width
-        if self.config.encoding == "cw-lcs":
+        if self.config.encoder.windowed:
             if on or off:
                 self.closed = self.quiet_ticks = 0
             elif tick:
@@ -354,7 +352,7 @@ class ReadoutReference:
         decisions : sequence of (bool, bool), rows * columns long, optional
             What the comparators find, above and below, where the signal does not tell (analog front end).
         """
-        four_phase = self.config.link == "four_phase"
+        four_phase = self.config.chosen("link", stream=False, four_phase=True)
         if four_phase:
             ready = self.link.ready
         requests = self.requests(enable)

@@ -7,10 +7,9 @@ import functools
 import numpy as np
 from numpy.typing import NDArray
 
-from model.board.material import large_enough
 from model.config import ReadoutConfig
-from model.textures.dataset import embedded_dataset
-from model.textures.physical import PhysicalScan
+from skin.textures.dataset import embedded_dataset
+from skin.textures.physical import PhysicalScan, large_enough
 
 
 @functools.lru_cache(maxsize=4)

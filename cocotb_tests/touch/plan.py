@@ -13,21 +13,21 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from base.errors import InputError
+from base.files import atomic_write, make_folder, read_arrays
+from base.workers.pool import WorkerPool, each
 from cocotb_tests.bench.textures import large_enough
-from cocotb_tests.session.material import Material, Own, Textures, chosen
-from cocotb_tests.session.part import until_it_lives, write_arrays
-from cocotb_tests.session.session import follow
-from cocotb_tests.session.simulator import Build, build, require_programs
+from cocotb_tests.runner.chunk import until_it_lives, write_arrays
+from cocotb_tests.runner.inputs import Material, Own, Textures, chosen
+from cocotb_tests.runner.process import follow
+from cocotb_tests.runner.simulator import Build, build, require_programs
 from cocotb_tests.touch.player import JOB, Job
 from model.classifier.chip_config import ChipConfig
 from model.classifier.file import IntegerWeights
 from model.config import ReadoutConfig
-from model.crew.crew import Crew, each
-from model.errors import InputError
-from model.files import atomic_write, make_folder, read_arrays
-from model.recordings.own import OwnReadout
-from model.textures.dataset import EMBEDDED, open_dataset
-from model.textures.presets import preset
+from skin.recordings.trained_on import OwnReadout
+from skin.textures.dataset import EMBEDDED, open_dataset
+from skin.textures.presets import preset
 
 SHIPPED = Path(__file__).parents[2] / "model" / "classifier" / "networks"
 """Networks that come with the project: a folder for each dataset, a file for each fold."""
@@ -186,7 +186,7 @@ def plan(weights: Path | None, data: Path | None, dataset: str, limit: int | Non
         material: Material = Textures(textures, dataset, kind)
     else:
         if weights is None:
-            raise InputError("--data needs --weights, from python -m snn quantise")
+            raise InputError("--data needs --weights, from eskin quantise")
         networks = _load(weights)
         material = _own(networks[0], data)
     again = [
@@ -201,11 +201,9 @@ def _load(place: Path) -> list[Network]:
     """Return the integer network of a file, or those of a folder."""
     paths = sorted(place.glob("*.npz")) if place.is_dir() else [place]
     if place.parent == SHIPPED and not place.exists():
-        raise InputError(
-            f"no networks for {place.name} come with the project; give --weights, from python -m snn quantise"
-        )
+        raise InputError(f"no networks for {place.name} come with the project; give --weights, from eskin quantise")
     if not paths:
-        raise InputError(f"{place} has no integer networks; make some with python -m snn quantise")
+        raise InputError(f"{place} has no integer networks; make some with eskin quantise")
     return [Network.load(path) for path in paths]
 
 
@@ -262,7 +260,7 @@ def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> dict[str, bytes]:
     return until_it_lives("touch", play)
 
 
-def play(plan: Plan, crew: Crew, on_run: Callable[[], object]) -> None:
+def play(plan: Plan, pool: WorkerPool, on_run: Callable[[], object]) -> None:
     """Play what is missing in several simulations side by side, and keep the results.
 
     Raises
@@ -271,7 +269,7 @@ def play(plan: Plan, crew: Crew, on_run: Callable[[], object]) -> None:
         If RTL and models differ.
     """
     require_programs("verilator")
-    for files in each(crew, play_part, plan.parts(crew.workers)):
+    for files in each(pool, play_part, plan.parts(pool.workers)):
         for name, content in files.items():
             make_folder(plan.folder, Path(name).parent)
             with atomic_write(plan.folder / f"{name}.npz") as file:

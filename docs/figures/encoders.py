@@ -1,4 +1,4 @@
-"""Draw docs/figures/encoders.png: one signal, and what the three encoders make of it.
+"""Draw docs/figures/encoders.png: one signal, and what every encoder makes of it.
 
 ``python docs/figures/encoders.py`` from the top of the project.
 """
@@ -15,13 +15,15 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from model.config import ReadoutConfig
+from model.encoders.registry import ENCODERS
 from model.taxel import decode, encode_timed, uncontended_events
 
 CONFIG = ReadoutConfig(rows=1, columns=1, resolution=3, window_period=40, leak_period=8)
-TITLES = {
-    "lcs": "LCS: level crossings",
-    "cw-lcs": "CW-LCS: the window closes while nothing happens",
-    "nlcs": "N-LCS: the threshold leaks",
+REMARKS = {
+    "lcs": ": level crossings",
+    "cw-lcs": ": the window closes while nothing happens",
+    "nlcs": ": the threshold leaks",
+    "nlcs-bipolar": ": a signed reference leaks to zero from both sides",
 }
 
 
@@ -33,9 +35,12 @@ def main() -> None:
     plateau = 700 / (1 + np.exp(-(seconds - 0.075) / 0.003)) + 60 * np.sin(2 * np.pi * 25 * seconds)
     codes = np.rint(swing + plateau).astype(np.int16)[:, None]
 
-    figure, axes = plt.subplots(3, 1, sharex=True, figsize=(8.0, 7.5), layout="constrained")
-    for axis, (encoding, title) in zip(axes, TITLES.items(), strict=True):
-        config = CONFIG.replace(encoding=encoding)
+    figure, axes = plt.subplots(
+        len(ENCODERS), 1, sharex=True, squeeze=False, figsize=(8.0, 2.5 * len(ENCODERS)), layout="constrained"
+    )
+    for axis, encoder in zip(axes[:, 0], ENCODERS, strict=True):
+        config = CONFIG.replace(encoding=encoder.name)
+        title = encoder.title + REMARKS.get(encoder.name, "")
         counts, late = encode_timed(config, codes)
         reference = decode(config, counts, late)[:, 0]
         events = uncontended_events(config, counts, late)
@@ -49,7 +54,7 @@ def main() -> None:
                 axis.plot(times, np.full(len(times), level), "|", color=colour, ms=9, label=label)
         axis.set(title=f"{title} ({len(events)} events)", ylabel="full scales", ylim=(-1, 0.75))
         axis.legend(loc="upper left", ncols=4, fontsize="small", frameon=False)
-    axes[-1].set_xlabel("time / ms")
+    axes[-1, 0].set_xlabel("time / ms")
     figure.savefig(Path(__file__).with_suffix(".png"), dpi=110, metadata={"Software": None})
 
 

@@ -1,6 +1,14 @@
-"""The tables of results in the documents, from the data: ``python -m docs.tables`` writes them.
+"""Tables and sentences of results. cog calls these functions in the pages: ``<!-- [[[cog accuracy_paper() ]]] -->``.
 
-A table stands between ``<!-- table NAME -->`` and ``<!-- end -->``, in any document and any number of times; NAME is
-that of a function of a module here. Sentences that give results are made in ``docs.tables.claims``. Data:
-``docs/data``, ``snn/figures`` and ``benchmarks/results``.
+``make docs`` writes every page anew; a test runs ``cog --check``. Data: ``docs/data``, ``snn/figures``,
+``benchmarks/results``. Every function prints Markdown.
 """
+
+# ruff: noqa: F403
+from docs.tables.accuracy import *
+from docs.tables.generated import *
+from docs.tables.netlists import *
+from docs.tables.power import *
+from docs.tables.speed import *
+from docs.tables.verification import *
+from docs.tables.write import *

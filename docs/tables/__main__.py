@@ -1,21 +1,21 @@
-"""``python -m docs.tables``: write every table anew, and the numbers of every claim."""
+"""``python -m docs.tables``: write the README and the pages anew with cog, or compare (``--check``)."""
 
 from __future__ import annotations
 
-from importlib import import_module
-from pkgutil import walk_packages
+import sys
 
-import docs.tables
-from docs.tables.claims import mended
-from docs.tables.written import PAGES, ROOT, filled
+from cogapp import Cog
 
-for module in walk_packages(docs.tables.__path__, "docs.tables."):
-    if not module.name.endswith("__main__"):
-        import_module(module.name)  # registers its tables and claims
+from docs.tables.write import ROOT
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def main(options: list[str], pages: list[str] | None = None) -> int:
+    """Run cog, and return its exit code: 0 if all is well, 5 if ``--check`` finds a page that would change."""
+    prologue = ["-P", "-p", "from docs.tables import *", "--verbosity=1"]
+    return Cog().main(["cog", *(options or ["-r"]), *prologue, *(pages or map(str, PAGES))])
+
 
 if __name__ == "__main__":
-    for page in PAGES:
-        text = page.read_text()
-        if (new := mended(str(page.relative_to(ROOT)), filled(text))) != text:
-            page.write_text(new)
-            print(page.relative_to(ROOT))
+    sys.exit(main(sys.argv[1:]))

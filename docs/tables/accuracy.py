@@ -1,199 +1,280 @@
-"""Accuracies, by encoder, network and data rate."""
+"""Accuracies by encoder, network, data rate, noise and time."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from docs.tables.netlists import by_frames, measured_libraries
-from docs.tables.rates import rates
-from docs.tables.written import ENCODERS, ROOT, digits, markdown, percent, read, table
+from docs.tables.power import power_rows
+from docs.tables.verification import replayed
+from docs.tables.write import filled, only, read, source, table
 
-
-def published(readout: str, resolution: int) -> dict[str, Any]:
-    """Return a point of the paper's Fig. 9."""
-    points = read("snn/figures/published_fig9.json")["points"]
-    (found,) = (p for p in points if (p["readout"], p["resolution"]) == (readout, resolution))
-    return dict(found)
+TEXTURES = "docs/data/classifier/"
 
 
 def sweep(name: str) -> list[dict[str, Any]]:
-    """Return the points of a sweep, LCS first."""
-    return sorted(read(f"snn/figures/sweeps/{name}.json")["points"], key=lambda p: (p["readout"], p["resolution"]))
+    """Return the points of a sweep, LCS first, each with the published accuracy or None."""
+    fig9 = {(p["readout"], p["resolution"]): p["accuracy"] for p in read("snn/figures/published_fig9.json")["points"]}
+    points = sorted(read(f"snn/figures/sweeps/{name}.json")["points"], key=lambda p: (p["readout"], p["resolution"]))
+    return [p | {"published": fig9.get((p["readout"], p["resolution"]))} for p in points]
 
 
-def rate(point: dict[str, Any]) -> str:
-    """Return a normalised data rate with three digits."""
-    return digits(point["normalised_rate"], 3 if point["normalised_rate"] > 0.1 else 2)
+def accuracy_paper() -> None:
+    """Print accuracies of the paper's network on the paper's scans."""
+    table(
+        "encoder | normalised rate | published | last epoch | selected epoch",
+        sweep("paper-network"),
+        "{readout:E} {resolution} b | {normalised_rate:r} | {published:100*.2f} % | {last:%}"
+        " | {selected[accuracy]:100*.1f} %",
+    )
 
 
-@table
-def accuracy_paper() -> str:
-    """The paper's network on the paper's scans."""
-    rows = [
-        [
-            f"{ENCODERS[p['readout']]} {p['resolution']} b",
-            rate(p),
-            f"{100 * published(p['readout'], p['resolution'])['accuracy']:.2f} %",
-            percent(p["last"]),
-            f"{100 * p['selected']['accuracy']:.1f} %",
-        ]
-        for p in sweep("paper-network")
-    ]
-    return markdown(["encoder", "normalised rate", "published", "last epoch", "selected epoch"], rows)
-
-
-@table
-def accuracy_physical() -> str:
-    """The tuned network on physical scans, and its point with bins of 2 ms."""
-    points = [(p, "") for p in sweep("tuned")] + [(p, ", bins of 2 ms") for p in sweep("tuned-2ms")]
-    points.sort(key=lambda pair: (pair[0]["readout"], pair[0]["resolution"]))
-    rows = [
-        [
-            f"{ENCODERS[p['readout']]} {p['resolution']} b{bins}",
-            rate(p),
-            percent(p["last"]),
-            f"{100 * p['selected']['accuracy']:.1f} %",
-        ]
-        for p, bins in points
-    ]
-    return markdown(["encoder", "normalised rate", "last epoch", "selected epoch"], rows)
-
-
-FRAME_NETWORKS = {"rnn": "ReLU units (`rnn`), the paper's baseline", "cnn": "1-D convolutions (`cnn`), the fair one"}
+def accuracy_physical() -> None:
+    """Print accuracies of the tuned network on physical scans, one point with bins of 2 ms."""
+    points = [p | {"bins": ""} for p in sweep("tuned")] + [p | {"bins": ", bins of 2 ms"} for p in sweep("tuned-2ms")]
+    table(
+        "encoder | normalised rate | last epoch | selected epoch",
+        sorted(points, key=lambda p: (p["readout"], p["resolution"])),
+        "{readout:E} {resolution} b{bins} | {normalised_rate:r} | {last:%} | {selected[accuracy]:100*.1f} %",
+    )
 
 
 def frame_points() -> dict[str, dict[str, Any]]:
     """Return the points of frames by the kind of network."""
-    points = sweep("reference-frames")
-    return {kind: next(p for p in points if kind in p["name"]) for kind in FRAME_NETWORKS}
+    published = only(read("snn/figures/published_fig9.json")["points"], readout="frame", resolution=10)["accuracy"]
+    rnn, cnn = (next(p for p in sweep("reference-frames") if kind in p["name"]) for kind in ("rnn", "cnn"))
+    return {
+        "rnn": rnn | {"text": "ReLU units (`rnn`), the paper's baseline", "theirs": f"{100 * published:.2f} %"},
+        "cnn": cnn | {"text": "1-D convolutions (`cnn`), the fair one", "theirs": ""},
+    }
 
 
-@table
-def accuracy_frames() -> str:
-    """Both baselines on frames."""
-    rows = [
-        [
-            FRAME_NETWORKS[kind],
-            f"{100 * published('frame', 10)['accuracy']:.2f} %" if kind == "rnn" else "",
-            percent(p["last"]),
-            f"{100 * p['selected']['accuracy']:.1f} %",
-        ]
-        for kind, p in frame_points().items()
-    ]
-    return markdown(["network", "published", "last epoch", "selected epoch"], rows)
+def accuracy_frames() -> None:
+    """Print accuracies of both baselines on frames."""
+    cells = "{text} | {theirs} | {last:%} | {selected[accuracy]:100*.1f} %"
+    table("network | published | last epoch | selected epoch", frame_points().values(), cells)
 
 
-@table
-def accuracy_rates() -> str:
-    """Readouts at equal data rate, by network."""
+def accuracy_rates() -> None:
+    """Print accuracies of readouts at equal data rate, by network."""
     data = read("docs/data/fig9_rates.json")
-    networks = data["networks"]
-    rows = [
+    networks = list(data["networks"])
+    table(
+        "network | readout | normalised rate (coded) | last epoch | seeds x folds",
         [
-            networks[p["sweep"]],
-            p["label"].split(", rates-")[0],
-            f"{digits(p['normalised_rate'], 3)} ({digits(p['coded_rate'], 3)})",
-            f"{100 * p['accuracy']:.1f} % ({100 * p['interval'][0]:.1f} to {100 * p['interval'][1]:.1f})",
-            f"{p['seeds']} x 6",
-        ]
-        for p in sorted(data["points"], key=lambda p: (list(networks).index(p["sweep"]), p["normalised_rate"]))
-    ]
-    return markdown(["network", "readout", "normalised rate (coded)", "last epoch", "seeds x folds"], rows)
+            p | {"network": data["networks"][p["sweep"]], "name": p["label"].split(", rates-")[0]}
+            for p in sorted(data["points"], key=lambda p: (networks.index(p["sweep"]), p["normalised_rate"]))
+        ],
+        "{network} | {name} | {normalised_rate:#3} ({coded_rate:#3})"
+        " | {accuracy:100*.1f} % ({interval[0]:100*.1f} to {interval[1]:100*.1f}) | {seeds} x 6",
+    )
 
 
-def p_value(p: float) -> str:
-    """Return a p in two digits; one that is very small as a bound."""
-    return digits(p, 2) if p >= 1e-3 else "< 0.001"
+def rates_pairs() -> None:
+    """Print frames against events of about the same rate, the same network, image by image."""
+    data = read("docs/data/fig9_rates.json")
+    rows = []
+    for pair in data["pairs"]:
+        a, b = (pair[which].split(":") for which in ("first", "second"))
+        more = {
+            "network": data["networks"][a[0]],
+            "a": only(data["points"], sweep=a[0], name=a[1]),
+            "b": only(data["points"], sweep=b[0], name=b[1]),
+            "right": f"{sum(pair['only_first'])}, {sum(pair['only_second'])}",
+            "p_values": ", ".join(filled("{p:p}", {"p": p}) for p in pair["p"]),
+        }
+        rows.append(pair | more)
+    table(
+        "network | A: events | of 640 kb/s | accuracy | B: frames | of 640 kb/s | accuracy | B - A, points"
+        " | only A right, only B right | McNemar p by seed",
+        rows,
+        "{network} | `{a[name]}` | {a[normalised_rate]:#3} | {a[accuracy]:100*.1f} % | `{b[name]}`"
+        " | {b[normalised_rate]:#3} | {b[accuracy]:100*.1f} %"
+        " | {difference:100*+.1f} ({interval[0]:100*+.1f} to {interval[1]:100*+.1f}) | {right} | {p_values}",
+    )
 
 
-@table
-def rates_pairs() -> str:
-    """Frames against events of about the same rate, the same network, image by image."""
-    rows = [
-        [
-            f"`{p['first']}`",
-            f"`{p['second'].split(':')[1]}`",
-            f"{100 * p['difference']:+.1f} ({100 * p['interval'][0]:+.1f} to {100 * p['interval'][1]:+.1f})",
-            f"{sum(p['only_first'])}, {sum(p['only_second'])}",
-            ", ".join(map(p_value, p["p"])),
-        ]
-        for p in read("docs/data/fig9_rates.json")["pairs"]
-    ]
-    head = ["A: events", "B: frames", "B - A, points", "only A right, only B right", "McNemar p by seed"]
-    return markdown(head, rows)
-
-
-@table
-def results() -> str:
-    """What a reader of the README wants to know first."""
-    lcs, nlcs = ({p["resolution"]: p for p in sweep("paper-network") if p["readout"] == r} for r in ("lcs", "nlcs"))
-    rows = [
-        [
-            f"events/s, {ENCODERS[p['encoding']]} {p['resolution']} b",
-            f"{p['published_hz']:,.1f}",
-            f"{p['here_hz']:,.1f}",
-        ]
-        for p in rates()
-        if (p["encoding"], p["resolution"]) in (("lcs", 2), ("lcs", 6), ("nlcs", 8))
-    ]
-    for name, ours in (("LCS 6 b", lcs[6]), ("LCS 8 b", lcs[8]), ("N-LCS 8 b", nlcs[8])):
-        theirs = published(ours["readout"], ours["resolution"])["accuracy"]
-        rows.append([f"six textures, the paper's network, {name}", f"{100 * theirs:.2f} %", percent(ours["last"])])
-    (best,) = sweep("tuned-2ms")
-    rows.append([f"six textures, a leaky network, LCS 3 b at {rate(best)} of 640 kb/s", "", percent(best["last"])])
-    frames = frame_points()
-    theirs = published("frame", 10)["accuracy"]
-    rows.append(["six textures from frames, ReLU units", f"{100 * theirs:.2f} %", percent(frames["rnn"]["last"])])
-    rows.append(["six textures from frames, convolutions", "", percent(frames["cnn"]["last"])])
-    for mode, text in (("paper", "in the paper's model"), ("consistent", "with seven corrections")):
-        ratio = read("docs/data/fig7.json")["modes"][mode]["ratio"]
-        value = f"{digits(ratio['lcs'][5], 3)} (LCS), {digits(ratio['nlcs']['0.2'][5], 3)} (N-LCS)"
-        rows.append([f"power by that of frames, 6 b, 1 mV of noise, {text}", "", value])
-    for library, cells in measured_libraries():
-        parts = read(f"docs/data/asic/{library}/fig6.json")["modes"]["consistent"][1]
-        value = f"{by_frames(parts, 'lcs')} (LCS), {by_frames(parts, 'nlcs')} (N-LCS)"
-        rows.append([f"the same, the logic of all three measured on netlists in {cells} cells", "", value])
-    return markdown(["", "published", "here"], rows)
-
-
-@table
-def nlcs_explained() -> str:
-    """N-LCS with other constants, with OFF events, and LCS without; beside them the points of the paper's sweep."""
+def nlcs_explained() -> None:
+    """Print N-LCS with other constants and with OFF events, LCS without, and points of the paper's sweep."""
     texts = {
         "tau-0.02": "N-LCS 6 b, tau 20 ms",
         "start": "N-LCS 6 b, counted from 10 ms on",
         "bipolar-0.2": "bipolar N-LCS 4 b, tau 200 ms",
-        "bipolar-0.05": "bipolar N-LCS 3 b, tau 50 ms",
         "on": "LCS 6 b, ON events alone",
     }
-    found = []
-    for name, text in texts.items():
-        if (ROOT / f"docs/data/classifier/nlcs/{name}.json").is_file():
-            (point,) = read(f"docs/data/classifier/nlcs/{name}.json")["points"]
-            found.append((text, point))
-    paper = {(p["readout"], p["resolution"]): p for p in sweep("paper-network")}
-    for readout, bits in (("nlcs", 6), ("nlcs", 8), ("lcs", 4), ("lcs", 6)):
-        found.append((f"{ENCODERS[readout]} {bits} b, as above", paper[readout, bits]))
+    points = [only(read(f"{TEXTURES}nlcs/{name}.json")["points"]) | {"text": text} for name, text in texts.items()]
+    for point in sweep("paper-network"):
+        if (point["readout"], point["resolution"]) in (("nlcs", 6), ("nlcs", 8), ("lcs", 4), ("lcs", 6)):
+            points.append(point | {"text": filled("{readout:E} {resolution} b, as above", point)})
+    table(
+        "readout | normalised rate | last epoch | selected epoch | seeds x folds",
+        sorted(points, key=lambda p: p["normalised_rate"]),
+        "{text} | {normalised_rate:r} | {last:%} | {selected[accuracy]:100*.1f} % | {cells[whole_seeds]} x 6",
+    )
+
+
+def nlcs_epochs() -> None:
+    """Print folds of N-LCS 8 b: the published ones, and ours in the last and in the best test epoch."""
+    folds = read(f"{TEXTURES}nlcs/test-epochs.json")["folds"]
+    rows = {
+        "published": [62.5, 82.5, 85.0, 87.5, 65.0, 75.0],
+        "here, last epoch": [100 * fold["last"] for fold in folds],
+        "here, best test epoch (no result)": [100 * fold["best"] for fold in folds],
+    }
+    table(
+        ["%", *(f"fold {n}" for n in range(6)), "mean"],
+        [[text, *(f"{value:g}" for value in values), f"{sum(values) / 6:.1f}"] for text, values in rows.items()],
+    )
+
+
+def precision() -> None:
+    """Print accuracies of networks in whole numbers by bits of their weights."""
+    report = read(f"{TEXTURES}precision.json")
+    points: dict[str, dict[str, Any]] = {}
+    for point in report["points"]:
+        points.setdefault(point["network"], {})[point["variant"]] = point
+    bits = [v for v in dict.fromkeys(point["variant"] for point in report["points"]) if v.isdigit()]
+    rows = []
+    for network, by in points.items():
+        exact = filled("{float:%}", by).replace(" %", "")
+        memory = ", ".join(f"{by[n]['memory_bits'] / 8000:.0f}" for n in ("8", "4"))
+        rows.append(
+            [network, str(by["float"]["seeds"]), exact, *(f"{100 * by[n]['accuracy']:.1f}" for n in bits), memory]
+        )
+    table(["network", "seeds", "float", *(f"{n} b" for n in bits), "kB at 8, 4 b"], rows)
+    print(f"`{report['command']}`\n")
+
+
+def robustness() -> None:
+    """Print the accuracy of both networks under every disturbance, in per cent."""
+    rows: dict[str, dict[str, Any]] = {}
+    for point in read(f"{TEXTURES}robustness.json")["points"]:
+        name = point["disturbance"]
+        name += "" if name == "clean" else f" {point['strength']:g}"
+        rows.setdefault(name, {"name": name})[point["network"]] = point
+    one = "{NETWORK[accuracy]:100*.1f} ({NETWORK[bootstrap_95][0]:100*.0f} to {NETWORK[bootstrap_95][1]:100*.0f})"
+    both = " | ".join(one.replace("NETWORK", network) for network in ("clean", "robust"))
+    table("disturbance | clean | robust | events/s", rows.values(), "{name} | " + both + " | {clean[rate_hz]:,.0f}")
+
+
+def merits_latency() -> None:
+    """Print the accuracy of two networks over the time since the touch."""
+    data = read(f"{TEXTURES}merits.json")
+    rows = []
+    for pair in data["latency_pairs"]:
+        a, b = (only(data["latency"], time_s=pair["time_s"], network=pair[name]) for name in ("first", "second"))
+        rows.append(pair | {"a": a, "b": b})
+    one = "{X[accuracy]:100*.1f} % ({X[bootstrap_95][0]:100*.0f} to {X[bootstrap_95][1]:100*.0f})"
+    table(
+        ["since the touch", rows[0]["first"], rows[0]["second"], "only one right", "McNemar p"],
+        rows,
+        " | ".join(["{time_s:1e3*.0f} ms", one.replace("X", "a"), one.replace("X", "b")])
+        + " | {only_first}, {only_second} | {p:p}",
+    )
+
+
+def merits_rest() -> None:
+    """Print the data rate while a touch moves and while it rests, as sent and coded."""
+    data = read(f"{TEXTURES}merits.json")["rest"]
+    columns = (("moving", 0.0), ("resting", 0.0), ("resting", 0.001), ("resting", 0.01))
+    rows = []
+    for readout in dict.fromkeys(row["readout"] for row in data):
+        found = (only(data, readout=readout, phase=phase, noise_v=noise) for phase, noise in columns)
+        rows.append([f"`{readout}`", *(filled("{sent_bps:1e-3*.2f} / {coded_bps:1e-3*.2f}", row) for row in found)])
+    table(" | moving | resting | resting, 1 mV | resting, 10 mV", rows)
+
+
+def merits_timing() -> None:
+    """Print how well the time of a crossing is known, from events and from frames."""
+    rows = read(f"{TEXTURES}merits.json")["timing"]
+    table(
+        "known from | normalised rate | crossings found | median error, us | 95 % below, us",
+        [row | {"rate": row["sent_bps"] / 640e3} for row in rows],
+        "{known_from}, {rate_hz:g} Hz | {rate:.2f} | {found:100*.1f} % | {median_s:1e6*.0f} | {p95_s:1e6*.0f}",
+    )
+
+
+def noise_power() -> None:
+    """Print accuracy, rate and power at one noise, in both modes."""
+    points = read(f"{TEXTURES}noise_power.json")["points"]
+    modes = ("paper", "consistent")
+    rows: dict[Any, dict[str, Any]] = {}
+    for point in points:
+        rows.setdefault((point["network"], point["noise_v"]), dict(point))[point["mode"]] = point
+    one = "{X[accuracy]:100*.1f} % ({X[wilson_95][0]:100*.0f} to {X[wilson_95][1]:100*.0f}) | {X[rate_hz]:,.0f}"
+    one += " | {X[power_w][total]:1e6*#3}"
+    table(
+        ["network", "v_n", "images", *(f"{mode}: {what}" for mode in modes for what in ("accuracy", "events/s", "uW"))],
+        rows.values(),
+        " | ".join(["`{network}` | {noise_v:1e3*g} mV | {images}", *(one.replace("X", mode) for mode in modes)]),
+    )
+
+
+def touch() -> None:
+    """Print what each step from touch to class takes, over a whole dataset in the RTL."""
+    report = read("docs/data/touch.json")
+    chip = report["chip"]
+    taxels = chip["rows"] * chip["columns"]
+    seconds = report["clocks"] / (chip["sample_rate_hz"] * chip["clocks_per_sample"])
+    bits = (taxels - 1).bit_length() + 1
+    values = (
+        report
+        | chip
+        | {
+            "taxels": taxels,
+            "bits": bits,
+            "sampled": taxels * chip["sample_rate_hz"] * chip["sample_bits"],
+            "rate": report["events"] / seconds,
+            "sent": report["events"] / seconds * bits,
+            "adds": report["additions"] / seconds,
+            "late": report["latency_clocks"] * seconds / report["clocks"],
+        }
+    )
+    lines = """\
+samples | {taxels} x {sample_bits} b at {sample_rate_hz:1e-3*g} kHz | {sampled:1e-6*.1f} Mb/s
+address events | {rate:,.0f} a second of {bits} b | {sent:1e-3*.0f} kb/s
+network | {classifier_hidden} neurons, weights of {classifier_rec_bits} b | {adds:1e-6*.1f} M additions/s
+class | every {classifier_bin_s:1e3*g} ms | {late:1e6*.0f} us after it at the latest
+right | {right} of {labelled} in the RTL | {right_float} of {labelled} before rounding"""
+    table("from touch to class |  | ", [filled(line, values) for line in lines.splitlines()])
+    source(report, ": {images} images, {clocks:,} clocks, {events:,} events, {mismatches} mismatches")
+
+
+def headline() -> None:
+    """Print the results of the README."""
+    paper = only(sweep("paper-network"), readout="lcs", resolution=6)
+    (best,) = sweep("tuned-2ms")
+    replays, chip = replayed(), read("docs/data/touch.json")
     rows = [
-        [
-            text,
-            rate(p),
-            percent(p["last"]),
-            f"{100 * p['selected']['accuracy']:.1f} %",
-            f"{p['cells']['whole_seeds']} x 6",
-        ]
-        for text, p in sorted(found, key=lambda one: one[1]["normalised_rate"])
+        filled("events equal in RTL and model, {images} scans, three encoders |  | {events:,}", replays),
+        filled("accuracy, the paper's network, LCS 6 b | {published:100*.2f} % | {last:%}", paper),
+        filled("accuracy, a leaky network, LCS 3 b at {normalised_rate:r} of 640 kb/s |  | {last:%}", best),
     ]
-    return markdown(["readout", "normalised rate", "last epoch", "selected epoch", "seeds x folds"], rows)
+    for kind, text in (("rnn", "ReLU units"), ("cnn", "convolutions")):
+        point = frame_points()[kind]
+        rows.append([f"accuracy, frames at 5 times 640 kb/s, {text}", point["theirs"], filled("{last:%}", point)])
+    rows.append(filled("touch to class in the RTL, weights of {classifier_rec_bits} b", chip["chip"]) + " |  | ")
+    rows[-1] += filled("{right} of {labelled} right, {mismatches} mismatches.", chip)
+    rows += power_rows()[:2]
+    table(" | published | here", rows)
 
 
-@table
-def nlcs_epochs() -> str:
-    """Folds of N-LCS 8 b: the published ones, and ours in the last and in the best test epoch."""
-    ours = read("docs/data/classifier/nlcs/test-epochs.json")["folds"]
-    published_folds = (62.5, 82.5, 85.0, 87.5, 65.0, 75.0)
-    rows = [["published", *(f"{value:g}" for value in published_folds), f"{sum(published_folds) / 6:.1f}"]]
-    for key, text in (("last", "here, last epoch"), ("best", "here, best test epoch (no result)")):
-        values = [100 * fold[key] for fold in ours]
-        rows.append([text, *(f"{value:g}" for value in values), f"{sum(values) / len(values):.1f}"])
-    return markdown(["%", *(f"fold {n}" for n in range(6)), "mean"], rows)
+def results() -> None:
+    """Print our figures beside the published ones."""
+    points = {(p["readout"], p["resolution"]): p for p in sweep("paper-network")}
+    frames = frame_points()
+    (best,) = sweep("tuned-2ms")
+    rows = [
+        filled("events/s, {encoding:E} {resolution} b | {published_hz:,.1f} | {here_hz:,.1f}", p)
+        for p in read("docs/data/event_rates.json")["points"]
+        if (p["encoding"], p["resolution"]) in (("lcs", 2), ("lcs", 6), ("lcs", 8), ("nlcs", 8))
+    ]
+    network = "six textures, the paper's network, {readout:E} {resolution} b | {published:100*.2f} % | {last:%}"
+    rows += [filled(network, points[key]) for key in (("lcs", 6), ("lcs", 8), ("nlcs", 8))]
+    leaky = "six textures, a leaky network, LCS 3 b at {normalised_rate:r} of 640 kb/s |  | {last:%}"
+    rows.append(filled(leaky, best))
+    for kind, text in (("rnn", "ReLU units"), ("cnn", "convolutions")):
+        rows.append([f"six textures from frames, {text}", frames[kind]["theirs"], filled("{last:%}", frames[kind])])
+    rows += power_rows()
+    known = only(read(f"{TEXTURES}merits.json")["timing"], known_from="events")
+    rows.append(["time of a level crossing from events, median error", "", f"{1e6 * known['median_s']:.0f} us"])
+    table(" | published | here", rows)

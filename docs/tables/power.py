@@ -1,62 +1,155 @@
-"""The power model: parts, ratios, corrections."""
+"""The power model, and the event rates that it reads."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
-from docs.tables.written import digits, markdown, read, table
+from docs.tables.netlists import netlists
+from docs.tables.write import ROOT, digits, filled, only, read, table
+from power.readouts import READOUT_NAMES, READOUTS, SPIKING, published
+from skin.figures.readouts import FRAME, look
+
+EVENT_RATES = "power/event_rates.json"
 
 
-@table
-def power_parts() -> str:
-    """Fig. 6, mode ``paper``, at the least and the most noise."""
+def event_rates() -> None:
+    """Print published rates, those of float samples, and ours."""
+    points = read("docs/data/event_rates.json")["points"]
+    table(
+        "readout | published | float samples | here (integer) | difference",
+        [point | {"more": point["here_hz"] / point["published_hz"] - 1} for point in points],
+        "{encoding:E} {resolution} b | {published_hz:,.1f} | {float_samples_hz:,.1f} | {here_hz:,.1f}"
+        " | {more:100*+.2f} %",
+    )
+
+
+def array_hz(dataset: str, preset: str, encoding: str, resolution: int) -> float:
+    """Return the event rate of the array that the power model reads, N-LCS with 200 ms."""
+    rates = only(read(EVENT_RATES)["tables"], dataset=dataset, preset=preset)
+    of_encoding = published(encoding, lcs=rates["lcs_hz"], nlcs=rates["nlcs_hz"][rates["taus_s"].index(0.2)])
+    return float(sum(of_encoding[rates["resolutions"].index(resolution)]))
+
+
+def other_rates() -> None:
+    """Print the rates of the other scans and textures."""
+    scans = [("kylberg", "physical"), ("embedded", "paper"), ("embedded", "physical")]
+    rows = []
+    for encoding, bits in (("lcs", 2), ("lcs", 4), ("lcs", 6), ("nlcs", 4), ("nlcs", 8)):
+        cells = (f"{array_hz(*scan, encoding, bits):,.0f}" for scan in scans)
+        rows.append([filled("{e:E} {bits} b", {"e": encoding, "bits": bits}), *cells])
+    table(["readout", *(f"{dataset.capitalize()}, `{preset}`" for dataset, preset in scans)], rows)
+
+
+def power_parts() -> None:
+    """Print Fig. 6, mode ``paper``, at the least and the most noise."""
     data = read("docs/data/fig6.json")
-    names = {"nlcs": "N-LCS", "lcs": "LCS", "frame": "frame"}
     rows = [
-        [f"{1e3 * data['noise_v_rms'][i]:g} mV", names[readout]]
-        + [f"{data['modes']['paper'][i][readout][part]:.3e}" for part in ("afe", "converter", "io", "total")]
+        data["modes"]["paper"][i][readout] | {"noise": data["noise_v_rms"][i], "name": READOUT_NAMES[readout]}
         for i in (0, 2)
-        for readout in names
+        for readout in READOUTS
     ]
-    return markdown(["v_n", "readout", "AFE", "converter", "I/O", "total"], rows)
+    cells = "{noise:1e3*g} mV | {name} | {afe:.3e} | {converter:.3e} | {io:.3e} | {total:.3e}"
+    table("v_n | readout | AFE | converter | I/O | total", rows, cells)
 
 
-def by_resolution(values: dict[str, Any], show: Callable[[float | None], str]) -> str:
-    """Return a table of LCS and of N-LCS with its time constants over the resolutions."""
-    named = {"LCS": values["lcs"]}
-    named |= {f"N-LCS {1e3 * float(tau_s):.0f} ms": row for tau_s, row in values["nlcs"].items()}
-    return markdown(["N", *map(str, range(1, 11))], [[name, *map(show, row)] for name, row in named.items()])
+def _by_resolution(values: dict[str, Any], cell: str) -> None:
+    """Print LCS, and N-LCS with its time constants, over the resolutions."""
+    by_name = {"LCS": values["lcs"]} | {f"N-LCS {1e3 * float(tau):.0f} ms": row for tau, row in values["nlcs"].items()}
+    rows = [[name, *(filled(cell, {"v": value}) for value in row)] for name, row in by_name.items()]
+    table(["N", *map(str, range(1, 11))], rows)
 
 
-@table
-def power_crossover() -> str:
-    """Crossover in mV, mode ``paper``."""
-    values = read("docs/data/fig7.json")["modes"]["paper"]["crossover"]
-    return by_resolution(values, lambda v: "-" if v is None else digits(1e3 * v, 4))
+def power_crossover() -> None:
+    """Print the crossover in mV, mode ``paper``."""
+    _by_resolution(read("docs/data/fig7.json")["modes"]["paper"]["crossover"], "{v:1e3*#4}")
 
 
-@table
-def power_ratio() -> str:
-    """Spiking over frame power at 1 mV, mode ``consistent``."""
-    values = read("docs/data/fig7.json")["modes"]["consistent"]["ratio"]
-    return by_resolution(values, lambda v: digits(float(v or 0), 3))
+def power_ratio() -> None:
+    """Print spiking over frame power at 1 mV, mode ``consistent``."""
+    _by_resolution(read("docs/data/fig7.json")["modes"]["consistent"]["ratio"], "{v:#3}")
 
 
-@table
-def power_sensitivity() -> str:
-    """Every correction alone, all but one, and the variants."""
+def sensitivity(case: str) -> dict[str, Any]:
+    """Return a row of the sensitivity study."""
+    return only(read("docs/data/sensitivity.json")["rows"], case=case)
+
+
+def power_sensitivity() -> None:
+    """Print every correction alone, all but one, and the variants."""
     data = read("docs/data/sensitivity.json")
     rows = []
     for row in data["rows"]:
         bold = "**" if row["case"] == "all (consistent)" else ""
         cells = [row["case"]]
-        for readout in ("nlcs", "lcs"):
+        for readout in SPIKING:
             crossing = row["crossover"][readout]
             noise = crossing["noise_v_rms"]
             cells += [f"{ratio:.3g}" for ratio in row["ratio"][readout]]
             cells.append(crossing["spikes_win"] + ("" if noise is None else f" {digits(1e3 * noise, 3)}"))
         rows.append([f"{bold}{cell}{bold}" for cell in cells])
-    noises = [f"{1e3 * noise:.3g} mV" for noise in data["noise_v_rms"]]
-    columns = [[f"{name} {noises[0]}", *noises[1:], "spikes win"] for name in ("N-LCS", "LCS")]
-    return markdown(["corrections", *columns[0], *columns[1]], rows)
+    first, *others = (f"{1e3 * noise:.3g} mV" for noise in data["noise_v_rms"])
+    titles = [title for s in SPIKING for title in (f"{READOUT_NAMES[s]} {first}", *others, "spikes win")]
+    table(["corrections", *titles], rows)
+
+
+def measured_libraries() -> dict[str, str]:
+    """Return the libraries in which the logic of all three readouts is measured, with the length of their gates."""
+    both = {"ihp": "130 nm", "osu": "180 nm"}
+    return {name: cells for name, cells in both.items() if (ROOT / "docs/data/asic" / name / "fig6.json").exists()}
+
+
+def breakdown(library: str = "") -> dict[str, Any]:
+    """Return what the readouts draw at 0.92 mV and 6 b, all corrections made; the logic of a library's netlists."""
+    path = f"docs/data/asic/{library}/fig6.json" if library else "docs/data/fig6.json"
+    return dict(read(path)["modes"]["consistent"][1])
+
+
+def by_frames(readout: str, library: str = "") -> str:
+    """Return the power of a readout as a multiple of that of frames."""
+    parts = breakdown(library)
+    return digits(parts[readout]["total"] / parts["frame"]["total"], 3)
+
+
+def power_measured() -> None:
+    """Print the comparison with the logic of netlists in the place of the published energy."""
+    before, rows = breakdown(), []
+    for library, cells in measured_libraries().items():
+        for readout in (*sorted(SPIKING), FRAME):
+            old, new = before[readout], breakdown(library)[readout]
+            frames = readout == FRAME
+            leakage = 64 * netlists()[f"{readout}{'' if frames else '-analog'}-8x8-{library}"]["leakage_w_per_taxel"]
+            parts = [new["converter_parts"]["logic"], leakage, old["total"], new["total"]]
+            before_w = "none" if frames else digits(1e6 * old["converter_parts"]["logic"], 3)
+            ratios = ["", ""] if frames else [by_frames(readout), by_frames(readout, library)]
+            after = [digits(1e6 * watts, 3) for watts in parts]
+            rows.append([f"{look(readout).title}, {cells}", before_w, *after, *ratios])
+    table(
+        "6 b, 0.92 mV, uW | logic at 435 fJ an event | logic measured | of which leakage | total before | now"
+        " | by frames before | now",
+        rows,
+    )
+
+
+def power_rows() -> list[list[str]]:
+    """Return the outcome: spikes by frames, and the noise at which spikes cost less."""
+    rows = []
+    for mode, text in (("paper", "in the paper's model"), ("consistent", "with seven corrections")):
+        ratio = read("docs/data/fig7.json")["modes"][mode]["ratio"]
+        value = f"{digits(ratio['lcs'][5], 3)} (LCS), {digits(ratio['nlcs']['0.2'][5], 3)} (N-LCS)"
+        rows.append([f"power of spikes / power of frames, 6 b, 1 mV of noise, {text}", "", value])
+    for library, cells in measured_libraries().items():
+        value = f"{by_frames('lcs', library)} (LCS), {by_frames('nlcs', library)} (N-LCS)"
+        rows.append([f"the same, the logic of all three measured on netlists in {cells} cells", "", value])
+    for case, text in (("none (paper)", "in the paper's model"), ("all (consistent)", "with seven corrections")):
+        ends = []
+        for readout in sorted(SPIKING):
+            wins = sensitivity(case)["crossover"][readout]
+            noise = "" if wins["noise_v_rms"] is None else f" {1e3 * wins['noise_v_rms']:.2f} mV"
+            ends.append(f"{wins['spikes_win']}{noise} ({READOUT_NAMES[readout]})")
+        rows.append([f"noise at which spikes take less power than frames, 6 b, {text}", "", ", ".join(ends)])
+    return rows
+
+
+def power_outcome() -> None:
+    """Print the outcome of the power model."""
+    table(" | here", [[text, here] for text, _, here in power_rows()])

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import functools
-import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from flow.asic.library import Cell, Library
-
-Bit = int | str
-"""A net of a design of Yosys, or a constant "0", "1", "x"."""
+from flow.asic.design import Bit
+from flow.liberty.boolean import possible
+from flow.liberty.library import Cell, Library
 
 
 class ClockError(ValueError):
@@ -102,7 +99,7 @@ class Clocks:
                 name, _ = self.driver[bit]
                 instance = self.module["cells"][name]
                 cell = self.library.cells[instance["type"]]
-                pins = [cell.gate.clock] if cell.gate else [] if cell.flop else list(cell.inputs)
+                pins = [cell.gate.clock] if cell.gate else [] if cell.flop else cell.inputs
                 self._touches[bit] = cell.latch is not None or any(
                     self.touches(b) for pin in pins for b in instance["connections"].get(pin, [])
                 )
@@ -137,7 +134,7 @@ class Clocks:
                 name, _ = self.driver[bit]
                 instance = self.module["cells"][name]
                 cell = self.library.cells[instance["type"]]
-                pins = [cell.gate.clock] if cell.gate else list(cell.inputs)
+                pins = [cell.gate.clock] if cell.gate else cell.inputs
                 behind = [self.latches_behind(b) for pin in pins for b in instance["connections"].get(pin, [])]
                 self._latches[bit] = frozenset({name}) if cell.latch else frozenset().union(*behind)
         return self._latches[bit]
@@ -157,37 +154,3 @@ class Clocks:
             parent = self.clock_of(self.library.cells[instance["type"]], instance["connections"])
             if parent is None or self.level(bit, True, parent) != "0":
                 raise ClockError(f"the latch {name} may be open while the clock of the flop {flop} is high")
-
-
-@functools.lru_cache(maxsize=4096)
-def possible(function: str, inputs: tuple[tuple[str, str], ...]) -> str:
-    """Return the value of a liberty function whose inputs are "0", "1" or "x": unknown.
-
-    Examples
-    --------
-    >>> possible("!(A & B)", (("A", "0"), ("B", "x")))
-    '1'
-    >>> possible("A ^ B", (("A", "0"), ("B", "x")))
-    'x'
-    """
-    free = [name for name, value in inputs if value not in ("0", "1")]
-    fixed = {name: value == "1" for name, value in inputs if value in ("0", "1")}
-    found = {
-        evaluate(function, fixed | dict(zip(free, levels, strict=True)))
-        for levels in itertools.product((False, True), repeat=len(free))
-    }
-    return str(int(found.pop())) if len(found) == 1 else "x"
-
-
-@functools.lru_cache(maxsize=512)
-def _parsed(function: str) -> Any:
-    from liberty.boolean_functions import parse_boolean_function
-
-    return parse_boolean_function(function)
-
-
-def evaluate(function: str, values: dict[str, bool]) -> bool:
-    """Return the value of a liberty function."""
-    import sympy
-
-    return bool(_parsed(function).subs({sympy.Symbol(name): value for name, value in values.items()}))

@@ -7,6 +7,7 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
+from flow.asic.design import cell_of, highest_net
 from flow.asic.synthesis import FLOP_NAME
 from rtl import yosys
 
@@ -87,13 +88,8 @@ def _cut(module: dict[str, Any]) -> dict[str, Register]:
 
 def _add(module: dict[str, Any], kind: str, **inputs: int | str) -> int:
     """Add a gate to a module and return its output."""
-    module["last"] = 1 + module.get(
-        "last", max(b for n in module["netnames"].values() for b in n["bits"] if isinstance(b, int))
-    )
-    pins = {pin: [bit] for pin, bit in inputs.items()} | {"Y": [module["last"]]}
-    ways = {pin: "output" if pin == "Y" else "input" for pin in pins}
-    cell = {"hide_name": 1, "type": kind, "parameters": {}, "attributes": {}}
-    module["cells"][f"$cut{module['last']}"] = cell | {"port_directions": ways, "connections": pins}
+    module["last"] = 1 + (module.get("last") or highest_net(module))
+    module["cells"][f"$cut{module['last']}"] = cell_of(kind, inputs | {"Y": module["last"]})
     return module["last"]
 
 

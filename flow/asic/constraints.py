@@ -66,7 +66,7 @@ def _edges(netlist: Netlist) -> Iterator[str]:
     driven = " ".join([*(name for name in names if name not in ("clk", "rst")), TEST])
     if buffers := netlist.library.buffers:
         cell = buffers[len(buffers) // 2]
-        pin = cell.drives(next(iter(cell.inputs)))
+        pin = cell.drives(cell.inputs[0])
         yield f"set_driving_cell -lib_cell {cell.name} -pin {pin} [get_ports {{{driven}}}]"
     else:
         yield f"set_input_transition 0.5 [get_ports {{{driven}}}]"

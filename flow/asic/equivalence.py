@@ -6,11 +6,12 @@ import json
 from dataclasses import dataclass
 from typing import Any
 
-from flow.asic.clocks import Bit, ClockError, Clocks
+from base.errors import InputError
+from flow.asic.clocks import ClockError, Clocks
 from flow.asic.compare import compare
+from flow.asic.design import Bit, cell_of, highest_net
 from flow.asic.gating import TEST
 from flow.asic.synthesis import Netlist
-from model.errors import InputError
 from rtl import yosys
 from rtl.verilog import rtlil
 
@@ -66,7 +67,7 @@ def design_of(netlist: Netlist) -> dict[str, Any]:
     InputError
         If it is not Verilog, or holds cells that the library does not have.
     """
-    files = {"cells.lib": netlist.library.path.read_bytes(), "netlist.v": netlist.text.encode()}
+    files = {"cells.lib": netlist.library.content, "netlist.v": netlist.text.encode()}
     try:
         return json.loads(yosys.run(READ.format(top=netlist.top), "", "gated.json", files))
     except yosys.YosysError as error:
@@ -93,7 +94,7 @@ def prove(netlist: Netlist, design: dict[str, Any] | None = None) -> Equivalence
         If a clock of the netlist is stopped by what is no clock gate.
     """
     plain, flops, gated = with_enables(design or design_of(netlist), netlist)
-    files = {"cells.lib": netlist.library.path.read_bytes(), "plain.json": json.dumps(plain).encode()}
+    files = {"cells.lib": netlist.library.content, "plain.json": json.dumps(plain).encode()}
     script = GOLD.format(top=netlist.top) + GATE.format(top=netlist.top)
     made = yosys.run_for(script, rtlil(netlist.config), ("gold.json", "gate.json"), files)
     gold, gate = (json.loads(made[f"{side}.json"])["modules"][side] for side in ("gold", "gate"))
@@ -149,20 +150,18 @@ class _Enables:
 
     def __init__(self, module: dict[str, Any], clocks: Clocks) -> None:
         self.module, self.clocks = module, clocks
-        self.highest = max(b for net in module["netnames"].values() for b in net["bits"] if isinstance(b, int))
+        self.highest = highest_net(module)
         self.made: dict[Bit, Bit] = {clocks.root: "1"}
 
     def add(self, kind: str, **inputs: Bit) -> Bit:
         """Add a gate and return its output."""
-        self.highest += 1
-        self._place(kind, {pin: [bit] for pin, bit in inputs.items()} | {"Y": [self.highest]})
-        return self.highest
+        return self._place(kind, "Y", inputs)
 
-    def _place(self, kind: str, pins: dict[str, list[Bit]]) -> None:
-        cell = {"hide_name": 1, "type": kind, "parameters": {}, "attributes": {}, "connections": pins}
-        if kind.startswith("$_"):
-            cell["port_directions"] = {pin: "output" if pin == "Y" else "input" for pin in pins}
+    def _place(self, kind: str, output: str, inputs: dict[str, Bit]) -> Bit:
+        self.highest += 1
+        cell = cell_of(kind, inputs | {output: self.highest}, output)
         self.module["cells"][f"$enable{len(self.module['cells'])}"] = cell
+        return self.highest
 
     def high(self, bit: Bit) -> Bit:
         """Return what a net of the clock network will be once the clock is high, as a net of data."""
@@ -185,10 +184,4 @@ class _Enables:
             inverted = cell.latch.outputs[output]
             stored = pins[cell.latch.data][0]
             return self.add("$_NOT_", A=stored) if inverted else stored
-        self.highest += 1
-        made = self.highest
-        self._place(
-            instance["type"],
-            {pin: [made] if pin == output else [self.high(pins[pin][0])] for pin in [*cell.inputs, output]},
-        )
-        return made
+        return self._place(instance["type"], output, {pin: self.high(pins[pin][0]) for pin in cell.inputs})

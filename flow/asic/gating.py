@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from flow.asic.library import Library
+from flow.asic.design import cell_of, highest_net
+from flow.liberty.library import Library
 
 GATE = "eskin_clock_gate"
 TEST = "test_enable"
@@ -68,8 +69,7 @@ def stop_blocks(design: dict[str, Any], top: str, synchronous_reset: bool, root:
             continue
         clock = module["ports"]["clk"]["bits"][0]
         awake = module["netnames"][AWAKE]["bits"][0]
-        used = [b for net in module["netnames"].values() for b in net["bits"] if isinstance(b, int)]
-        gated, enable = max(used) + 1, max(used) + 2
+        gated, enable = highest_net(module) + 1, highest_net(module) + 2
         for cell in module["cells"].values():
             if name == top and cell["type"] in LISTENS:
                 continue
@@ -77,22 +77,11 @@ def stop_blocks(design: dict[str, Any], top: str, synchronous_reset: bool, root:
                 if bits == [clock]:
                     cell["connections"][pin] = [gated]
         if synchronous_reset:
-            module["cells"]["$awake_or_reset"] = _cell("$_OR_", A=awake, B=module["ports"]["rst"]["bits"][0], Y=enable)
+            pins = {"A": awake, "B": module["ports"]["rst"]["bits"][0], "Y": enable}
+            module["cells"]["$awake_or_reset"] = cell_of("$_OR_", pins)
         else:
             enable = awake
-        module["cells"]["block_gate"] = _cell(GATE, clk=clock, enable=enable, gated=gated)
+        module["cells"]["block_gate"] = cell_of(GATE, {"clk": clock, "enable": enable, "gated": gated}, "gated")
         module["netnames"]["block_clk"] = {"hide_name": 0, "bits": [gated], "attributes": {}}
         stopped += 1
     return stopped
-
-
-def _cell(kind: str, **pins: int) -> dict[str, Any]:
-    outputs = {"Y", "gated"}
-    return {
-        "hide_name": 1,
-        "type": kind,
-        "parameters": {},
-        "attributes": {},
-        "port_directions": {pin: "output" if pin in outputs else "input" for pin in pins},
-        "connections": {pin: [bit] for pin, bit in pins.items()},
-    }

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from flow.asic.clocks import Bit, Clocks, possible
+from flow.asic.clocks import Clocks
+from flow.asic.design import Bit
 from flow.asic.equivalence import with_enables
-from flow.asic.library import Library
 from flow.asic.synthesis import Netlist
+from flow.liberty.boolean import possible
+from flow.liberty.library import Cell, Library
 
 SIMPLE = {"$_AND_": "A & B", "$_OR_": "A | B", "$_NOT_": "!A", "$_MUX_": "(A & !S) | (B & S)"}
 
@@ -16,6 +18,9 @@ NO_CHAIN = (
     "not inserted: the order of a scan chain follows from the placement, so a layout tool makes it; the netlist is "
     "ready for it, since with test_enable high every clock runs and a reset pin is never stuck"
 )
+
+RESET_CLOCKS = 4
+"""Clocks of a reset behind which every flop must be known. A gate may wait for a state that the reset sets first."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +32,7 @@ class Structure:
     flops, clock_gates : int
         Flops; clock gates, those built of a latch among them.
     without_reset, stopped_in_test : tuple of str
-        Flops that nothing sets while ``rst`` is high, and those whose clock ``test_enable`` does not let run.
+        Flops that a reset of ``RESET_CLOCKS`` clocks does not set, and those whose clock ``test_enable`` leaves off.
     stray_latches : tuple of str
         Latches that are no part of a clock gate.
     """
@@ -84,8 +89,7 @@ def check(netlist: Netlist, design: dict[str, Any]) -> Structure:
     integrated = sum(1 for _ in clocks.gates())
     plain, flops, _ = with_enables(design, netlist)
     module = plain["modules"][netlist.top]
-    reset = _levels(module, netlist.library, {"rst": "1"})
-    without = [name for name, pins, cell in _flops(module, netlist.library) if not _is_set(cell, pins, reset)]
+    without = _without_reset(module, netlist.library)
     tested, _, _ = with_enables(design, netlist, test="1")
     in_test = _levels(tested["modules"][netlist.top], netlist.library, {})
     stopped = [
@@ -121,29 +125,40 @@ def _gates(clocks: Clocks, readers: dict[Bit, list[tuple[str, str]]], cell: Any,
     return True
 
 
-def _flops(module: dict[str, Any], library: Library) -> list[tuple[str, dict[str, list[Bit]], Any]]:
-    return [
-        (name, instance["connections"], library.cells[instance["type"]])
-        for name, instance in module["cells"].items()
-        if instance["type"] in library.flops
-    ]
+def _without_reset(module: dict[str, Any], library: Library) -> list[str]:
+    """Return the flops that a reset of ``RESET_CLOCKS`` clocks leaves unknown, all states and other inputs unknown."""
+    known: dict[Bit, str] = dict.fromkeys(module["ports"]["rst"]["bits"], "1")
+    waiting = {name for name, instance in module["cells"].items() if instance["type"] in library.flops}
+    for _ in range(RESET_CLOCKS):
+        levels = _levels(module, library, known)
+        for name in sorted(waiting):
+            instance = module["cells"][name]
+            cell, pins = library.cells[instance["type"]], instance["connections"]
+            value = _after_reset(cell, pins, levels)
+            if cell.flop and value != "x":
+                waiting.remove(name)
+                for pin, inverted in cell.flop.outputs.items():
+                    known |= dict.fromkeys(pins.get(pin, []), str(int(value) ^ inverted))
+    return sorted(waiting)
 
 
-def _is_set(cell: Any, pins: dict[str, list[Bit]], levels: dict[Bit, str]) -> bool:
-    """Return whether a flop takes a value that depends on nothing."""
+def _after_reset(cell: Cell, pins: dict[str, list[Bit]], levels: dict[Bit, str]) -> str:
+    """Return the value that a flop takes; "x" where it depends on more than the levels."""
+    assert cell.flop
     values = tuple((pin, _level(pins[pin][0], levels)) for pin in cell.inputs if pins.get(pin))
-    if any(text and possible(text, values) == "1" for text in (cell.flop.clear, cell.flop.preset)):
-        return True
-    return _level(pins[cell.flop.data][0], levels) != "x"
+    for text, value in ((cell.flop.clear, "0"), (cell.flop.preset, "1")):
+        if text and possible(text, values) == "1":
+            return value
+    return _level(pins[cell.flop.data][0], levels)
 
 
 def _level(bit: Bit, levels: dict[Bit, str]) -> str:
     return bit if isinstance(bit, str) else levels.get(bit, "x")
 
 
-def _levels(module: dict[str, Any], library: Library, ports: dict[str, str]) -> dict[Bit, str]:
-    """Return what the nets of a module are, as far as some ports and constants decide it."""
-    levels: dict[Bit, str] = {bit: value for port, value in ports.items() for bit in module["ports"][port]["bits"]}
+def _levels(module: dict[str, Any], library: Library, known: dict[Bit, str]) -> dict[Bit, str]:
+    """Return the levels of the nets of a module, as far as known nets and constants decide them."""
+    levels = dict(known)
     waiting: dict[Bit, list[str]] = {}
     for name, instance in module["cells"].items():
         for bits in instance["connections"].values():
@@ -153,10 +168,10 @@ def _levels(module: dict[str, Any], library: Library, ports: dict[str, str]) -> 
     while todo:
         instance = module["cells"][todo.pop()]
         pins = instance["connections"]
-        known = library.cells.get(instance["type"])
-        if known and (known.flop or known.latch or known.gate):
+        cell = library.cells.get(instance["type"])
+        if cell and (cell.flop or cell.latch or cell.gate):
             continue
-        functions = known.functions if known else {"Y": SIMPLE[instance["type"]]}
+        functions = cell.functions if cell else {"Y": SIMPLE[instance["type"]]}
         inputs = tuple((pin, _level(bits[0], levels)) for pin, bits in pins.items() if pin not in functions and bits)
         for output, function in functions.items():
             for bit in pins.get(output, []):

@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from base.errors import InputError
+from base.files import atomic_write
 from flow.asic import gating
-from flow.asic.library import Library
+from flow.liberty.library import Library
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.files import atomic_write
 from model.frame_config import FrameConfig
 from rtl import yosys
 from rtl.block import Block
@@ -96,7 +96,7 @@ class Netlist:
         return path
 
 
-def netlist(config: Config, library: Library, period_ns: float = PERIOD_NS, fewest: int = FEWEST_FLOPS) -> Netlist:
+def synthesise(config: Config, library: Library, period_ns: float = PERIOD_NS, fewest: int = FEWEST_FLOPS) -> Netlist:
     """Return the gated netlist of a readout.
 
     Parameters
@@ -152,7 +152,7 @@ def _cells(
     apart: Sequence[str] | None = None,
 ) -> str:
     """Return the file that is written of a block as cells."""
-    top, content = block.module_name, library.path.read_bytes()
+    top, content = block.module_name, library.content
     source = block_rtlil(block)
     gate = gating.gate_module(library)
     keep = "".join(KEEP.format(name=name) for name in [*_blocks(source, top), *(apart or ())])
@@ -174,6 +174,7 @@ def _cells(
     try:
         return yosys.run(script, "", result, files)
     except yosys.YosysError as error:
+        library.check()
         raise InputError(
             f"the cell library {library.path} does not do: the readout needs a flip-flop, an inverter, and a NAND or "
             f"NOR (Yosys: {error.reason})"

@@ -8,11 +8,11 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
-from flow.asic import opensta
+from base.errors import InputError
+from flow import opensta
 from flow.asic.constraints import sdc
-from flow.asic.library import Library
 from flow.asic.synthesis import Netlist
-from model.errors import InputError
+from flow.liberty.library import Library
 
 START_NS = 1.0
 LONGEST_NS = 1e6
@@ -135,6 +135,8 @@ def analyse(netlist: Netlist, library: Library, constant: Collection[str] = (), 
     used = set(re.findall(r"^  (\w+) (?:\\\S+|\w+) +\(", netlist.text, re.MULTILINE))
     if missing := sorted(used - set(library.cells)):
         raise InputError(f"the cell library {library.path} has no cell {missing[0]}; give corners of one library")
+    for name in sorted(used):
+        library.cells[name].check()  # OpenSTA has no sentence for a wrong table
     script = SCRIPT.format(
         top=netlist.top,
         start=START_NS,
@@ -174,7 +176,7 @@ def _run(script: str, netlist: Netlist, library: Library, spef: str) -> dict[str
     """Return what a script of OpenSTA prints, by its headings."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / "cells.lib").write_bytes(library.path.read_bytes())
+        (folder / "cells.lib").write_bytes(library.content)
         (folder / "netlist.v").write_text(netlist.text)
         (folder / "constraints.sdc").write_text(sdc(netlist, "$period"))
         (folder / "wires.spef").write_text(spef)

@@ -6,11 +6,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from flow.layout import cells, netlist
+from base.files import make_folder, origin, write_json
+from cocotb_tests.runner.reproduce import variables
+from flow.layout import cells
 from flow.layout.checks import Comparison, Rules
+from flow.layout.circuit import Circuit
 from flow.layout.environment import REQUIREMENTS
 from model.config import ReadoutConfig
-from model.files import make_folder, origin, write_json
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ class Report:
     config : ReadoutConfig
     checked : int
         Cells held to their transistors.
-    circuit : netlist.Circuit
+    circuit : Circuit
     cell_area_um2 : float
     proved, of : int
         Points of the netlist that equal the RTL's.
@@ -58,7 +60,7 @@ class Report:
     name: str
     config: ReadoutConfig
     checked: int
-    circuit: netlist.Circuit = field(repr=False)
+    circuit: Circuit = field(repr=False)
     cell_area_um2: float
     proved: int
     of: int
@@ -136,11 +138,7 @@ def name_of(config: ReadoutConfig) -> str:
 
 def command_of(config: ReadoutConfig, compare: bool) -> str:
     """Return the command line of a run: its size and what else differs from the defaults."""
-    plain = ReadoutConfig().to_dict()
-    sides = ("rows", "columns")
-    words = [
-        f"{name.upper()}={value}" for name, value in config.to_dict().items() if name in sides or value != plain[name]
-    ]
+    words = {f"ROWS={config.rows}": None, f"COLUMNS={config.columns}": None} | dict.fromkeys(variables(config))
     return " ".join(["make layout", *words, *([] if compare else ["COMPARE=0"])])
 
 

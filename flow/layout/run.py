@@ -8,15 +8,17 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from base.errors import InputError
+from base.files import atomic_write, make_folder
 from flow.asic import synthesis
-from flow.layout import cells, checks, environment, netlist, transistors
+from flow.asic.equivalence import prove
+from flow.layout import cells, checks, circuit, environment, transistors
 from flow.layout.checks import Comparison
+from flow.layout.circuit import Circuit
 from flow.layout.environment import PROGRAMS, REQUIREMENTS, Crashed
 from flow.layout.report import Report, Try, name_of
 from flow.layout.stages import Stages
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.files import atomic_write, make_folder
 from rtl.verilog import rtlil
 
 MARGINS = (0.35, 0.3, 0.4, 0.45, 0.5, 0.6, 0.75)
@@ -56,16 +58,16 @@ def run(config: ReadoutConfig, name: str, out: Path, compare: bool, on_stage: Ca
     usable = cells.usable(known)
     on_stage(f"{len(usable)} cells are what their transistors are")
     areas = json.loads((library / "cells.json").read_text())
-    circuit, proved, of = _netlist(config, cells.liberty(usable, areas), stages)
-    on_stage(f"{len(circuit.cells)} cells, {proved} of {of} points equal to the RTL")
-    area = sum(areas[kind] * number for kind, number in circuit.kinds.items())
-    layout = Layout(circuit, area, library, known, stages)
+    made, proved, of = _netlist(config, cells.liberty(usable, areas), stages)
+    on_stage(f"{len(made.cells)} cells, {proved} of {of} points equal to the RTL")
+    area = sum(areas[kind] * number for kind, number in made.kinds.items())
+    layout = Layout(made, area, library, known, stages)
     tries, placed = layout.route()
     on_stage(f"margin {tries[-1].margin:.2f}: {tries[-1].problem or 'routed, no violation'}")
     comparison = layout.compare(placed) if compare and not tries[-1].problem else None
     if placed:
-        _deliver(placed, f"{circuit.top}_r", folder, stages)
-    return Report(name, config, len(usable), circuit, area, proved, of, tuple(tries), comparison, stages.seconds)
+        _deliver(placed, f"{made.top}_r", folder, stages)
+    return Report(name, config, len(usable), made, area, proved, of, tuple(tries), comparison, stages.seconds)
 
 
 def _cells(stages: Stages) -> Path:
@@ -74,21 +76,21 @@ def _cells(stages: Stages) -> Path:
     return stages.made("cells", inputs, lambda part: environment.run("generate", ".", folder=part))
 
 
-def _netlist(config: ReadoutConfig, liberty: str, stages: Stages) -> tuple[netlist.Circuit, int, int]:
+def _netlist(config: ReadoutConfig, liberty: str, stages: Stages) -> tuple[Circuit, int, int]:
     """Return the readout as cells, and how many of its points are proved."""
 
     def make(part: Path) -> None:
         library = part / "cells.lib"
         library.write_text(liberty)
-        made = netlist.synthesise(config, library)
+        made = circuit.synthesise(config, library)
         (part / "netlist.v").write_text(made.text)
-        proof = netlist.proof(made)
-        said = {"proved": proof.proved, "of": proof.of, "circuit": asdict(netlist.circuit(made))}
+        proof = prove(made)
+        said = {"proved": proof.proved, "of": proof.of, "circuit": asdict(circuit.circuit_of(made))}
         (part / "netlist.json").write_text(json.dumps(said))
 
-    inputs = (rtlil(config), liberty, netlist.BUFFERED, netlist.SPLIT, Path(synthesis.__file__).read_text())
+    inputs = (rtlil(config), liberty, circuit.BUFFERED, circuit.SPLIT, Path(synthesis.__file__).read_text())
     said = json.loads((stages.made("netlist", inputs, make) / "netlist.json").read_text())
-    return netlist.Circuit.from_dict(said["circuit"]), said["proved"], said["of"]
+    return Circuit.from_dict(said["circuit"]), said["proved"], said["of"]
 
 
 @dataclass(frozen=True)
@@ -97,7 +99,7 @@ class Layout:
 
     Attributes
     ----------
-    circuit : netlist.Circuit
+    circuit : Circuit
     area_um2 : float
         Of its cells.
     library : Path
@@ -106,7 +108,7 @@ class Layout:
     stages : Stages
     """
 
-    circuit: netlist.Circuit
+    circuit: Circuit
     area_um2: float
     library: Path
     known: dict[str, transistors.SwitchCell]

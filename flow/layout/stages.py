@@ -9,7 +9,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-from model.files import make_folder
+from base.files import make_folder
 
 
 class Stages:

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from flow.gates.liberty import CellLibrary
-from flow.gates.models import models
-from flow.gates.netlist import FlatNetlist, read
-from flow.power import frames
+from flow.gatesim.flat_netlist import FlatNetlist, flatten
+from flow.gatesim.models import models
+from flow.liberty.library import Library
+from flow.power import frame_bench
 from flow.power.activity import Activity
-from flow.power.bench import play
-from flow.power.liberty_way import LibertyWay, Use
+from flow.power.event_bench import play
+from flow.power.liberty_power import CellActivity, LibertyPower
+from flow.power.opensta_power import OpenstaPower
 from flow.power.scenarios import CLOSING, IDLE, LONE, SATURATED, TEXTURE, closing_ticks, scenarios
-from flow.power.sta_way import StaWay
 from flow.power.wires import Wires, block_of
 from model.config import ReadoutConfig
 from model.frame_config import FrameConfig
@@ -34,7 +34,7 @@ class Disagreement(Exception):  # the outcome that is looked for, not a defect o
 
 
 @dataclass(frozen=True)
-class Stretch:
+class ScenarioPower:
     """What a netlist draws in a scenario.
 
     Attributes
@@ -68,21 +68,16 @@ class Stretch:
 
 
 @dataclass
-class Ways:
-    """A netlist with both ways to its power.
+class PowerMeter:
+    """A netlist whose power is computed in both ways."""
 
-    Attributes
-    ----------
-    tables : LibertyWay
-    opensta : StaWay
-    clock_hz : float
-    """
-
-    tables: LibertyWay
-    opensta: StaWay
+    tables: LibertyPower
+    opensta: OpenstaPower
     clock_hz: float
 
-    def stretch(self, name: str, activity: Activity, events: int, uses: dict[str, Use] | None = None) -> Stretch:
+    def measure(
+        self, name: str, activity: Activity, events: int, uses: dict[str, CellActivity] | None = None
+    ) -> ScenarioPower:
         """Return what the netlist draws with an activity; ``uses`` are what its cells do, where that is known.
 
         Raises
@@ -104,7 +99,7 @@ class Ways:
         for cell in self.tables.netlist.cells:
             blocks[block_of(cell.place)] += sum(own[cell.name])  # type: ignore[assignment]
         inputs = self.tables.inputs_w(activity, self.clock_hz)
-        return Stretch(
+        return ScenarioPower(
             activity.clocks,
             events,
             internal,
@@ -118,7 +113,7 @@ class Ways:
 
 
 def measure(
-    config: ReadoutConfig | FrameConfig, text: str, library: CellLibrary, pitches_um: tuple[float, ...] = (0.0,)
+    config: ReadoutConfig | FrameConfig, text: str, library: Library, pitches_um: tuple[float, ...] = (0.0,)
 ) -> list[dict[str, Any]]:
     """Return the power of a netlist, once for every estimate of its wires.
 
@@ -127,7 +122,7 @@ def measure(
     config : ReadoutConfig or FrameConfig
     text : str
         Its gated netlist, Verilog.
-    library : CellLibrary
+    library : Library
     pitches_um : tuple of float
         Pitches of the taxels, which wires are estimated from; 0 for no wires. Where the two ways of computing power lie
         too far apart with wires, nothing but that is said of them.
@@ -140,19 +135,19 @@ def measure(
         If the two ways of computing power lie too far apart without wires.
     """
     top = "eskin_frame_readout" if isinstance(config, FrameConfig) else "eskin_readout"
-    flat = read(text, top, library.content)
+    flat = flatten(text, top, library.content)
     cells = models(library, {cell.kind for cell in flat.cells})
     with tempfile.TemporaryDirectory() as name:
         played, due = _played(config, flat, cells, Path(name))
     results: list[dict[str, Any]] = []
-    uses: dict[str, dict[str, Use]] = {}
+    uses: dict[str, dict[str, CellActivity]] = {}
     for pitch in pitches_um:
         wires = Wires(config.rows, config.columns, pitch).capacitance_f(flat)
-        ways = Ways(LibertyWay(flat, library, wires), StaWay(flat, library, wires), config.clock_hz)
-        uses = uses or {name: ways.tables.uses(activity) for name, (activity, _) in played.items()}
+        meter = PowerMeter(LibertyPower(flat, library, wires), OpenstaPower(flat, library, wires), config.clock_hz)
+        uses = uses or {name: meter.tables.uses(activity) for name, (activity, _) in played.items()}
         try:
             found = {
-                name: ways.stretch(name, activity, events, uses[name]) for name, (activity, events) in played.items()
+                name: meter.measure(name, activity, events, uses[name]) for name, (activity, events) in played.items()
             }
         except Disagreement as apart:
             if not pitch:
@@ -169,7 +164,7 @@ def _played(
 ) -> tuple[dict[str, tuple[Activity, int]], int]:
     """Return what the nets did in each scenario and its events in the netlist; and the events that are due in all."""
     if isinstance(config, FrameConfig):
-        seen = frames.play(config, flat, cells, folder)
+        seen = frame_bench.play(config, flat, cells, folder)
         return seen, sum(samples for _, samples in seen.values())
     chosen = scenarios(config)
     return {s.name: play(s, config, flat, cells, folder) for s in chosen}, sum(s.events_inside for s in chosen)
@@ -178,9 +173,9 @@ def _played(
 def _summary(
     config: ReadoutConfig | FrameConfig,
     flat: FlatNetlist,
-    library: CellLibrary,
+    library: Library,
     pitch_um: float,
-    found: dict[str, Stretch],
+    found: dict[str, ScenarioPower],
 ) -> dict[str, Any]:
     """Return all results as JSON content."""
     idle, taxels = found[IDLE], config.taxels
@@ -206,11 +201,11 @@ def _summary(
         "columns": config.columns,
         "resolution": readout.resolution,
         "clock_hz": config.clock_hz,
-        "area_um2": sum(library.known.cells[cell.kind].area_um2 for cell in flat.cells),
-        "process": library.known.name,
-        "supply_v": library.known.voltage_v,
+        "area_um2": sum(library.cells[cell.kind].area_um2 for cell in flat.cells),
+        "process": library.name,
+        "supply_v": library.voltage_v,
         "pitch_um": pitch_um,
-        **({"leak": "digital"} if readout.encoding == "nlcs" else {}),
+        **({"leak": "digital"} if readout.encoder.leaks else {}),
         "leakage_w": idle.leakage_w,
         "clock_power_w_per_hz": (idle.power_w - idle.leakage_w) / config.clock_hz,
         **{name: value for name, value in energies.items() if value is not None},
@@ -221,7 +216,7 @@ def _summary(
     }
 
 
-def _closing(config: ReadoutConfig, found: dict[str, Stretch]) -> dict[str, float]:
+def _closing(config: ReadoutConfig, found: dict[str, ScenarioPower]) -> dict[str, float]:
     """Return what a taxel draws while its window closes, and what that adds to the idle taxel until it is closed."""
     closing = found[CLOSING].power_w / config.taxels
     more = closing - found[IDLE].power_w / config.taxels

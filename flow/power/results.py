@@ -7,16 +7,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from flow.asic.synthesis import netlist
-from flow.gates.icarus import NO_PROGRAM
-from flow.gates.liberty import CellLibrary
+from base.errors import InputError
+from base.files import write_json
+from flow.asic.synthesis import synthesise
+from flow.gatesim.icarus import NO_PROGRAM
+from flow.liberty.library import read
 from flow.power.measure import APART, Disagreement, measure
 from flow.power.scenarios import scenarios
-from flow.power.wires import PITCH_UM
+from flow.wire import PITCH_UM
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.files import write_json
 from model.frame_config import FrameConfig
+from power.readouts import SPIKING
 
 FRAME_RATE_HZ = 200.0
 """Of the frames whose power is kept: a little over twice the 97 Hz below which textures have 99 % of their power."""
@@ -53,7 +54,7 @@ def energies(config: ReadoutConfig | FrameConfig, text: str, library: Path) -> d
     Disagreement
         If the two ways of computing power lie too far apart.
     """
-    bare, wired = measure(config, text, CellLibrary.read(library), (0.0, PITCH_UM))
+    bare, wired = measure(config, text, read(library), (0.0, PITCH_UM))
     for stretch in wired.get("scenarios", {}).values():
         del stretch["blocks"]
     return bare | {"power": bare.pop("scenarios"), "with_wires": wired}
@@ -63,8 +64,7 @@ def designs(config: ReadoutConfig) -> dict[str, ReadoutConfig | FrameConfig]:
     """Return the readouts that the power model compares, by their names: events from analog taxels, and frames."""
     slow = config.replace(encoding="lcs", frontend="digital", link="stream", sample_rate_hz=FRAME_RATE_HZ)
     return {
-        "lcs": config.replace(encoding="lcs", frontend="analog"),
-        "nlcs": config.replace(encoding="nlcs", frontend="analog"),
+        **{name: config.replace(encoding=name, frontend="analog") for name in sorted(SPIKING)},
         "frame": FrameConfig(readout=slow),
     }
 
@@ -96,10 +96,10 @@ def write(
     on_result : callable
         Called with each result.
     """
-    whole, paths = CellLibrary.read(library), []
+    whole, paths = read(library), []
     folder.mkdir(parents=True, exist_ok=True)
     for config in chosen.values():
-        made = netlist(config, whole.known)
+        made = synthesise(config, whole)
         for result in measure(config, made.text, whole, (0.0, PITCH_UM)):
             if APART in result:
                 raise Disagreement(result[APART])

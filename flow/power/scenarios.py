@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from base.errors import InputError
 from cocotb_tests.bench.textures import scan
+from model.address_events import Events
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.events.address import Events
 from model.readout import Stimulus, simulate
 
 IDLE, CLOSING, LONE, SATURATED, TEXTURE = "idle", "closing", "lone", "saturated", "texture"
@@ -109,9 +109,7 @@ def _idle(config: ReadoutConfig, rest: int, ticks: int = 10) -> Scenario:
     """
     if rest > MOST_TO_CLOSE:
         raise InputError(f"windows take {rest} samples to close, more than {MOST_TO_CLOSE}; choose a shorter period")
-    level = (
-        texture_samples(config, 1) % config.step if config.encoding == "lcs" else np.zeros((1, config.taxels), np.int32)
-    )
+    level = np.zeros((1, config.taxels), np.int32) if config.encoder.late else texture_samples(config, 1) % config.step
     name = CLOSING if rest < closing_ticks(config) else IDLE
     chosen = _whole(name, config, level.repeat(3 + rest + ticks, axis=0), 3 + rest)
     assert not len(chosen.events)
@@ -124,7 +122,7 @@ def _lone(config: ReadoutConfig) -> Scenario:
     order = np.arange(LONE_TICKS) * 7 % config.taxels if config.taxels % 7 else np.arange(LONE_TICKS) % config.taxels
     for number, taxel in enumerate(order):
         at = 3 + 2 * number
-        if config.encoding == "nlcs":  # its reference leaks: it fires once, and rests before it would again
+        if config.encoder.leaks:  # its reference leaks: it fires once, and rests before it would again
             samples[at, taxel] = 2 * config.step
         else:
             samples[at:, taxel] = config.step if samples[at - 1, taxel] <= 0 else -1

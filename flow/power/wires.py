@@ -5,14 +5,9 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from flow.gates.netlist import FlatNetlist
+from flow.gatesim.flat_netlist import FlatNetlist
+from flow.wire import FARAD_PER_UM, WITHIN_UM
 
-PITCH_UM = 200.0
-"""Of the taxels: what one may take is its square."""
-FARAD_PER_UM = 0.2e-15
-"""Of a wire at minimum width in the middle layers of a 0.13 to 0.18 um process."""
-WITHIN_UM = 20.0
-"""Of a wire from a cell to the next in the same block, for every pin on it."""
 TAXEL = re.compile(r"\brow_(\d+)\b(?:.*?\btaxel_(\d+)\b)?")
 
 

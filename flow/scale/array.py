@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections import defaultdict
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from flow.asic.gating import TEST
-from flow.asic.library import Library
 from flow.asic.synthesis import mapped
-from flow.gates.liberty import CellLibrary
-from flow.scale.delays import Kind, kind_of
+from flow.liberty.library import Cell, Library
 from model.config import ReadoutConfig
 from rtl.verilog import top_block
 
@@ -53,7 +51,7 @@ class Array:
     Attributes
     ----------
     config : ReadoutConfig
-    kinds : dict of str to Kind
+    kinds : dict of str to Cell
         Library cells that are used, and the repeaters.
     names, cells, pins : list
         Name, kind and nets of the pins of every cell that stands in no taxel.
@@ -70,7 +68,7 @@ class Array:
     """
 
     config: ReadoutConfig
-    kinds: dict[str, Kind]
+    kinds: dict[str, Cell]
     names: list[str]
     cells: list[str]
     pins: list[dict[str, int]]
@@ -89,6 +87,17 @@ class Array:
     def taxel_area_um2(self) -> float:
         """Area of the cells of a taxel."""
         return sum(self.kinds[c["type"]].area_um2 for c in self.taxel["cells"].values())
+
+    def copy(self) -> Array:
+        """Return an array of its own cells, pins and ports."""
+        return dataclasses.replace(
+            self,
+            names=[*self.names],
+            cells=[*self.cells],
+            pins=[dict(pins) for pins in self.pins],
+            taxels=[dict(taxel) for taxel in self.taxels],
+            ports=[*self.ports],
+        )
 
     def add(self, name: str, kind: str, pins: dict[str, int]) -> int:
         """Add a cell; return its number."""
@@ -115,7 +124,7 @@ class Array:
     def trees(self) -> set[int]:
         """Return the nets of the top that layout makes as trees: all clocks, reset and test enable."""
         found = {net for _, name, _, net in self.ports if name in TREES}
-        found |= {pins[k.clock] for c, pins in zip(self.cells, self.pins, strict=True) if (k := self.kinds[c]).clock}
+        found |= {pins[k.launch] for c, pins in zip(self.cells, self.pins, strict=True) if (k := self.kinds[c]).launch}
         return found | {taxel["clk 0"] for taxel in self.taxels}
 
     def ends(self) -> tuple[dict[int, End], dict[int, list[End]]]:
@@ -172,14 +181,14 @@ class Array:
         return buffers[len(buffers) // 2].name
 
 
-def repeaters(kinds: dict[str, Kind]) -> list[Kind]:
+def repeaters(kinds: dict[str, Cell]) -> list[Cell]:
     """Return the buffers from the smallest to the largest."""
-    found = [k for k in kinds.values() if len(k.loads) == len(k.outputs) == 1 and not k.clock and _same(k)]
+    found = [k for k in kinds.values() if len(k.loads) == len(k.outputs) == 1 and not k.launch and _same(k)]
     return sorted(found, key=lambda kind: kind.area_um2)
 
 
-def _same(kind: Kind) -> bool:
-    return bool(kind.arcs) and all(i == o for arc in kind.arcs for i, o in arc.edges)
+def _same(kind: Cell) -> bool:
+    return bool(kind.ways) and all(i == o for arc in kind.ways for i, o in arc.edges)
 
 
 def build(config: ReadoutConfig, library: Library) -> Array:
@@ -190,9 +199,8 @@ def build(config: ReadoutConfig, library: Library) -> Array:
     taxel = design["modules"][TAXEL]
     used = {cell["type"] for module in (top, taxel) for cell in module["cells"].values()} - {TAXEL}
     used |= {cell.name for cell in library.buffers}
-    tables = CellLibrary.read(library.path)
-    kinds = {cell.name: kind_of(tables, cell) for cell in tables.used(used)}
-    numbers = {bit: n for n, bit in enumerate(sorted(set(_bits(top))))}
+    kinds = {cell.name: cell for cell in library.used(used)}
+    numbers = numbered(top)
     plain = {n: c for n, c in top["cells"].items() if c["type"] != TAXEL}
     own = {f"{name} {i}": (p["direction"], b) for name, p in taxel["ports"].items() for i, b in enumerate(p["bits"])}
     return Array(
@@ -200,7 +208,7 @@ def build(config: ReadoutConfig, library: Library) -> Array:
         kinds=kinds,
         names=list(plain),
         cells=[cell["type"] for cell in plain.values()],
-        pins=[{pin: numbers.get(b[0], NONE) for pin, b in c["connections"].items() if b} for c in plain.values()],
+        pins=pins_of(plain, numbers),
         taxel=taxel,
         taxel_bits=own,
         taxels=[
@@ -221,9 +229,13 @@ def build(config: ReadoutConfig, library: Library) -> Array:
     )
 
 
-def _bits(module: dict[str, Any]) -> Iterator[int]:
-    """Yield the nets of a module."""
+def numbered(module: dict[str, Any]) -> dict[Any, int]:
+    """Return the nets of a module of Yosys, numbered from 0 on."""
     groups = [port["bits"] for port in module["ports"].values()]
     groups += [bits for cell in module["cells"].values() for bits in cell["connections"].values()]
-    for bits in groups:
-        yield from (bit for bit in bits if isinstance(bit, int))
+    return {bit: n for n, bit in enumerate(sorted({bit for bits in groups for bit in bits if isinstance(bit, int)}))}
+
+
+def pins_of(cells: dict[str, Any], numbers: dict[Any, int]) -> list[dict[str, int]]:
+    """Return the nets of the pins of some cells."""
+    return [{pin: numbers.get(b[0], NONE) for pin, b in c["connections"].items() if b} for c in cells.values()]

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from flow.liberty.library import Cell
 from flow.scale.array import NONE, Array, End, repeaters
-from flow.scale.delays import Kind
-from flow.scale.places import Places
-from flow.scale.wire import Wire
+from flow.scale.placement import Placement
+from flow.wire import Wire
 
 ROUNDS = 12
 """Passes in which a slew settles along a line of repeaters."""
@@ -47,7 +47,7 @@ class Repeater:
     load_f: float
 
 
-def best_repeater(buffers: Iterable[Kind], wire: Wire) -> Repeater:
+def best_repeater(buffers: Iterable[Cell], wire: Wire) -> Repeater:
     """Return the buffer and the spacing with the least delay per length, slews as they settle along the line."""
     candidates = []
     for kind in buffers:
@@ -56,7 +56,7 @@ def best_repeater(buffers: Iterable[Kind], wire: Wire) -> Repeater:
             slew, load = 50e-12, wire.farad_per_um * spacing + pin
             way = wire.way_s(spacing, pin)
             for _ in range(ROUNDS):
-                delay, out = (float(found[0]) for found in kind.through(slew, np.array([load])))
+                delay, out = (float(found[0]) for found in kind.worst(slew, np.array([load])))
                 slew = degraded(out, way)
             candidates.append(Repeater(kind.name, spacing, 1e3 * (delay + way) / spacing, slew, load))
     return min(candidates, key=lambda repeater: repeater.s_per_mm)
@@ -100,7 +100,7 @@ class Lines:
     Attributes
     ----------
     array : Array
-    places : Places
+    places : Placement
     wire : Wire
     repeater : Repeater
         Of the lines.
@@ -109,7 +109,7 @@ class Lines:
     """
 
     array: Array
-    places: Places
+    places: Placement
     wire: Wire
     repeater: Repeater
     load_f: dict[int, float] = field(default_factory=dict)
@@ -227,7 +227,7 @@ class Lines:
         if kind not in self.delays:
             cell = self.array.kinds[kind]
             loads = np.asarray([GRID_F * n for n in range(101)], np.float64)
-            self.delays[kind] = [*cell.through(self.repeater.slew_s, loads)[0]] if cell.arcs else [0.0] * len(loads)
+            self.delays[kind] = [*cell.worst(self.repeater.slew_s, loads)[0]] if cell.ways else [0.0] * len(loads)
         known = self.delays[kind]
         at = load_f / GRID_F
         low = min(int(at), len(known) - 2)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import resource
 from collections.abc import Callable
@@ -10,19 +9,17 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from flow.asic.library import Library
-from flow.gates.liberty import CellLibrary
+from base.errors import InputError
+from base.files import origin, read_json, write_json
+from flow.liberty.library import Library
 from flow.scale.array import Array, build
-from flow.scale.delays import kind_of
 from flow.scale.lines import Lines, Repeater, best_repeater
-from flow.scale.places import Places
-from flow.scale.skin import SkinPlaces, build_skin
+from flow.scale.placement import Placement
+from flow.scale.skin import SkinPlacement, build_skin
 from flow.scale.timing import Path as SlowestPath
 from flow.scale.timing import Timing
-from flow.scale.wire import FARAD_PER_UM, NO_WIRE, OHM_PER_UM, PITCH_UM, Wire
+from flow.wire import FARAD_PER_UM, NO_WIRE, OHM_PER_UM, PITCH_UM, Wire
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.files import origin, read_json, write_json
 from model.tiles.config import TilesConfig, tiles_of
 
 LARGEST = 64
@@ -30,7 +27,7 @@ LARGEST = 64
 FIELDS = ("encoding", "resolution", "frontend", "sample_bits")
 """Of the configuration, that the user may choose."""
 
-Standing = Callable[[Array, float], Places]
+MakePlacement = Callable[[Array, float], Placement]
 """Where the cells of an array stand, at a pitch."""
 
 
@@ -113,8 +110,7 @@ def measure(
     """
     first = designs[0]
     words = ["make asic SCALE=1", f"LIB={library.path.name}", *_words(first, wire, pitch_um)]
-    tables = CellLibrary.read(library.path)
-    repeater = best_repeater((kind_of(tables, tables.cells[cell.name]) for cell in library.buffers), wire)
+    repeater = best_repeater(library.buffers, wire)
     fixed = {
         "commit": origin("")["commit"],
         "library": library.path.name,
@@ -186,16 +182,16 @@ def _measured(
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     if isinstance(config, TilesConfig):
         array, tile, spots = build_skin(config, library)
-        places: Standing = partial(SkinPlaces, tile=tile, spots=spots)
+        places: MakePlacement = partial(SkinPlacement, tile=tile, spots=spots)
     else:
-        array, places = build(config, library), Places
+        array, places = build(config, library), Placement
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     return estimate(array, wire, pitch_um, repeater, places) | {"synthesis_s": round(seconds, 2)}
 
 
 def estimate(
-    array: Array, wire: Wire, pitch_um: float, repeater: Repeater, places: Standing = Places
+    array: Array, wire: Wire, pitch_um: float, repeater: Repeater, places: MakePlacement = Placement
 ) -> dict[str, Any]:
     """Return area and highest clock of an array, without wires and with them; repeaters are in both."""
     config = array.config
@@ -205,7 +201,7 @@ def estimate(
         "taxel_um2": array.taxel_area_um2,
     }
     for name, kind in (("without_wires", NO_WIRE), ("with_wires", wire)):
-        drawn = lines(copy.deepcopy(array), kind, pitch_um, repeater, places)
+        drawn = lines(array.copy(), kind, pitch_um, repeater, places)
         timing = Timing(drawn.array, drawn)
         path = timing.worst()
         found[name] = {
@@ -219,7 +215,7 @@ def estimate(
     return found
 
 
-def lines(array: Array, wire: Wire, pitch_um: float, repeater: Repeater, places: Standing = Places) -> Lines:
+def lines(array: Array, wire: Wire, pitch_um: float, repeater: Repeater, places: MakePlacement = Placement) -> Lines:
     """Return the lines of an array, drawn; their repeaters are cells of it."""
     drawn = Lines(array, places(array, pitch_um), wire, repeater)
     drawn.draw()

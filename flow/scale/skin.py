@@ -7,12 +7,10 @@ from typing import Any, NamedTuple
 
 from amaranth.lib.wiring import Out
 
-from flow.asic.library import Library
 from flow.asic.synthesis import mapped
-from flow.gates.liberty import CellLibrary
-from flow.scale.array import NONE, TREES, Array, build
-from flow.scale.delays import kind_of
-from flow.scale.places import Places
+from flow.liberty.library import Library
+from flow.scale.array import NONE, TREES, Array, build, numbered, pins_of
+from flow.scale.placement import Placement
 from model.tiles.config import TilesConfig
 from rtl.arbiter import event_ports
 from rtl.tiles.merge import Merge, merged_ports
@@ -52,7 +50,7 @@ class Piece:
 
 
 @dataclass
-class Joint:
+class NetJoiner:
     """The nets of a skin while its parts are put together."""
 
     parents: list[int] = field(default_factory=list)
@@ -85,9 +83,8 @@ def build_skin(config: TilesConfig, library: Library) -> tuple[Array, Array, lis
     tile = build(config.tile, library)
     merge = _piece(mapped(Merge(config), library), Merge.module_name)
     relay = _piece(mapped(Relay(config), library), Relay.module_name) if config.relays else None
-    tables = CellLibrary.read(library.path)
     used = {kind for piece in (merge, relay) if piece for kind in piece.cells}
-    kinds = tile.kinds | {cell.name: kind_of(tables, cell) for cell in tables.used(used)}
+    kinds = tile.kinds | {cell.name: cell for cell in library.used(used)}
 
     work = _Assembly(config, kinds, tile)
     into = work.place(merge, "merge", Spot(MERGE))
@@ -116,7 +113,7 @@ class _Assembly:
 
     def __init__(self, config: TilesConfig, kinds: dict[str, Any], tile: Array) -> None:
         self.config, self.kinds, self.tile = config, kinds, tile
-        self.joint = Joint()
+        self.joint = NetJoiner()
         self.names: list[str] = []
         self.cells: list[str] = []
         self.pins: list[dict[str, int]] = []
@@ -191,20 +188,17 @@ def _moved(net: int, first: int) -> int:
 def _piece(design: dict[str, Any], name: str) -> Piece:
     """Return a module of Yosys without others in it."""
     module = design["modules"][name]
-    groups = [port["bits"] for port in module["ports"].values()]
-    groups += [bits for cell in module["cells"].values() for bits in cell["connections"].values()]
-    numbers = {bit: n for n, bit in enumerate(sorted({b for bits in groups for b in bits if isinstance(b, int)}))}
-    cells = module["cells"].values()
+    numbers = numbered(module)
     return Piece(
         names=list(module["cells"]),
-        cells=[cell["type"] for cell in cells],
-        pins=[{pin: numbers.get(b[0], NONE) for pin, b in cell["connections"].items() if b} for cell in cells],
+        cells=[cell["type"] for cell in module["cells"].values()],
+        pins=pins_of(module["cells"], numbers),
         ports={name: [numbers.get(bit, NONE) for bit in port["bits"]] for name, port in module["ports"].items()},
         nets=len(numbers),
     )
 
 
-class SkinPlaces(Places):
+class SkinPlacement(Placement):
     """Positions of a skin: within a tile those of the tile alone, the merge in the middle of the skin.
 
     The first relay station of a line is at its tile, where the stream leaves it, the last at the merge, and the others
@@ -213,7 +207,7 @@ class SkinPlaces(Places):
 
     def __init__(self, array: Array, pitch_um: float, tile: Array, spots: list[Spot]) -> None:
         assert isinstance(array.config, TilesConfig)
-        self.skin, self.tile, self.spots = array.config, Places(tile, pitch_um), spots
+        self.skin, self.tile, self.spots = array.config, Placement(tile, pitch_um), spots
         self.within = [self.skin.taxels_of(index).tolist() for index in range(self.skin.tiles)]
         super().__init__(array, pitch_um)
 

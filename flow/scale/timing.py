@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flow.asic.constraints import UNCERTAINTY
+from flow.liberty.library import Cell
+from flow.liberty.tables import Arc, Floats
 from flow.scale.array import NONE, Array
-from flow.scale.delays import Arc, Floats, Kind, look
 from flow.scale.lines import Lines
 from rtl.delivery import OUTSIDE
 
@@ -50,7 +51,7 @@ class Path:
 class Group:
     """All cells of a kind: their numbers, and the net of every pin."""
 
-    kind: Kind
+    kind: Cell
     cells: Ints
     pins: dict[str, Ints]
 
@@ -134,7 +135,7 @@ class Timing:
     def _run(self) -> None:
         """Find all arrivals, level by level."""
         for group in self.groups.values():
-            if group.kind.clock:
+            if group.kind.launch:
                 self._launch(group)
         self._ports()
         sinks, first = self._readers()
@@ -166,7 +167,7 @@ class Timing:
 
     def _launch(self, group: Group) -> None:
         """Let the flops of a kind send, at a steep clock."""
-        for arc in group.kind.arcs:
+        for arc in group.kind.ways:
             nets = group.pins[arc.end]
             on = nets >= 0
             self._send(arc, nets[on], np.zeros((2, on.sum())), np.zeros((2, 2, on.sum())), [FROM_FLOP])
@@ -174,8 +175,8 @@ class Timing:
     def _send(self, arc: Arc, nets: Ints, slew: Floats, arrival: Floats, starts: list[int]) -> None:
         """Take what comes through an arc into account."""
         for into, out in arc.edges:
-            delay = look(arc.delay[out], slew[into], self.load[nets])
-            late = look(arc.slew[out], slew[into], self.load[nets])
+            delay = arc.delay[out].at(slew[into], self.load[nets])
+            late = arc.slew[out].at(slew[into], self.load[nets])
             for start in starts:
                 came = arrival[start, into] + delay
                 np.maximum.at(self.arrival[start, out], nets, came)
@@ -186,12 +187,12 @@ class Timing:
         kind = self.array.kinds[self.array.port_buffer]
         trees = self.array.trees()
         nets = np.array([n for way, _, _, n in self.array.ports if way == "input" and n >= 0 and n not in trees])
-        for arc in kind.arcs:
+        for arc in kind.ways:
             for _, out in arc.edges:
                 none = np.zeros(len(nets))
-                delay = look(arc.delay[out], none, self.load[nets]) - look(arc.delay[out], none, none)
+                delay = arc.delay[out].at(none, self.load[nets]) - arc.delay[out].at(none, none)
                 np.maximum.at(self.arrival[FROM_PORT, out], nets, delay)
-                np.maximum.at(self.slew[out], nets, look(arc.slew[out], none, self.load[nets]))
+                np.maximum.at(self.slew[out], nets, arc.slew[out].at(none, self.load[nets]))
 
     def _at_pins(self, nets: Ints) -> tuple[Floats, Floats]:
         """Return slews (edge, pin) and arrivals (start, edge, pin) at inputs; an input on a constant never moves."""
@@ -204,9 +205,9 @@ class Timing:
 
     def _pass(self, group: Group, at: Ints) -> None:
         """Let some cells of a kind, whose inputs are known, send."""
-        if group.kind.clock:
+        if group.kind.launch:
             return
-        for arc in group.kind.arcs:
+        for arc in group.kind.ways:
             nets = group.pins[arc.end][at]
             on = nets >= 0
             slew, arrival = self._at_pins(group.pins[arc.start][at][on])
@@ -216,7 +217,7 @@ class Timing:
         """Return the cells that read the nets, one net after the other, and where those of each net begin."""
         nets, cells = [], []
         for group in self.groups.values():
-            if not group.kind.clock:
+            if not group.kind.launch:
                 for pin in group.kind.loads:
                     on = group.pins[pin] >= 0
                     nets.append(group.pins[pin][on])
@@ -230,7 +231,7 @@ class Timing:
         kind_of, place_of = np.full(self._cells, -1), np.zeros(self._cells, np.int64)
         for number, group in enumerate(self.groups.values()):
             place_of[group.cells] = np.arange(len(group.cells))
-            if not group.kind.clock:
+            if not group.kind.launch:
                 kind_of[group.cells] = number
         return kind_of, place_of
 
@@ -238,7 +239,7 @@ class Timing:
         """Return which nets wait for a cell that is no flop."""
         driven = np.zeros(self.nets, bool)
         for group in self.groups.values():
-            for pin in () if group.kind.clock else group.kind.outputs:
+            for pin in () if group.kind.launch else group.kind.outputs:
                 driven[group.pins[pin][group.pins[pin] >= 0]] = True
         return driven
 
@@ -252,7 +253,7 @@ class Timing:
                 nets = group.pins[pin]
                 slew, arrival = self._at_pins(nets)
                 for edge, table in tables.items():
-                    needs = look(table, slew[edge], np.zeros(len(nets)))
+                    needs = table.at(slew[edge], np.zeros(len(nets)))
                     for start, share in ((FROM_FLOP, 0.0), (FROM_PORT, OUTSIDE))[: 1 + ports]:
                         period = (arrival[start, edge] + needs) / (1 - UNCERTAINTY - share)
                         at = int(np.argmax(period))
@@ -273,13 +274,13 @@ class Timing:
             group, at = drivers[net]
             name, arrival = self.name(int(group.cells[at])), float(self.arrival[start, edge, net])
             found = None
-            for arc in () if group.kind.clock else group.kind.arcs:
+            for arc in () if group.kind.launch else group.kind.ways:
                 for into, out in arc.edges:
                     before = int(group.pins[arc.start][at])
                     if out != edge or group.pins[arc.end][at] != net or before < 0:
                         continue
                     slew, came = self._at_pins(np.array([before]))
-                    sent = float(came[start, into, 0] + look(arc.delay[out], slew[into], self.load[[net]])[0])
+                    sent = float(came[start, into, 0] + arc.delay[out].at(slew[into], self.load[[net]])[0])
                     if found is None or sent > found[0]:
                         found = sent, before, into
             wire = float(self.wire[found[1]]) if found else 0.0
@@ -308,7 +309,7 @@ class Timing:
         return f"row_{row}.taxel_{column}.{list(self.array.taxel['cells'])[number]}"
 
 
-def _pins(kind: Kind) -> list[str]:
+def _pins(kind: Cell) -> list[str]:
     return [*kind.loads, *kind.outputs]
 
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from model.address_events import EVENT_DTYPE, Events, taxel_of
 from model.classifier.chip_config import ChipConfig
 from model.classifier.config import ClassifierConfig
 from model.classifier.network import IntegerNetwork
 from model.classifier.run import ClassifierRun, first_ready, simulate, work_clocks
-from model.events.address import EVENT_DTYPE, Events, taxel_of
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from base.errors import InputError
+from base.files import atomic_write, check_writable, read_arrays, write_arrays
 from model.classifier.config import ClassifierConfig
 from model.classifier.network import IntegerNetwork
-from model.errors import InputError
-from model.files import atomic_write, check_writable, read_arrays, write_arrays
 
 FORMAT_NAME = "spiking-eskin-readout integer network"
 FORMAT_VERSION = 1
@@ -63,16 +63,14 @@ class IntegerWeights:
             If the file cannot be read, is damaged, or is something else.
         """
         if not path.exists():
-            raise InputError(f"integer network {path} does not exist; make one with python -m snn quantise")
+            raise InputError(f"integer network {path} does not exist; make one with eskin quantise")
         arrays = read_arrays(path, "an integer network", "quantise again")
         try:
             return cls._from_arrays(arrays)
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
         except (KeyError, TypeError, ValueError, RecursionError):
-            raise InputError(
-                f"{path} is an archive, but no integer network; make one with python -m snn quantise"
-            ) from None
+            raise InputError(f"{path} is an archive, but no integer network; make one with eskin quantise") from None
 
     @classmethod
     def _from_arrays(cls, arrays: dict[str, NDArray[Any]]) -> IntegerWeights:

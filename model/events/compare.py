@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from model.address_events import Events, taxel_of
 from model.config import ReadoutConfig
-from model.events.address import Events, taxel_of
 
 CONTEXT = 3
 """Events shown before and after a difference."""
@@ -145,6 +145,17 @@ def count_per_taxel(events: Events, config: ReadoutConfig) -> NDArray[np.int64]:
     """Return the number of events of every taxel, shape (rows, columns)."""
     index = taxel_of(events, config)
     return np.bincount(index, minlength=config.taxels).reshape(config.rows, config.columns)
+
+
+def covering_config(a: ReadoutConfig, b: ReadoutConfig) -> ReadoutConfig:
+    """Return a configuration whose array holds the addresses of both; polarity as either has it, the rest as in a."""
+    polar = next((c for c in (a, b) if c.has_polarity), a)
+    return polar.replace(
+        rows=max(a.rows, b.rows),
+        columns=max(a.columns, b.columns),
+        sample_rate_hz=a.sample_rate_hz,
+        clocks_per_sample=a.clocks_per_sample,
+    )
 
 
 def unmatched(a: Events, b: Events) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

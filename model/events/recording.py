@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from base.errors import InputError
+from base.files import check_unpacked, write_arrays
 from model import __version__
+from model.address_events import Events, check_events
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.events.address import Events, check_events
-from model.files import check_unpacked, write_arrays
 from model.tiles.config import config_of
 
 FORMAT_NAME = "spiking-eskin-readout events"
@@ -58,7 +58,7 @@ class Recording:
     Examples
     --------
     >>> from model.config import ReadoutConfig
-    >>> from model.events.address import EVENT_DTYPE
+    >>> from model.address_events import EVENT_DTYPE
     >>> events = np.array([(11, 0, 0, True), (12, 1, 0, False)], EVENT_DTYPE)
     >>> recording = Recording(events, ReadoutConfig(rows=1, columns=2), 1280, metadata={"label": "brick"})
     >>> recording.duration_s, recording.rate_hz
@@ -191,10 +191,8 @@ def _read_members(path: Path) -> tuple[NDArray[Any], str]:
     except InputError as error:
         raise InputError(f"{path} {error}") from None
     except Exception:  # a damaged archive makes zipfile, zlib and NumPy raise almost any type
-        raise InputError(
-            f"{path} is damaged or not an event file; record it again with python -m model encode"
-        ) from None
-    raise InputError(f"{path} is an archive, but not an event file; make one with python -m model encode")
+        raise InputError(f"{path} is damaged or not an event file; record it again with eskin encode") from None
+    raise InputError(f"{path} is an archive, but not an event file; make one with eskin encode")
 
 
 def _read_array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:

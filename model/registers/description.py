@@ -7,16 +7,14 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
+from base.errors import InputError
 from model import __version__
 from model.config import ReadoutConfig
-from model.errors import InputError
 
 SOURCE = Path(__file__).with_name("eskin_registers.rdl")
 NAME = SOURCE.stem
 WORD_BITS = 32
 WORD_BYTES = WORD_BITS // 8
-ENCODINGS = ("lcs", "cw-lcs", "nlcs")
-"""In the order of their numbers in ``shape.encoding``."""
 
 Kind = Literal["constant", "setting", "pulse", "counter"]
 
@@ -119,10 +117,10 @@ def parameters(config: ReadoutConfig) -> dict[str, Any]:
         "PATCH": patch,
         "ROWS": config.rows,
         "COLUMNS": config.columns,
-        "ENCODING": ENCODINGS.index(config.encoding),
+        "ENCODING": config.encoder.code,
         "SAMPLE_BITS": config.sample_bits,
         "RESOLUTION": config.resolution,
-        "LEAKS": config.encoding == "nlcs",
+        "LEAKS": config.encoder.leaks,
         "LEAK_SHIFT": config.leak_shift,
         "LEAK_PERIOD": config.leak_period,
         "CLOSES": config.closes,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 
+from base.errors import InputError
 from model.config import ReadoutConfig
-from model.errors import InputError
 from model.registers.description import WORD_BITS, WORD_BYTES, Register, registers
 from model.registers.spi import COMMAND_BITS, command
 

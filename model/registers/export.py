@@ -6,8 +6,8 @@ import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
+from base.errors import InputError
 from model.config import ReadoutConfig
-from model.errors import InputError
 from model.registers import spi
 from model.registers.description import (
     NAME,

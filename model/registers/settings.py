@@ -8,10 +8,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from base.errors import InputError
 from model import arbiter, decay
 from model.arbiter import ONE
 from model.config import ReadoutConfig
-from model.errors import InputError
 from model.registers import pattern
 
 SETTING_DTYPE = np.dtype(
@@ -95,7 +95,7 @@ def set_phases(phases: NDArray[np.int64], leak_period: int) -> None:
 @njit(inline="always")
 def leaks(host: Any, p: Any, phase: Any, ticks: int) -> bool:
     """Return whether a row of some phase leaks at the newest of some sample ticks."""
-    return host[DECAY_ANEW] == 0 and decay.is_due(p, phase, ticks - 1 - host[FIRST_TICK])
+    return host[DECAY_ANEW] == 0 and decay.is_due(p.leak_period, phase, ticks - 1 - host[FIRST_TICK])
 
 
 @njit(inline="always")

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from model.files import forget_stale_kernels
+from base.files import forget_stale_kernels
 from model.tiles import merge
 
 forget_stale_kernels(Path(__file__), [Path(str(merge.__file__))])

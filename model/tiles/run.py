@@ -13,17 +13,16 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from base.errors import InputError
+from base.files import forget_stale_kernels
 from model import arbiter, decay, readout
-from model import taxel_kernels as taxel
+from model.address_events import EVENT_DTYPE, Events
 from model.arbiter import ONE, ZERO
-from model.errors import InputError
-from model.events.address import EVENT_DTYPE, Events
-from model.files import forget_stale_kernels
 from model.readout import Inputs, Parameters, Registers, Stimulus, decide, mask_rows, take_samples, with_room
 from model.tiles import merge, relay
 from model.tiles.config import TilesConfig
 
-forget_stale_kernels(Path(__file__), (Path(str(m.__file__)) for m in (arbiter, decay, taxel, readout, merge, relay)))
+forget_stale_kernels(Path(__file__), (*readout.SOURCES, *(Path(str(m.__file__)) for m in (readout, merge, relay))))
 
 # Words of a tile's place in its inputs: sample ticks and masks so far, whether the clock before was a sample tick, and
 # whether a threshold moved in it.
@@ -158,7 +157,7 @@ def _clock(p: Any, s: Any, t: int, tile: int, taxels: Any, rows: Any, latch: Any
         first, last = (0, len(rows)) if everyone or at[AGAIN] != 0 else (row, row + 1)
         again = False
         for y in range(first, last):
-            leaks = tick and p.leaky and decay.is_due(p, s.phases[y], at[TICKS] - 1)
+            leaks = tick and p.leaks and decay.is_due(p.leak_period, s.phases[y], at[TICKS] - 1)
             todo = rows[y].again | (latch[arbiter.TAKEN] if y == row else ZERO)
             again |= decide(p, y, ~ZERO if everyone else todo, tick, leaks, taxels, rows, latch)
         at[AGAIN] = again

@@ -59,7 +59,7 @@ class Host(Block[ReadoutConfig]):
                     if name in pattern
                 },
                 "step": Out(config.resolution),
-                "decay_restart": Out(1) if config.encoding == "nlcs" else None,
+                "decay_restart": Out(1) if config.encoder.leaks else None,
                 **{name: found[name] for name in SETTINGS if name in found},
             },
         )
@@ -98,7 +98,7 @@ class Host(Block[ReadoutConfig]):
         with m.If(getattr(file, f"resolution_bits{WRITTEN}")):
             m.d.sync += step.eq(Cat(file.resolution_bits == bits for bits in range(config.resolution, 0, -1)))
         m.d.comb += self.step.eq(step)
-        if config.encoding == "nlcs":
+        if config.encoder.leaks:
             m.d.comb += self.decay_restart.eq(getattr(file, f"decay_period{WRITTEN}") | clear)
         for name in SETTINGS:
             if name in self.signature.members:

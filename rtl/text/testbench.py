@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from model.address_events import Events
 from model.config import ReadoutConfig
-from model.events.address import Events
 from model.readout import Stimulus, simulate
 
 TICKS = 8

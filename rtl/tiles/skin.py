@@ -7,7 +7,7 @@ from typing import Any
 from amaranth.hdl import Module, Shape, Value, unsigned
 from amaranth.lib.wiring import In
 
-from model.errors import InputError
+from base.errors import InputError
 from model.tiles.config import TilesConfig
 from rtl.arbiter import event_ports
 from rtl.block import Block

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.errors import InputError
+from base.errors import InputError
 
 if TYPE_CHECKING:
     from torch import Tensor

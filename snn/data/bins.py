@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from base.errors import InputError
+from model.address_events import Events, taxel_of
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.events.address import Events, taxel_of
 from model.events.recording import Recording
-from model.textures.presets import preset
+from skin.textures.presets import preset
 
 MOST_COUNTS = 2**28
 """Counts of one recording, zeros and all, in memory."""

@@ -23,11 +23,12 @@ from typing import Any
 import numpy as np
 
 import model
+import skin
+from base.errors import InputError
+from base.files import atomic_write, plain
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.files import atomic_write, plain
-from model.textures.dataset import Dataset
-from model.textures.presets import Scan
+from skin.textures.dataset import Dataset
+from skin.textures.presets import Scan
 from snn import cache
 from snn.data.scans import ScanData
 
@@ -157,7 +158,7 @@ def _computed_by() -> list[str]:
     import scipy
 
     found = hashlib.sha256()
-    for folder in (Path(str(model.__file__)).parent, Path(__file__).parent):
+    for folder in (Path(str(model.__file__)).parent, Path(str(skin.__file__)).parent, Path(__file__).parent):
         for path in sorted(folder.rglob("*.py")):
             found.update(f"{path.relative_to(folder)}\0".encode() + path.read_bytes() + b"\0")
     return [found.hexdigest(), np.__version__, scipy.__version__, numba.__version__, platform.machine()]

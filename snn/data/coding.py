@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from model.events.address import taxel_of
+from model.address_events import taxel_of
 from model.events.recording import Recording
 from snn.data.bins import counted_from
 

@@ -16,13 +16,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from base.errors import InputError
+from model.address_events import EVENT_DTYPE, Events, taxel_of
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.events.address import EVENT_DTYPE, Events, taxel_of
 from model.events.recording import Recording
-from model.textures.dataset import Dataset, Texture
-from model.textures.physical import PhysicalScan
-from model.textures.scan import Signals, quantise
+from skin.textures.dataset import Dataset, Texture
+from skin.textures.physical import PhysicalScan
+from skin.textures.scan import Signals, quantise
 from snn.data.bins import BinConfig
 from snn.data.record import Tick, record, said_of
 from snn.data.scans import ScanData, collect

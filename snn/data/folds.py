@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import InputError
+from base.errors import InputError
 from snn.data.scans import ScanData
 
 INNER_FOLDS = 5

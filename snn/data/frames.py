@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from base.errors import InputError
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.textures.dataset import Dataset, Texture
-from model.textures.presets import Scan
+from skin.textures.dataset import Dataset, Texture
+from skin.textures.presets import Scan
 from snn.data.frame_steps import FrameSteps
 from snn.data.scans import ScanData
 

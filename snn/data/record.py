@@ -5,20 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
+from base.errors import InputError
 from model.config import ReadoutConfig
-from model.errors import InputError
 from model.events.recording import Recording
-from model.textures.dataset import Dataset, Texture
-from model.textures.presets import Scan
+from skin.textures.dataset import Dataset, Texture
+from skin.textures.presets import Scan
 from snn.data.bins import BinConfig
 from snn.data.scans import ScanData, collect
 
 Tick = Callable[[], object]
 """Called after each scan or recording that is done."""
 
-Variant = Literal["", "on", "bipolar"]
-"""What is made of a readout's events: all of them; ON events alone; or those of the bipolar N-LCS, an encoder without
-RTL (docs/results/classifier.md)."""
+Variant = Literal["", "on"]
+"""What is made of a readout's events: all of them, or ON events alone."""
 
 
 def said_of(texture: Texture, dataset_name: str, scan: Scan) -> dict[str, Any]:
@@ -42,11 +41,9 @@ def record(
 ) -> Recording:
     """Return what the clock-by-clock model of the readout sends while a texture is scanned.
 
-    The recording has the events and the metadata of an RTL replay but ``source``, which is "model". The bipolar variant
-    has the events of its encoder, one taxel as free as the other.
+    The recording has the events and the metadata of an RTL replay but ``source``, which is "model".
     """
     from model.readout import Stimulus, simulate
-    from model.taxel import encode_bipolar, uncontended_events
 
     try:
         samples, clipped = scan.samples(config, texture.load(), start_row)
@@ -58,10 +55,6 @@ def record(
         "clipped_samples": clipped,
         "source": "model",
     }
-    if variant == "bipolar":
-        sent = config.replace(encoding="lcs")  # events with a polarity
-        events = uncontended_events(sent, encode_bipolar(config, samples))
-        return Recording(events[events["t"] < stimulus.clocks], sent, stimulus.clocks, metadata=metadata)
     events = simulate(config, stimulus)
     return Recording(events[events["p"]] if variant == "on" else events, config, stimulus.clocks, metadata=metadata)
 

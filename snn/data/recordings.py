@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from model.errors import InputError
+from base.errors import InputError
 from model.events.recording import Recording
-from model.recordings.own import OwnReadout
+from skin.recordings.trained_on import OwnReadout
 
 
 class EventFile(NamedTuple):
@@ -47,7 +47,7 @@ def event_files(paths: Iterable[Path]) -> list[EventFile]:
     found: list[EventFile] = []
     for path in paths:
         if not path.exists():
-            raise InputError(f"event folder or file {path} does not exist; make one with python -m cocotb_tests replay")
+            raise InputError(f"event folder or file {path} does not exist; make one with eskin replay")
         if path.is_file():
             whole = path.absolute()  # the folder of a class, and what holds it
             found.append(EventFile(whole, whole.parent.parent))
@@ -55,8 +55,8 @@ def event_files(paths: Iterable[Path]) -> list[EventFile]:
         inside = sorted(path.rglob("*.npz"))
         if not inside:
             raise InputError(
-                f"event folder {path} holds no event files (.npz); record some with python -m cocotb_tests replay, or "
-                f"python -m model encode on a folder of class folders"
+                f"event folder {path} holds no event files (.npz); record some with eskin replay, or "
+                f"eskin encode on a folder of class folders"
             )
         found += [EventFile(file, path) for file in inside]
     return list({file.path.resolve(): file for file in found}.values())
@@ -82,7 +82,7 @@ def read_recordings(
 ) -> list[Recording]:
     """Return the recordings of files, each with its name and, where it is known, its class among the metadata.
 
-    A recording is known by the name in its metadata where that has a folder in it, as class/file of ``python -m model
+    A recording is known by the name in its metadata where that has a folder in it, as class/file of ``eskin
     encode``, or where it is a scan of an image; else by its path under the root. The class is that of the metadata,
     else the folder.
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import InputError
+from base.errors import InputError
 from model.events.recording import Recording
 from snn.data.bins import BinConfig, bin_recording, counted_from
 from snn.data.recordings import class_of, event_files, image_of, read_recordings
@@ -140,7 +140,7 @@ def load_recordings(
     """
     if isinstance(paths, Path):
         if not paths.is_dir():
-            raise InputError(f"event folder {paths} does not exist; make one with python -m cocotb_tests replay")
+            raise InputError(f"event folder {paths} does not exist; make one with eskin replay")
         paths = [paths]
     files = event_files(paths)
     if not files:

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import h5py  # type: ignore[import-untyped]
 
-from model.errors import InputError
-from model.files import MOST_UNPACKED
+from base.errors import InputError
+from base.files import MOST_UNPACKED
 
 MOST_OBJECTS = 100_000
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from base.errors import InputError
 from model.classifier.config import ClassifierConfig, bits_of
 from model.classifier.file import IntegerWeights
 from model.classifier.network import IntegerNetwork
-from model.errors import InputError
 from snn.exchange.weights import Weights, config_of
 from snn.network import SpikingNetwork
 from snn.rounding import Grid, grid_of, related_grids

@@ -12,11 +12,11 @@ import h5py  # type: ignore[import-untyped]
 import nir
 import numpy as np
 
+from base.errors import InputError
+from base.files import atomic_write
+from model.address_events import EVENT_DTYPE, Events
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.events.address import EVENT_DTYPE, Events
 from model.events.recording import Recording
-from model.files import atomic_write
 from snn.data.bins import BinConfig, bin_recording
 from snn.exchange.hdf5 import read_hdf5
 from snn.exchange.nir_network import INPUT
@@ -142,6 +142,21 @@ def to_events_array(recording: Recording, time_unit: TimeUnit = "us") -> Events:
 
 
 # -- files -------------------------------------------------------------------------------------------
+
+
+def save_events(path: Path, recording: Recording, time_unit: TimeUnit = "us") -> None:
+    """Write the array of ``to_events_array`` as .npy."""
+    with atomic_write(path) as file:
+        np.save(file, to_events_array(recording, time_unit))
+
+
+def load_recording(path: Path) -> Recording:
+    """Return the recording of an event file (.npz) or of NIRData (.nir)."""
+    if path.suffix == ".npz":
+        return Recording.load(path)
+    if path.suffix == ".nir":
+        return load_nir_data(path)
+    raise InputError(f"{path} is of unknown kind; give an event file (.npz) or NIRData (.nir)")
 
 
 def save_nir_data(path: Path, recording: Recording, bins: BinConfig | None = None) -> None:

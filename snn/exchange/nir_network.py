@@ -27,8 +27,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from model.errors import InputError
-from model.files import atomic_write
+from base.errors import InputError
+from base.files import atomic_write
 from snn.exchange.hdf5 import read_hdf5
 from snn.exchange.nir_layers import Layer, affine, broadcast, follow
 from snn.exchange.weights import Weights, check_class_names, check_step, config_of

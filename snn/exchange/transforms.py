@@ -10,10 +10,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from base.errors import InputError
 from model.config import ReadoutConfig
-from model.errors import InputError
 from model.taxel import encode
-from model.textures.scan import quantise
+from skin.textures.scan import quantise
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,8 @@ class LevelCrossing:
         ----------
         data : floating-point tensor or array, shape (time, ...)
             In full scales: the range is -1.0 to 1.0, what is outside saturates. It is rounded half to even to codes of
-            ``config.sample_bits`` bits. The reference starts at ``config.reference_reset``. For N-LCS, whose leak
-            depends on the row, the last dimensions are (..., rows, columns) or (..., taxels).
+            ``config.sample_bits`` bits. The reference starts at ``config.reference_reset``. Where the reference leaks,
+            which depends on the row, the last dimensions are (..., rows, columns) or (..., taxels).
 
         Returns
         -------
@@ -99,14 +99,14 @@ class LevelCrossing:
         if not codes.size:
             return np.zeros(codes.shape, np.int16)
         flat = codes.reshape(len(codes), -1)
-        if self.config.encoding != "nlcs":
+        if not self.config.encoder.leaks:
             return encode(self.config, flat).reshape(codes.shape)
         taxels = self.config.taxels
         last = codes.shape[1:]
         if not (last[-1:] == (taxels,) or last[-2:] == (self.config.rows, self.config.columns)):
             raise InputError(
-                f"nlcs takes signals of shape (time, ..., {self.config.rows}, {self.config.columns}) or "
-                f"(time, ..., {taxels}), not {codes.shape}; change rows and columns of the configuration"
+                f"{self.config.encoding} takes signals of shape (time, ..., {self.config.rows}, {self.config.columns}) "
+                f"or (time, ..., {taxels}), not {codes.shape}; change rows and columns of the configuration"
             )
         arrays = [encode(self.config, flat[:, at : at + taxels]) for at in range(0, flat.shape[1], taxels)]
         return np.concatenate(arrays, 1).reshape(codes.shape)

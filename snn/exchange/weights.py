@@ -12,8 +12,8 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
-from model.errors import InputError
-from model.files import read_arrays, write_arrays
+from base.errors import InputError
+from base.files import read_arrays, write_arrays
 from snn.network import SpikingNetwork, build
 from snn.network_config import NetworkConfig
 
@@ -93,7 +93,7 @@ def load_weights(path: Path) -> Weights:
         If the file cannot be read, is damaged, or is something else.
     """
     if not path.exists():
-        raise InputError(f"weight file {path} does not exist; make one with python -m snn train")
+        raise InputError(f"weight file {path} does not exist; make one with eskin train")
     arrays = read_arrays(path, "a weight file", "train again")
     try:
         return _from_arrays(arrays)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from model.events.recording import Recording
-from model.textures.dataset import open_dataset
+from skin.textures.dataset import open_dataset
 from snn.data.coding import coded_events, coded_frames
 from snn.data.frames import codes_of
 from snn.data.record import record

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from model.errors import InputError
-from model.files import plain, read_json
+from base.errors import InputError
+from base.files import plain, read_json
 from snn.data.folds import INNER_FOLDS, stratified_folds
 from snn.data.scans import ScanData, Split
 from snn.experiments.experiment import Experiment

@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from base.errors import InputError
 from model.classifier.file import IntegerWeights
 from model.classifier.network import IntegerNetwork
-from model.errors import InputError
 from model.events.compare import first_difference
 from model.events.recording import Recording
 from model.readout import Stimulus, simulate
-from model.recordings.folder import RecordingSet
-from model.recordings.own import OwnReadout
-from model.textures.dataset import EMBEDDED, Texture, open_dataset
-from model.textures.presets import preset
+from skin.recordings.folder import RecordingSet
+from skin.recordings.trained_on import OwnReadout
+from skin.textures.dataset import EMBEDDED, Texture, open_dataset
+from skin.textures.presets import preset
 from snn.data.bins import BinConfig, bin_recording
 from snn.data.record import Tick
 from snn.data.recordings import class_of
@@ -191,7 +191,7 @@ def model_recording(rtl: Recording, texture: Texture) -> Recording:
     if metadata.get("ticks", len(samples)) != len(samples):
         raise InputError(
             f"{metadata['name']} has {metadata['ticks']} sample ticks, the scan of its texture {len(samples)}; "
-            f"play it whole, with python -m cocotb_tests replay"
+            f"play it whole, with eskin replay"
         )
     return _as_long(rtl, samples)
 
@@ -211,7 +211,7 @@ class Places:
     Attributes
     ----------
     dataset : str or None
-        Of the textures, as ``model.textures.dataset.open_dataset`` takes it.
+        Of the textures, as ``skin.textures.dataset.open_dataset`` takes it.
     data : Path or None
         Folder of own recordings.
     """
@@ -347,3 +347,63 @@ def compare_integer(weights_file: Path, made: IntegerWeights) -> str:
     right = int((predicted_classes(weights.network, data, images) == labels).sum())
     whole = int((integer_classes(made.network, data, images) == labels).sum())
     return f"test images of the fold: float {right} of {len(labels)} right, integer {whole} of {len(labels)}"
+
+
+def predictions(
+    recordings: Sequence[Recording],
+    logits: NDArray[np.float32],
+    trained: Trained,
+    scores: dict[str, Score],
+    check: Check | None = None,
+) -> dict[str, Any]:
+    """Return class, prediction and logits of every recording, and the accuracy of each part, for JSON.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+    logits : float32 array, shape (recordings, classes)
+    trained : Trained
+    scores : dict of str to Score
+        From ``scores``.
+    check : Check, optional
+        From ``check_model``.
+    """
+    names = trained.weights.class_names
+    images = []
+    for number, (recording, row) in enumerate(zip(recordings, logits, strict=True)):
+        image = {
+            "name": recording.metadata["name"],
+            "source": recording.metadata.get("source"),
+            "class": class_of(recording),
+            "part": trained.part_of(recording) if trained.parts else None,
+            "predicted": names[row.argmax()],
+            "logits": row.tolist(),
+        }
+        if check is not None and number in check.compared:
+            image["model_predicted"] = names[check.logits[number].argmax()]
+        images.append(image)
+    report: dict[str, Any] = {
+        "class_names": list(names),
+        "step_s": trained.weights.step_s,
+        "readout": recordings[0].config.to_dict(),
+        "accuracy": {
+            part if trained.parts else "all": {
+                "accuracy": score.accuracy,
+                "correct": score.correct,
+                "images": score.total,
+                "confusion": score.confusion.tolist(),
+                "learned": part == TRAINING,
+            }
+            for part, score in scores.items()
+        },
+    }
+    if check is not None:
+        report["check"] = {
+            "compared": len(check.compared),
+            "events": check.events,
+            "different": {
+                level: [recordings[number].metadata["name"] for number in numbers]
+                for level, numbers in check.different.items()
+            },
+        }
+    return report | {"images": images}

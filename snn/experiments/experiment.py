@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, get_args
 
+from base.errors import InputError
+from base.files import plain
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.files import plain
-from model.textures.dataset import open_dataset
-from model.textures.physical import PhysicalScan
-from model.textures.presets import PRESETS, Scan, preset
-from model.textures.rates import PAPER_TAU_S
+from skin.textures.dataset import open_dataset
+from skin.textures.physical import PhysicalScan
+from skin.textures.presets import PRESETS, Scan, preset
+from skin.textures.rates import PAPER_TAU_S
 from snn.data.bins import BinConfig
 from snn.data.cache import kept, key_of
 from snn.data.disturb import disturbed_dataset
@@ -35,7 +35,7 @@ class Experiment:
     Parameters
     ----------
     dataset : str or None
-        As ``model.textures.dataset.open_dataset`` takes it.
+        As ``skin.textures.dataset.open_dataset`` takes it.
     events : str or None
         Folder of event files (an RTL replay) instead of the model.
     preset : "physical", "paper" or None
@@ -43,7 +43,7 @@ class Experiment:
     readout : ReadoutConfig
         Before the preset sets its fields.
     tau_s : float or None
-        N-LCS: time constant in seconds; without it the paper's 0.2 s, or with ``given_leak`` the leak of ``readout``.
+        Time constant of a leak in seconds; without it the paper's 0.2 s, or with ``given_leak`` that of ``readout``.
     given_leak : bool
         The leak of ``readout`` was asked for, and is not only the default of its fields.
     frames : FrameSteps or None
@@ -52,7 +52,7 @@ class Experiment:
         Scans of each image, evenly spread over it; tests take the first.
     disturbed : int
         Further scans of each image, each disturbed at random (``snn.data.disturb``); tests take the clean one.
-    variant : "", "on" or "bipolar"
+    variant : "" or "on"
         What is made of the events (``snn.data.record``).
     bins : BinConfig
     network : dict
@@ -101,17 +101,14 @@ class Experiment:
             raise InputError("disturbed takes a number from 1, and start-rows 1: it draws the heights itself")
 
     def _check_variant(self) -> None:
-        """Refuse a variant of what is not recorded from textures, or of another encoder; ON events take no polarity."""
+        """Refuse a variant of what is not recorded from textures, or without polarity; ON events alone take none."""
         if self.variant not in get_args(Variant):
-            raise InputError(f"variant must be one of on, bipolar, not {self.variant!r}")
+            raise InputError(f"variant must be on, not {self.variant!r}")
         if self.frames is not None or self.events is not None or self.disturbed:
             raise InputError("variants are of events of the model, without disturbances")
-        if (self.variant == "bipolar") != (self.readout.encoding == "nlcs"):
-            raise InputError(
-                f"{self.variant} events are not a variant of {self.readout.encoding}; lcs:N:on, nlcs:N:bipolar"
-            )
-        if self.variant == "on":
-            object.__setattr__(self, "bins", dataclasses.replace(self.bins, polarity=False))
+        if not self.readout.has_polarity:
+            raise InputError(f"{self.readout.encoding} has no other events than ON; leave the variant out")
+        object.__setattr__(self, "bins", dataclasses.replace(self.bins, polarity=False))
 
     def _settle_leak(self) -> None:
         """Keep a leak that files could not tell from none by its time constant; refuse one that would be forgotten."""
@@ -189,7 +186,7 @@ class Experiment:
     def scan_and_config(self) -> tuple[Scan, ReadoutConfig]:
         """Return the scan of the preset, and the readout with the fields that the preset and ``tau_s`` set."""
         scan, tau_s = preset(str(self.preset)), None
-        if self.readout.encoding == "nlcs":
+        if self.readout.encoder.leaks:
             tau_s = PAPER_TAU_S if self.tau_s is None and not self.given_leak else self.tau_s
         return scan, scan.configure(self.readout, tau_s)
 
@@ -243,7 +240,7 @@ def _number(name: str, value: Any) -> Any:
 
 
 def _has_own_leak(readout: ReadoutConfig) -> bool:
-    """Return whether the leak of an N-LCS readout is another than that of its defaults."""
+    """Return whether the leak of a readout is another than that of its defaults."""
     default = ReadoutConfig()
     own = (readout.leak_shift, readout.leak_period) != (default.leak_shift, default.leak_period)
-    return readout.encoding == "nlcs" and own
+    return readout.encoder.leaks and own

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import InputError
+from base.errors import InputError
 from snn.experiments.intervals import BOOTSTRAPS
 from snn.experiments.points import PointSummary, load_sweep
 

@@ -8,15 +8,14 @@ import string
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
-from model.config import Encoding
-from model.errors import InputError
-from model.files import origin, read_json, write_json
-from model.textures.presets import PRESETS
+from base.errors import InputError
+from base.files import origin, read_json, write_json
+from model.encoders import registry
+from skin.textures.presets import PRESETS
 
-READOUTS = ("nlcs", "lcs", "frame", "cw-lcs")
-assert set(get_args(Encoding)) < set(READOUTS)
+READOUTS = (*registry.NAMES, "frame")
 
 LATER = ("labels", "predictions", "coded_bps")
 """Fields that older files do not have."""
@@ -207,7 +206,7 @@ def _result(found: Any, reading: str, where: str) -> Result:
 
 @dataclass(frozen=True)
 class Sweep:
-    """What ``python -m snn sweep`` wrote.
+    """What ``eskin sweep`` wrote.
 
     Attributes
     ----------
@@ -246,7 +245,7 @@ def load_sweep(path: Path) -> Sweep:
     content = read_json(file, "the sweep")
     points = content.get("points") if isinstance(content, dict) else None
     if not isinstance(points, list) or not points:
-        raise InputError(f"{file} holds no points of a sweep; make it with python -m snn sweep")
+        raise InputError(f"{file} holds no points of a sweep; make it with eskin sweep")
     read = [PointSummary.from_dict(point, f"{file}: point {number}") for number, point in enumerate(points)]
     name = file.resolve().parent.name if file.name == "sweep.json" else file.stem
     return Sweep(name, str(content.get("command", "")), read)

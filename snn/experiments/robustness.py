@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import InputError
-from model.files import read_json, write_json
-from model.textures.dataset import open_dataset
-from model.textures.physical import PhysicalScan
+from base.errors import InputError
+from base.files import read_json, write_json
+from skin.textures.dataset import open_dataset
+from skin.textures.physical import PhysicalScan
 from snn.data.disturb import DISTURBANCES, check_strength, record_disturbed
 from snn.data.scans import ScanData, collect
 from snn.exchange.weights import Weights, config_of, load_weights

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from model.crew.crew import Crew, Local, Shared, next_landed, sentence
-from model.errors import InputError
-from model.files import check_writable, write_json
+from base.errors import InputError
+from base.files import check_writable, write_json
+from base.workers.pool import Local, Shared, WorkerPool, next_landed, sentence
 from snn.checkpoint import digest
 from snn.data.folds import check_folds
 from snn.data.scans import ScanData
@@ -51,7 +51,7 @@ class SweepPoint:
 
     @property
     def readout(self) -> str:
-        """ "lcs", "cw-lcs", "nlcs" or "frame"."""
+        """Name of the encoder, or "frame"."""
         return "frame" if self.experiment.frames is not None else self.experiment.readout.encoding
 
     @property
@@ -64,7 +64,7 @@ class SweepPoint:
     def bits_per_event(self) -> int:
         """Address and polarity of an event, or the bits of a sample in a frame."""
         frames, variant = self.experiment.frames, self.experiment.variant
-        one = {"": 0, "on": -1, "bipolar": 1}[variant]  # bit that says the polarity
+        one = {"": 0, "on": -1}[variant]  # ON events alone need no bit for the polarity
         return self.experiment.readout.event_bits + one if frames is None else frames.bits
 
 
@@ -195,14 +195,14 @@ class PointRun:
         )
 
 
-def run_points(runs: Sequence[PointRun], crew: Crew, progress: OnCell | None = None) -> None:
+def run_points(runs: Sequence[PointRun], pool: WorkerPool, progress: OnCell | None = None) -> None:
     """Run all cells that have no result yet; every result is in its file as soon as it is there.
 
     Parameters
     ----------
     runs : sequence of PointRun
         With equal numbers of folds and seeds.
-    crew : Crew
+    pool : WorkerPool
         Where the cells run; the results do not depend on it.
     progress : callable, optional
         Called with a point and None before its scans are made, with None again when they are made and cells were
@@ -214,10 +214,10 @@ def run_points(runs: Sequence[PointRun], crew: Crew, progress: OnCell | None = N
         If a point has no scans or a cell cannot be trained: after the cells that were on their way, of which the
         results are kept. No other cell is begun.
     """
-    flight = _Flight(crew, progress or (lambda run, result: None))
+    flight = _Flight(pool, progress or (lambda run, result: None))
     order = [(run, fold, seed) for seed in range(runs[0].seeds) for run in runs for fold in range(runs[0].folds)]
     for run, fold, seed in order:
-        while flight.cells >= crew.window:
+        while flight.cells >= pool.window:
             flight.land()
         if not run.ready:
             flight.prepare(run)
@@ -235,10 +235,10 @@ def run_points(runs: Sequence[PointRun], crew: Crew, progress: OnCell | None = N
 class _Flight:
     """The cells that are on their way, and what went wrong."""
 
-    def __init__(self, crew: Crew, progress: OnCell) -> None:
+    def __init__(self, pool: WorkerPool, progress: OnCell) -> None:
         self.cells = 0
         self.failures: list[str] = []
-        self._crew, self._progress = crew, progress
+        self._pool, self._progress = pool, progress
         self._landed: queue.SimpleQueue[tuple[PointRun, int, int, Any]] = queue.SimpleQueue()
 
     def prepare(self, run: PointRun) -> None:
@@ -255,13 +255,13 @@ class _Flight:
         """Start a cell."""
         assert run.shared is not None
         cell = (run.point.experiment, fold, seed, run.folds, run.fold_seed)
-        future = self._crew.submit(run_alone, *cell, shared=run.shared)
+        future = self._pool.submit(run_alone, *cell, shared=run.shared)
         self.cells += 1
         future.add_done_callback(lambda done: self._landed.put((run, fold, seed, done)))
 
     def land(self) -> None:
         """Wait for a cell and take it in."""
-        self._take(*next_landed(self._landed, self._crew))
+        self._take(*next_landed(self._landed, self._pool))
 
     def _land_those_there(self) -> None:
         while not self._landed.empty():
@@ -280,7 +280,7 @@ class _Flight:
             return
         run.finish(result)
         if run.report is not None:
-            self._crew.forget(run.point.name)
+            self._pool.forget(run.point.name)
         self._progress(run, result)
 
 
@@ -323,8 +323,8 @@ def cross_validate(
             for cell in [result] if result is not None else run.done.values():
                 progress(cell)
 
-    with Local(workers) as crew:
-        run_points([run], crew, show)
+    with Local(workers) as pool:
+        run_points([run], pool, show)
     assert run.report is not None
     return run.report
 
@@ -333,7 +333,7 @@ def sweep(
     points: Sequence[SweepPoint],
     folder: Path,
     *,
-    crew: Crew,
+    pool: WorkerPool,
     folds: int = 6,
     seeds: int = 3,
     fold_seed: int = 0,
@@ -348,7 +348,7 @@ def sweep(
     folder : Path
         Takes ``POINT/fold-F-seed-S.json``, ``POINT/result.json`` and ``sweep.json``, which is up to date after
         every cell.
-    crew, progress
+    pool, progress
         As ``run_points`` takes them; points are told apart by ``progress`` through their name.
     folds, seeds, fold_seed : int
         Seeds are 0 .. seeds - 1.
@@ -372,5 +372,5 @@ def sweep(
         if progress is not None:
             progress(run, result)
 
-    run_points(runs, crew, note)
+    run_points(runs, pool, note)
     return [run.summary() for run in runs]

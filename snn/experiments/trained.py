@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from torch import nn
 
+from base.errors import InputError
+from base.files import read_json
 from model.config import ReadoutConfig
-from model.errors import InputError
 from model.events.recording import Recording
-from model.files import read_json
-from model.recordings.own import OwnReadout
-from model.textures.dataset import open_dataset
+from skin.recordings.trained_on import OwnReadout
+from skin.textures.dataset import open_dataset
 from snn.data.bins import BinConfig
 from snn.data.folds import stratified_folds
 from snn.data.record import Tick
@@ -30,7 +31,7 @@ TEST, TRAINING, OTHER = "test", "training", "other"
 
 @dataclass(frozen=True)
 class TrainingResult:
-    """What ``result.json`` of ``python -m snn train`` says about a training.
+    """What ``result.json`` of ``eskin train`` says about a training.
 
     Attributes
     ----------
@@ -202,6 +203,29 @@ def load_test_scans(
     if data.class_names != result.class_names:
         raise InputError("the images found here are not those of the training; give its textures with --dataset")
     return result, data, result.test_images(data.image_labels)
+
+
+def accuracies_on_test(
+    path: Path, weights: Weights, networks: Mapping[str, nn.Module], progress: Tick | None = None
+) -> tuple[int, dict[str, float]]:
+    """Return the number of test images of a training, and the accuracy of each network on them by its name.
+
+    Parameters
+    ----------
+    path : Path
+        Weight file of the training, with ``result.json`` beside it.
+    weights : Weights
+        Its content.
+    networks : mapping of str to nn.Module
+    progress : callable, optional
+        Called while scans are recorded.
+    """
+    from snn.train import predicted_classes
+
+    _, data, test = load_test_scans(path, weights, progress)
+    labels = data.image_labels[test]
+    found = {name: predicted_classes(network, data, test) == labels for name, network in networks.items()}
+    return len(test), {name: float(right.mean()) for name, right in found.items()}
 
 
 def said_of_training(path: Path, weights: Weights) -> dict[str, Any]:

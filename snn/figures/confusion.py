@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from model.errors import InputError
-from model.figures.style import new_figure, save_figure
-from model.textures.presets import PRESETS
+from base.errors import InputError
+from base.figures.style import new_figure, save_figure
+from skin.textures.presets import PRESETS
 from snn.experiments.points import READINGS, Sweep
 from snn.figures.fig9 import Data, own_point
 

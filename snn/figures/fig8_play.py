@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from model.errors import InputError
+from base.errors import InputError
 from model.events.recording import Recording
-from model.figures.scan_to_class import Played
-from model.textures.dataset import open_dataset
+from skin.figures.scan_to_class import Played
+from skin.textures.dataset import open_dataset
 from snn.data.bins import BinConfig
 from snn.data.record import record
 from snn.data.scans import collect
@@ -78,7 +78,7 @@ def play(weights_file: Path, result_file: Path, places: Places | None = None, im
     Parameters
     ----------
     weights_file, result_file : Path
-        What ``python -m snn train`` wrote: the network, and the experiment that says how scans are made.
+        What ``eskin train`` wrote: the network, and the experiment that says how scans are made.
     places : Places, optional
     image : str, optional
         Name of the texture or recording; by default the first of the test fold that the network classifies rightly, as

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from model.errors import InputError
-from model.files import read_json
-from model.power.equations import READOUT_NAMES
+from base.errors import InputError
+from base.files import read_json
+from power.readouts import READOUTS
+from skin.figures.readouts import LOOKS, look
 from snn.experiments.points import READINGS, PointSummary, Sweep, load_sweep
 
 Data = dict[str, Any]
@@ -21,9 +22,11 @@ KEPT = Path(__file__).with_name("sweeps")
 """Sweeps that come with the project: copies of ``sweep.json``, each with a name of its own."""
 
 LATEST = Path("out/sweep/sweep.json")
-"""Where ``python -m snn sweep`` writes unless told otherwise."""
+"""Where ``eskin sweep`` writes unless told otherwise."""
 
-NAMES = READOUT_NAMES | {"cw-lcs": "CW-LCS", "frame": "frames"}
+NAMES = {readout: look(readout).title for readout in dict.fromkeys((*READOUTS, *LOOKS))}
+"""All readouts, those of the paper first, as the legend has them."""
+
 TITLES = {
     "paper-network": "the paper's network",
     "reference-frames": "networks on frames",
@@ -51,7 +54,7 @@ def load_sweeps(paths: Sequence[Path]) -> list[Sweep]:
     """Return the sweeps of some files or folders; without any, those that come with the project and the latest."""
     files = list(paths) or kept_sweeps() + ([LATEST] if LATEST.is_file() else [])
     if not files:
-        raise InputError(f"there is no sweep in {KEPT}, nor {LATEST}; make one with python -m snn sweep")
+        raise InputError(f"there is no sweep in {KEPT}, nor {LATEST}; make one with eskin sweep")
     sweeps = [load_sweep(path) for path in files]
     names = [sweep.name for sweep in sweeps]
     if twice := [name for name in names if names.count(name) > 1]:

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from model.figures.labels import Box, Taken, in_data, on_page, place_label, side_by_side
-from model.figures.style import GREY, READOUT_COLOURS, READOUT_MARKERS, dress, new_figure, save_figure
-from model.textures.presets import PRESETS
+from base.figures.labels import Box, Taken, in_data, on_page, place_label, side_by_side
+from base.figures.style import GREY, dress, new_figure, save_figure
+from skin.figures.readouts import FRAME, look
+from skin.textures.presets import PRESETS
 from snn.figures.fig9 import NAMES, PUBLISHED_NAME, Data, detail, partial, title
 
 if TYPE_CHECKING:
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
 
 STYLES = (("-", "full"), ("--", "left"), ("-.", "bottom"), (":", "right"))
 """Line and filling of the marks of each sweep, in turn."""
+
+ABOVE = {"lcs": "above right left below", FRAME: "right left above below"}
+"""Readouts whose labels stand at the highest of their points, and the sides that are tried in turn; LCS is on top."""
 
 MARK_POINTS = 7.0
 RING_POINTS = 15.0
@@ -135,7 +139,7 @@ def _draw_series(panel: Axes, series: Series, style: Data, taken: Taken) -> list
     """
     from matplotlib.transforms import ScaledTranslation
 
-    colour = READOUT_COLOURS[series.readout]
+    colour = look(series.readout).colour
     boxes, joints = [], []
     for point in series.points:
         covered = _boxes(panel, point)
@@ -147,7 +151,7 @@ def _draw_series(panel: Axes, series: Series, style: Data, taken: Taken) -> list
         place = panel.transData + ScaledTranslation(move / 72, 0, panel.figure.dpi_scale_trans)
         x, y = on_page(panel, at, middle)
         joints.append((x + move, y))
-        panel.plot(at, middle, color=colour, marker=READOUT_MARKERS[series.readout], transform=place, **style)
+        panel.plot(at, middle, color=colour, marker=look(series.readout).marker, transform=place, **style)
         if ends[1] > ends[0]:
             panel.plot([at, at], [100 * end for end in ends], color=colour, lw=style["lw"], marker="_", ms=CAP_POINTS,
                        mew=style["lw"], alpha=0.75, zorder=1.5, transform=place)  # fmt: skip
@@ -179,30 +183,29 @@ def _ends(point: Data) -> tuple[float, float]:
 
 def _draw_frame_rate(panel: Axes, rate: float, taken: Taken) -> None:
     """Mark the data rate of frames where no network was trained on them."""
-    panel.axvline(rate, color=READOUT_COLOURS["frame"], lw=1, ls=(0, (4, 3)), zorder=1)
+    panel.axvline(rate, color=look(FRAME).colour, lw=1, ls=(0, (4, 3)), zorder=1)
     text = panel.annotate("rate of frames; no network\nwas trained on them here", (rate, 50), xytext=(0, 0),
-                          textcoords="offset points", fontsize=7.5, color=READOUT_COLOURS["frame"])  # fmt: skip
+                          textcoords="offset points", fontsize=7.5, color=look(FRAME).colour)  # fmt: skip
     x, y = on_page(panel, rate, 50)
     taken.boxes.append(Box(x - 1, -1e9, x + 1, 1e9))
     place_label(panel, text, Box(x - 2, y - 2, x + 2, y + 2), taken, "left right")
 
 
 def _label_points(panel: Axes, drawn: list[tuple[Series, list[Box]]], taken: Taken) -> None:
-    """Name every resolution once, at the highest (LCS) or the lowest of its points, and each network on frames."""
+    """Name every resolution once, at the highest (ABOVE) or the lowest of its points, and each network on frames."""
     groups: dict[tuple[str, str], list[tuple[Data, Box]]] = {}
     for series, boxes in drawn:
         for point, box in zip(series.points, boxes, strict=True):
             own = series.sweep if series.readout == "frame" else ""
             groups.setdefault((series.readout, detail(point) + "\n" * bool(own) + own), []).append((point, box))
     for (readout, text), group in groups.items():
-        if readout in ("lcs", "frame"):
+        if readout in ABOVE:
             point, box = max(group, key=lambda pair: pair[1].top)
         else:
             point, box = min(group, key=lambda pair: pair[1].bottom)
-        sides = {"lcs": "above right left below", "frame": "right left above below"}
         label = panel.annotate(text.split("\n")[0], (point["normalised_rate"], 100 * point["accuracy"]), xytext=(0, 0),
-                               textcoords="offset points", fontsize=7.5, color=READOUT_COLOURS[readout])  # fmt: skip
-        place_label(panel, label, box, taken, sides.get(readout, "below right left above"))
+                               textcoords="offset points", fontsize=7.5, color=look(readout).colour)  # fmt: skip
+        place_label(panel, label, box, taken, ABOVE.get(readout, "below right left above"))
 
 
 def _keys(data: Data, sweeps: list[str]) -> list[Line2D]:
@@ -211,9 +214,7 @@ def _keys(data: Data, sweeps: list[str]) -> list[Line2D]:
 
     there = {point["readout"].split(",")[0] for point in data["points"]}
     keys = [
-        Line2D([], [], color=READOUT_COLOURS[r], marker=READOUT_MARKERS[r], ls="", label=NAMES[r])
-        for r in NAMES
-        if r in there
+        Line2D([], [], color=look(r).colour, marker=look(r).marker, ls="", label=NAMES[r]) for r in NAMES if r in there
     ]
     for sweep in (PUBLISHED_NAME, *sweeps):
         keys.append(Line2D([], [], color=GREY, marker="o", label=title(sweep), **_style(sweep, sweeps)))

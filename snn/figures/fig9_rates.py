@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from model.figures.labels import Box, Taken, on_page, place_label
-from model.figures.style import GREY, READOUT_COLOURS, READOUT_MARKERS, dress, new_figure, save_figure
+from base.figures.labels import Box, Taken, on_page, place_label
+from base.figures.style import GREY, dress, new_figure, save_figure
+from skin.figures.readouts import look
 from snn.experiments.pairs import pair
 from snn.experiments.points import READINGS, PointSummary, Sweep
 from snn.experiments.sweep import PUBLISHED_BPS
@@ -118,9 +119,7 @@ def draw_rates(data: Data) -> Figure:
     panels[0].set_ylabel("accuracy (%)", fontsize=8.5)
     there = {point["readout"] for point in data["points"]}
     keys = [
-        Line2D([], [], color=READOUT_COLOURS[r], marker=READOUT_MARKERS[r], ls="", label=NAMES[r])
-        for r in NAMES
-        if r in there
+        Line2D([], [], color=look(r).colour, marker=look(r).marker, ls="", label=NAMES[r]) for r in NAMES if r in there
     ]
     seeds = sorted({point["seeds"] for point in data["points"]})
     words = f"{data['protocol']}, seeds: {' or '.join(map(str, seeds))}\n{LEGEND}"
@@ -138,10 +137,10 @@ def _draw_points(panel: Axes, points: list[Data]) -> None:
     """Draw marks with bars and coded rates, then the labels beside them."""
     taken, boxes = Taken(), []
     for point in points:
-        colour, at, middle = READOUT_COLOURS[point["readout"]], point["normalised_rate"], 100 * point["accuracy"]
+        colour, at, middle = look(point["readout"]).colour, point["normalised_rate"], 100 * point["accuracy"]
         low, high = (100 * end for end in point["interval"])
         style: dict[str, Any] = {"color": colour, "lw": 1}
-        panel.plot(at, middle, marker=READOUT_MARKERS[point["readout"]], ms=7, ls="", color=colour,
+        panel.plot(at, middle, marker=look(point["readout"]).marker, ms=7, ls="", color=colour,
                    fillstyle="none" if partial(point) else "full")  # fmt: skip
         panel.plot([at, at], [low, high], marker="_", ms=5, alpha=0.75, zorder=1.5, **style)
         x, y = on_page(panel, at, middle)
@@ -154,7 +153,7 @@ def _draw_points(panel: Axes, points: list[Data]) -> None:
         taken.boxes += [box, Box(min(left, x - 3.5) - 1, y - 3, x, y + 3)]
         boxes.append((point, box))
     for point, box in boxes:
-        place, colour = (point["normalised_rate"], 100 * point["accuracy"]), READOUT_COLOURS[point["readout"]]
+        place, colour = (point["normalised_rate"], 100 * point["accuracy"]), look(point["readout"]).colour
         label = panel.annotate(detail(point), place, xytext=(0, 0), textcoords="offset points", fontsize=7,
                                color=colour)  # fmt: skip
         place_label(panel, label, box, taken, "right above below left")

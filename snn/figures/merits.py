@@ -5,17 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from model.figures.style import GREY, PALETTE, new_figure, save_figure
+from base.figures.style import GREY, new_figure, save_figure
+from skin.figures.readouts import look
+from snn.figures.networks import COLOURS, MARKERS, network_styles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-COLOURS = tuple(PALETTE[name] for name in ("blue", "vermilion", "green", "orange", "purple", "black"))
-MARKERS = "osD^vP"
-
 
 def plot_merits(result: dict[str, Any], path: Path) -> None:
-    """Draw what ``python -m snn merits`` found."""
+    """Draw what ``eskin merits`` found."""
     figure = new_figure(11, 8, "What events and frames are good for")
     axes = figure.subplots(2, 2).ravel()
     _curves(axes[0], result["latency"], "time_s", "accuracy over the time since the touch, ms")
@@ -32,13 +31,12 @@ def plot_merits(result: dict[str, Any], path: Path) -> None:
 
 def _curves(axis: Axes, points: list[dict[str, Any]], key: str, title: str) -> None:
     axis.set_title(title, fontsize=9, loc="left")
-    for number, network in enumerate(dict.fromkeys(point["network"] for point in points)):
+    for network, style in network_styles(points).items():
         own = [point for point in points if point["network"] == network]
         x, y = [1e3 * point[key] for point in own], [100 * point["accuracy"] for point in own]
-        colour = COLOURS[number % len(COLOURS)]
         low, high = ([100 * point["bootstrap_95"][end] for point in own] for end in (0, 1))
-        axis.fill_between(x, low, high, color=colour, alpha=0.1, linewidth=0)
-        axis.plot(x, y, color=colour, marker=MARKERS[number % len(MARKERS)], markersize=4, label=network)
+        axis.fill_between(x, low, high, color=style["color"], alpha=0.1, linewidth=0)
+        axis.plot(x, y, **style, markersize=4, label=network)
     axis.set_xscale("log")
     axis.set_ylim(0, 103)
     axis.set_ylabel("%", fontsize=8)
@@ -48,7 +46,7 @@ def _rest(axis: Axes, rows: list[dict[str, Any]]) -> None:
     axis.set_title("kb/s while the touch moves (full) and rests (open), as sent; + coded", fontsize=9, loc="left")
     noises = list(dict.fromkeys(row["noise_v"] for row in rows))
     for number, readout in enumerate(dict.fromkeys(row["readout"] for row in rows)):
-        colour, marker = COLOURS[number % len(COLOURS)], MARKERS[number % len(MARKERS)]
+        _, colour, marker = look(readout.partition(":")[0])
         for phase in ("moving", "resting"):
             own = [row for row in rows if (row["readout"], row["phase"]) == (readout, phase)]
             at = [noises.index(row["noise_v"]) + 0.08 * number for row in own]

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from model.figures.style import GREY, PALETTE, new_figure, save_figure
+from base.figures.style import GREY, new_figure, save_figure
+from snn.figures.networks import network_styles
 
-COLOURS = tuple(PALETTE[name] for name in ("blue", "vermilion", "green", "orange", "purple", "black"))
-MARKERS = "osD^vP"
 TITLES = {
     "paper": "published equations, noise up to 10 kHz",
     "consistent": "all corrections, noise below 97 Hz",
@@ -24,14 +23,14 @@ def plot_noise_power(points: Sequence[dict[str, Any]], path: Path) -> None:
     axes = figure.subplots(1, len(TITLES), sharey=True)
     for axis, (mode, title) in zip(axes, TITLES.items(), strict=True):
         axis.set_title(f"{mode}: {title}", fontsize=9, loc="left")
-        for number, network in enumerate(dict.fromkeys(point["network"] for point in points)):
+        for network, style in network_styles(points).items():
             own = [point for point in points if (point["network"], point["mode"]) == (network, mode)]
             power = [point["power_w"]["total"] for point in own]
             accuracy = [100 * point["accuracy"] for point in own]
             ends = [[100 * abs(p["accuracy"] - p["bootstrap_95"][end]) for p in own] for end in (0, 1)]
-            colour, marker = COLOURS[number % len(COLOURS)], MARKERS[number % len(MARKERS)]
+            colour = style["color"]
             axis.errorbar(power, accuracy, ends, color=colour, alpha=0.25, linestyle="none", capsize=2)
-            axis.plot(power, accuracy, color=colour, marker=marker, markersize=4.5, label=network)
+            axis.plot(power, accuracy, **style, markersize=4.5, label=network)
             for point, x, y in zip(own, power, accuracy, strict=True):
                 text = f"{1e3 * point['noise_v']:g}"
                 axis.annotate(text, (x, y), (3, 4), textcoords="offset points", fontsize=6, color=colour)

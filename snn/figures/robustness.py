@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from model.figures.style import GREY, PALETTE, new_figure, save_figure
+from base.figures.style import GREY, new_figure, save_figure
 from snn.data.disturb import DISTURBANCES
+from snn.figures.networks import COLOURS
 
-COLOURS = tuple(PALETTE[name] for name in ("blue", "vermilion", "green", "orange", "purple", "black"))
 COLUMNS = 4
 
 

@@ -20,7 +20,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from model.errors import InputError
+from base.errors import InputError
 from snn.kernels import cpu as kernel
 from snn.kernels.dense import DenseLayer, dense_gradients
 from snn.kernels.rule import NeuronRule

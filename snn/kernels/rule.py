@@ -9,7 +9,7 @@ from typing import Literal
 import torch
 from torch import Tensor
 
-from model.errors import InputError
+from base.errors import InputError
 
 NeuronReset = Literal["zero", "subtract"]
 

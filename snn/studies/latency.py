@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from model.textures.dataset import open_dataset
+from skin.textures.dataset import open_dataset
 from snn.data.bins import counted_from
 from snn.data.record import record
 from snn.data.scans import ScanData

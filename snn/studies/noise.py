@@ -15,12 +15,13 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from model.events.address import taxel_of
+from model.address_events import taxel_of
 from model.events.recording import Recording
-from model.power.equations import CORRECTIONS, FloatArray, PowerModel, Readout, TaxelRates
-from model.power.parameters import PowerParameters
-from model.textures.dataset import Texture, open_dataset
-from model.textures.scan import Scan, quantise
+from power.equations import CORRECTIONS, FloatArray, PowerModel, TaxelRates
+from power.parameters import PowerParameters
+from power.readouts import Readout, equations_of
+from skin.textures.dataset import Texture, open_dataset
+from skin.textures.scan import Scan, quantise
 from snn.data.bins import counted_from
 from snn.data.disturb import SLOW_HZ, noisy
 from snn.data.frames import sampled_config, values_of
@@ -218,17 +219,19 @@ def points_of(subjects: Sequence[Subject], cells: Sequence[dict[str, Any]]) -> l
 def power_of(experiment: Experiment, mode: Mode, noise_v: float, rates: Rates) -> dict[str, float]:
     """Return AFE, converter, I/O and total in watts.
 
-    CW-LCS costs what LCS costs at its rate: the model has no part for the closing window. Frames cost 2 BW M samples a
+    Encoders take the equations of ``power.readouts``. Frames cost 2 BW M samples a
     second in ``paper``, of which the receiver drops what it does not use, and those that are used in ``consistent``.
     """
     parameters = PowerParameters(rows=experiment.readout.rows, columns=experiment.readout.columns)
-    readout: Readout = "nlcs" if experiment.readout.encoding == "nlcs" else "lcs"
+    readout: Readout = "frame"
     bits, tau_s = experiment.readout.resolution, 0.2
     if experiment.frames is not None:
-        readout, bits = "frame", experiment.frames.bits
+        bits = experiment.frames.bits
         parameters = parameters.replace(signal_bandwidth_hz=experiment.frames.rate_hz / 2)
-    elif readout == "nlcs":
-        tau_s = experiment.scan_and_config()[1].tau_s
+    else:
+        readout = equations_of(experiment.readout.encoding)
+        if experiment.readout.encoder.leaks:
+            tau_s = experiment.scan_and_config()[1].tau_s
     model = PowerModel(parameters=parameters, corrections=CORRECTED[mode], measured=rates)
     found = model.breakdown(readout, bits, noise_v, tau_s)
     return {name: float(getattr(found, name)) for name in ("afe", "converter", "io", "total")}

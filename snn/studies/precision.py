@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from base.errors import InputError
 from model.classifier.network import IntegerNetwork
-from model.errors import InputError
 from snn.exchange.integer import Precision, quantise
 from snn.experiments.intervals import bootstrap, wilson
 from snn.experiments.points import as_word

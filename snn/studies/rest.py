@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from model.config import ReadoutConfig
 from model.events.recording import Recording
-from model.textures.dataset import Dataset
-from model.textures.physical import PhysicalScan
-from model.textures.scan import quantise
+from skin.textures.dataset import Dataset
+from skin.textures.physical import PhysicalScan
+from skin.textures.scan import quantise
 from snn.data.coding import coded_events, coded_frames
 from snn.data.disturb import noisy
 from snn.data.frame_steps import FrameSteps

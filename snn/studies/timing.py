@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from model.address_events import taxel_of
 from model.config import ReadoutConfig
-from model.events.address import taxel_of
 from model.taxel import encode, uncontended_events
-from model.textures.dataset import Dataset
-from model.textures.physical import PhysicalScan
-from model.textures.scan import quantise
+from skin.textures.dataset import Dataset
+from skin.textures.physical import PhysicalScan
+from skin.textures.scan import quantise
 from snn.data.frame_steps import FrameSteps
 from snn.data.frames import sampled_config
 from snn.studies.noise import recorded

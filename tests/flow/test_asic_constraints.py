@@ -8,14 +8,14 @@ import pytest
 
 from flow.asic import timing
 from flow.asic.equivalence import design_of
-from flow.asic.library import Library, read
-from flow.asic.report import constant_outputs
-from flow.asic.synthesis import Config, netlist
+from flow.asic.synthesis import Config, synthesise
+from flow.liberty.library import Library
+from flow.report import constant_outputs
 from model.config import ReadoutConfig
+from model.encoders import registry
 from model.frame_config import FrameConfig
 from model.tiles.config import TilesConfig
 from rtl.delivery import ports
-from tests.flow import quill
 
 pytestmark = pytest.mark.skipif(shutil.which("sta") is None, reason="OpenSTA is not installed: apt-get install opensta")
 
@@ -34,24 +34,16 @@ KINDS: dict[str, Config] = {
 """Together they have every port that a readout may have."""
 
 
-@pytest.fixture(scope="module")
-def library(tmp_path_factory: pytest.TempPathFactory) -> Library:
-    """Return our own library."""
-    path = tmp_path_factory.mktemp("quill") / "quill.lib"
-    path.write_text(quill.library())
-    return read(path)
-
-
 @pytest.mark.parametrize("config", KINDS.values(), ids=KINDS)
 def test_no_port_of_a_readout_is_without_a_constraint(config: Config, library: Library) -> None:
-    made = netlist(config, library)
+    made = synthesise(config, library)
     found = timing.analyse(made, library, constant_outputs(made, design_of(made)))
     assert found.complaints == ()
     assert found.fmax_hz > 20e6
 
 
 def test_a_pin_of_the_host_that_is_forgotten_is_seen(library: Library, monkeypatch: pytest.MonkeyPatch) -> None:
-    made = netlist(TWO.replace(registers="spi"), library)
+    made = synthesise(TWO.replace(registers="spi"), library)
     whole = timing.sdc(made, "$period")
     assert "spi_mosi" in whole
     monkeypatch.setattr(timing, "sdc", lambda *_: whole.replace("spi_mosi", "spi_sck"))
@@ -62,7 +54,7 @@ def test_a_pin_of_the_host_that_is_forgotten_is_seen(library: Library, monkeypat
 def test_the_kinds_have_every_port_between_them() -> None:
     every = {
         port["name"]
-        for encoding in ("lcs", "cw-lcs", "nlcs")
+        for encoding in registry.NAMES
         for frontend in ("digital", "analog")
         for link in ("stream", "four_phase")
         for port in ports(

@@ -8,30 +8,27 @@ from pathlib import Path
 
 import pytest
 
+from base.errors import InputError
 from flow.asic import gating
-from flow.asic.library import Library, read
-from flow.asic.synthesis import netlist, single_bits
+from flow.asic.synthesis import single_bits, synthesise
+from flow.gate_count import count_gates
+from flow.liberty.library import Library, read
 from model.config import ReadoutConfig
-from model.errors import InputError
-from rtl.gates import count_gates
-from tests.flow import quill
+from tests.flow import example_library
 
 CONFIG = ReadoutConfig(rows=1, columns=2)
 INSTANCE = re.compile(r"^  (\w+) (?:\\\S+|\w+) +\($", re.MULTILINE)
 
 
-def quills(folder: Path, corner: quill.Corner = quill.TYPICAL, without: tuple[str, ...] = ()) -> Library:
-    """Return our own library, read from a file."""
-    path = folder / f"{corner.name}{''.join(without)}.lib"
-    path.write_text(quill.library(corner, without))
-    return read(path)
+def library_without(folder: Path, *without: str) -> Library:
+    """Return the example library without some cells."""
+    return read(example_library.written(folder, without=without))
 
 
-def test_cells_are_found_by_what_they_are(tmp_path: Path) -> None:
-    library = quills(tmp_path)
+def test_cells_are_found_by_what_they_are(library: Library) -> None:
     assert (library.name, library.process, library.voltage_v, library.temperature_c) == ("quill_typ", 1.0, 1.2, 25.0)
     assert library.flops == {"PERCH"}
-    assert library.latches == {"NEST"}
+    assert [name for name, cell in library.cells.items() if cell.latch] == ["NEST"]
     assert library.tie(0) == ("NAUGHT", "Z")
     assert library.tie(1) == ("UNITY", "Z")
     assert [cell.name for cell in library.buffers] == ["ECHO"]
@@ -45,18 +42,23 @@ def test_cells_are_found_by_what_they_are(tmp_path: Path) -> None:
     assert flop is not None
     assert (flop.clock, flop.data, flop.clear, flop.preset, flop.rising) == ("BEAT", "NEXT", "!WIPE", "", True)
     assert library.cells["HOOT"].leakage_w == pytest.approx(20e-12, abs=0)
-    assert library.cells["HOOT"].inputs == {"A": pytest.approx(2e-15, abs=0)}
+    assert library.cells["HOOT"].inputs == ["A"]
+    assert library.cells["HOOT"].pins["A"].capacitance_f == pytest.approx(2e-15, abs=0)
 
 
 def test_the_supply_is_in_volts_where_only_the_operating_conditions_have_it_in_mv(tmp_path: Path) -> None:
     path = tmp_path / "other.lib"
-    text = quill.library().replace("nom_voltage : 1.2;", "").replace('voltage_unit : "1V"', 'voltage_unit : "1mV"')
+    text = (
+        example_library.library()
+        .replace("nom_voltage : 1.2;", "")
+        .replace('voltage_unit : "1V"', 'voltage_unit : "1mV"')
+    )
     path.write_text(text.replace("voltage : 1.2;", "voltage : 1200;"))
     assert read(path).voltage_v == pytest.approx(1.2)
 
 
-def test_registers_that_share_an_enable_share_a_gate_with_test_enable(tmp_path: Path) -> None:
-    made = netlist(CONFIG, quills(tmp_path))
+def test_registers_that_share_an_enable_share_a_gate_with_test_enable(library: Library) -> None:
+    made = synthesise(CONFIG, library)
     cells = Counter(INSTANCE.findall(made.text))
     assert cells["PERCH"] == count_gates(CONFIG, CONFIG.taxels).flops > 30
     assert cells["SLUMBER"] >= CONFIG.taxels  # at least the reference of every taxel
@@ -67,14 +69,14 @@ def test_registers_that_share_an_enable_share_a_gate_with_test_enable(tmp_path: 
 
 
 def test_without_an_integrated_gate_one_is_built_of_a_latch(tmp_path: Path) -> None:
-    made = netlist(CONFIG, quills(tmp_path, without=("SLUMBER",)))
+    made = synthesise(CONFIG, library_without(tmp_path, "SLUMBER"))
     cells = Counter(INSTANCE.findall(made.text))
     assert made.gated
     assert cells["NEST"] >= CONFIG.taxels
 
 
 def test_without_latches_no_clock_is_stopped(tmp_path: Path) -> None:
-    made = netlist(CONFIG, quills(tmp_path, without=("SLUMBER", "NEST")))
+    made = synthesise(CONFIG, library_without(tmp_path, "SLUMBER", "NEST"))
     assert not made.gated
     assert set(re.findall(r"\.BEAT\((\S+)\)", made.text)) == {"clk"}
 
@@ -104,11 +106,20 @@ def test_a_block_that_says_when_it_is_awake_has_a_gate_of_its_own() -> None:
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        (quill.library(without=("PERCH",)), r"has no flip-flop: no cell of it has an ff group; give another \.lib$"),
-        (quill.library(without=tuple(quill.LOGIC)), r"has no logic gate: no cell of it has a function; give another"),
-        (quill.library().replace("voltage : 1.2", "volts : 1.2").replace("nom_voltage", "v"), "has no corner: neither"),
+        (
+            example_library.library(without=("PERCH",)),
+            r"has no flip-flop: no cell of it has an ff group; give another \.lib$",
+        ),
+        (
+            example_library.library(without=tuple(example_library.LOGIC)),
+            r"has no logic gate: no cell of it has a function; give another",
+        ),
+        (
+            example_library.library().replace("voltage : 1.2", "volts : 1.2").replace("nom_voltage", "v"),
+            "has no corner: neither",
+        ),
         ("module few; endmodule", r"is no liberty file that can be read: .*; give a \.lib$"),
-        (quill.library()[:-200], r"is no liberty file that can be read: .*; give a \.lib$"),
+        (example_library.library()[:-200], r"is no liberty file that can be read: .*; give a \.lib$"),
         ("cells (few) { }", r"is no liberty file: it has no library\(\.\.\.\); give a \.lib$"),
     ],
 )
@@ -122,7 +133,7 @@ def test_a_library_that_does_not_do_is_one_sentence(text: str, sentence: str, tm
 
 def test_a_library_without_the_gates_for_the_readout_is_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"^the cell library .* does not do: the readout needs .* \(Yosys: .*\)$"):
-        netlist(CONFIG, quills(tmp_path, without=("HOOT", "NEITHER", "UNLESS")))
+        synthesise(CONFIG, library_without(tmp_path, "HOOT", "NEITHER", "UNLESS"))
 
 
 def test_constants_are_assigned_bit_by_bit() -> None:

@@ -12,11 +12,11 @@ import pytest
 
 from flow.asic.clocks import ClockError
 from flow.asic.equivalence import Equivalence, design_of, prove
-from flow.asic.library import read
 from flow.asic.structure import check
-from flow.asic.synthesis import Netlist, netlist
+from flow.asic.synthesis import Netlist, synthesise
+from flow.liberty.library import Library, read
 from model.config import ReadoutConfig
-from tests.flow import quill
+from tests.flow import example_library
 
 CONFIG = ReadoutConfig(rows=2, columns=2, link="four_phase")
 
@@ -24,9 +24,8 @@ CONFIG = ReadoutConfig(rows=2, columns=2, link="four_phase")
 @functools.cache
 def made(without: tuple[str, ...] = (), reset: str = "sync") -> Netlist:
     """Return the netlist of a small readout, made once."""
-    path = Path(tempfile.mkdtemp()) / "quill.lib"
-    path.write_text(quill.library(without=without))
-    return netlist(CONFIG.replace(reset=reset), read(path))
+    path = example_library.written(Path(tempfile.mkdtemp()), without=without)
+    return synthesise(CONFIG.replace(reset=reset), read(path))
 
 
 @functools.cache
@@ -87,6 +86,12 @@ def test_a_clock_that_is_stopped_by_a_plain_gate_is_refused() -> None:
     )
     with pytest.raises(ClockError, match=r"^the clock of the flop \S+ is not low while clk is low$"):
         prove(wrong)
+
+
+def test_a_flop_that_the_second_clock_of_a_reset_sets_has_a_reset(library: Library) -> None:
+    """The bit of the SPI slave takes its value from a gate that waits for the end of a transfer."""
+    netlist = synthesise(ReadoutConfig(rows=1, columns=2, registers="spi"), library)
+    assert not check(netlist, design_of(netlist)).problems
 
 
 def test_the_netlist_keeps_the_rules() -> None:

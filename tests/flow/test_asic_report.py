@@ -1,4 +1,4 @@
-"""``python -m flow asic``: netlist, proof, rules and timing of a small readout, and what it says of bad input."""
+"""``eskin asic``: netlist, proof, rules and timing of a small readout, and what it says of bad input."""
 
 from __future__ import annotations
 
@@ -11,31 +11,26 @@ from pathlib import Path
 
 import pytest
 
+from app.__main__ import app
+from app.cli import run as command
+from base.errors import InputError
 from cocotb_tests.bench.readout import EventMonitor
-from flow.__main__ import app
-from flow.asic import opensta, timing
+from flow import opensta
+from flow.asic import timing
 from flow.asic.equivalence import design_of
-from flow.asic.library import read
-from flow.asic.report import Report, constant_outputs, measured, run
-from flow.asic.synthesis import netlist
+from flow.asic.synthesis import synthesise
+from flow.liberty.library import Library, read
 from flow.power.results import why_not
-from model.cli.app import run as command
+from flow.report import Report, command_of, constant_outputs, measured, run
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.power.synthesis import SynthesisReport
-from tests.flow import quill
+from model.frame_config import FrameConfig
+from power.synthesis import SynthesisReport
+from tests.flow import example_library
 
 NEEDS_STA = pytest.mark.skipif(shutil.which("sta") is None, reason="OpenSTA is not installed: apt-get install opensta")
 
 
 NEEDS_ICARUS = pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus Verilog is not installed")
-
-
-def written(corner: quill.Corner, folder: Path) -> Path:
-    """Return the file of our own library at a corner."""
-    path = folder / f"{corner.name}.lib"
-    path.write_text(quill.library(corner))
-    return path
 
 
 def cells_of(text: str) -> list[str]:
@@ -45,13 +40,13 @@ def cells_of(text: str) -> list[str]:
 
 def asic(*words: str) -> subprocess.CompletedProcess[str]:
     """Run the command."""
-    return subprocess.run([sys.executable, "-m", "flow", "asic", *words], capture_output=True, text=True, check=False)
+    return subprocess.run([sys.executable, "-m", "app", "asic", *words], capture_output=True, text=True, check=False)
 
 
 @NEEDS_STA
 @NEEDS_ICARUS
 def test_a_run_leaves_a_report_and_says_what_matters(tmp_path: Path) -> None:
-    typical, slow = written(quill.TYPICAL, tmp_path), written(quill.SLOW, tmp_path)
+    typical, slow = example_library.written(tmp_path), example_library.written(tmp_path, example_library.SLOW)
     out = tmp_path / "out"
     done = asic("--rows=2", "--columns=2", f"--lib={typical}", f"--slow={slow}", "--name=mine", f"--out={out}")
     assert done.returncode == 0, done.stdout + done.stderr
@@ -82,10 +77,9 @@ def test_a_run_leaves_a_report_and_says_what_matters(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def unpowered(tmp_path_factory: pytest.TempPathFactory) -> Report:
+def unpowered(library: Library) -> Report:
     """Return the report of two taxels without power."""
-    library = written(quill.TYPICAL, tmp_path_factory.mktemp("quill"))
-    return run(ReadoutConfig(rows=1, columns=2), {"typical": library}, "two", lambda _: None, power=False)
+    return run(ReadoutConfig(rows=1, columns=2), {"typical": library.path}, "two", lambda _: None, power=False)
 
 
 @NEEDS_STA
@@ -102,6 +96,15 @@ def test_a_report_without_power_says_why(unpowered: Report, monkeypatch: pytest.
     assert absent.closing_line().endswith(
         "power not measured: iverilog not found; install with: apt-get install iverilog"
     )
+
+
+def test_the_command_of_a_run_names_what_is_not_by_default_as_make_knows_it() -> None:
+    config = ReadoutConfig(rows=4, encoding="nlcs", registers="spi", sample_rate_hz=500.0)
+    corners = {"typical": Path("a.lib"), "slow": Path("b.lib")}
+    words = "ROWS=4 ENCODING=nlcs SAMPLE_RATE=500.0 REGISTERS=spi"
+    assert command_of(config, corners) == f"make asic LIB=a.lib SLOW=b.lib {words}"
+    frames = FrameConfig(readout=ReadoutConfig(), word_bits=24)
+    assert command_of(frames, corners) == "make asic READOUT=frame LIB=a.lib SLOW=b.lib WORD_BITS=24"
 
 
 @NEEDS_STA
@@ -131,8 +134,7 @@ def test_each_check_that_fails_is_a_sentence(unpowered: Report) -> None:
 @NEEDS_STA
 @NEEDS_ICARUS
 def test_a_library_without_an_integrated_gate_does_for_a_leaking_taxel_too(tmp_path: Path) -> None:
-    path = tmp_path / "own.lib"
-    path.write_text(quill.library(without=("SLUMBER",)))
+    path = example_library.written(tmp_path, without=("SLUMBER",))
     config = ReadoutConfig(rows=1, columns=2, encoding="nlcs", frontend="analog", link="four_phase")
     found = run(config, {"typical": path}, "leaky", lambda _: None)
     assert found.problems == []
@@ -160,11 +162,10 @@ def test_an_event_that_the_netlist_loses_is_a_problem(unpowered: Report, monkeyp
 @pytest.mark.parametrize("frontend", ["analog", "digital"])
 def test_the_highest_clock_is_found_where_the_latch_of_a_gate_borrows_time(frontend: str, tmp_path: Path) -> None:
     """Libraries without an integrated clock gate, OSU018 for instance: a slack of 0 there does not end the search."""
-    path = tmp_path / "own.lib"
-    path.write_text(quill.library(without=("SLUMBER",)))
+    path = example_library.written(tmp_path, without=("SLUMBER",))
     library = read(path)
     config = ReadoutConfig(rows=1, columns=2, frontend=frontend)  # type: ignore[arg-type]
-    made = netlist(config, library)
+    made = synthesise(config, library)
     found = timing.analyse(made, library)
     assert found.fmax_hz > 50e6
     assert (found.setup_slack_s == 0) == (frontend == "analog")  # the decision comes when the latch is open
@@ -179,28 +180,41 @@ def test_the_highest_clock_is_found_where_the_latch_of_a_gate_borrows_time(front
 
 @NEEDS_STA
 @pytest.mark.parametrize("frontend", ["analog", "digital"])
-def test_no_end_is_without_a_constraint_and_the_highest_clock_has_no_slack(frontend: str, tmp_path: Path) -> None:
+def test_no_end_is_without_a_constraint_and_the_highest_clock_has_no_slack(frontend: str, library: Library) -> None:
     config = ReadoutConfig(rows=2, columns=1, frontend=frontend, link="four_phase", encoding="nlcs")  # type: ignore[arg-type]
-    library = read(written(quill.TYPICAL, tmp_path))
-    made = netlist(config, library)
+    made = synthesise(config, library)
     constant = constant_outputs(made, design_of(made))
     assert bool(constant) == (frontend == "analog")  # a reference of N-LCS is never below zero
     found = timing.analyse(made, library, constant)
     assert found.complaints == ()
     assert found.depth > 2
     assert found.hold_slack_s > -1e-9
-    faster = netlist(config.replace(sample_rate_hz=found.fmax_hz / 64), library)
+    faster = synthesise(config.replace(sample_rate_hz=found.fmax_hz / 64), library)
     assert cells_of(faster.text) == cells_of(made.text)
     assert timing.analyse(faster, library).setup_slack_s == pytest.approx(0.0, abs=2e-12)
 
 
 @NEEDS_STA
-def test_a_port_that_is_forgotten_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    library = read(written(quill.TYPICAL, tmp_path))
-    made = netlist(ReadoutConfig(rows=1, columns=1), library)
+def test_a_port_that_is_forgotten_is_seen(library: Library, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = synthesise(ReadoutConfig(rows=1, columns=1), library)
     whole = timing.sdc(made, "$period")
     monkeypatch.setattr(timing, "sdc", lambda *_: whole.replace("event_valid", "event_polarity", 1))
     assert any("unconstrained" in line for line in timing.analyse(made, library).complaints)
+
+
+@NEEDS_STA
+def test_a_wrong_table_of_a_cell_that_is_used_is_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "own.lib"
+    path.write_text(example_library.library().replace('values ("0.038', 'values ("nan'))
+    with pytest.raises(SystemExit) as left:
+        command(app, "eskin", ["asic", "--rows=1", "--columns=1", f"--lib={path}", f"--out={tmp_path / 'out'}"])
+    assert left.value.code == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"error: the cell library {path} is wrong: values of cell_rise of timing of pin Z of cell ")
+    assert said.count("\n") == 1
+    assert not (tmp_path / "out").exists()
 
 
 def test_bad_input_is_one_sentence_and_leaves_nothing(
@@ -215,7 +229,7 @@ def test_bad_input_is_one_sentence_and_leaves_nothing(
         ([f"--lib={nothing}", "--readout=other"], "--readout must be one of spiking, frame, not 'other'"),
     ):
         with pytest.raises(SystemExit) as left:
-            command(app, "python -m flow", ["asic", *words, f"--out={out}"])
+            command(app, "eskin", ["asic", *words, f"--out={out}"])
         if shutil.which("sta"):
             said = capsys.readouterr().err
             assert left.value.code == 2

@@ -8,18 +8,19 @@ from pathlib import Path
 
 import pytest
 
-from cocotb_tests.session.player import Job
-from cocotb_tests.session.session import MismatchFound, Tally, run_job
-from cocotb_tests.session.simulator import build
-from flow.asic.synthesis import Netlist, netlist
-from flow.gates import icarus
-from flow.gates.liberty import CellLibrary, verilog_of
-from flow.gates.models import models
-from flow.gates.netlist import FlatNetlist, read
-from flow.gates.unknown import from_reset
+from base.errors import InputError
+from cocotb_tests.runner.player import Job
+from cocotb_tests.runner.process import MismatchFound, Tally, run_job
+from cocotb_tests.runner.simulator import build
+from flow.asic.synthesis import Netlist, synthesise
+from flow.gatesim import icarus
+from flow.gatesim.flat_netlist import FlatNetlist, flatten
+from flow.gatesim.models import models
+from flow.gatesim.reset_check import from_reset
+from flow.liberty.boolean import verilog_of
+from flow.liberty.library import Library, read
 from model.config import ReadoutConfig
-from model.errors import InputError
-from tests.flow import quill
+from tests.flow import example_library
 
 CONFIG = ReadoutConfig(rows=1, columns=2, resolution=4)
 REAL = Path(__file__).resolve().parents[3] / "shared" / "data" / "ihp-sg13g2" / "sg13g2_stdcell_typ_1p20V_25C.lib"
@@ -29,7 +30,7 @@ REAL = Path(__file__).resolve().parents[3] / "shared" / "data" / "ihp-sg13g2" / 
 class Made:
     """A netlist, what it is made of, and its flat form."""
 
-    library: CellLibrary
+    library: Library
     netlist: Netlist
     flat: FlatNetlist
     cells: str
@@ -37,22 +38,15 @@ class Made:
 
 def make(config: ReadoutConfig, path: Path) -> Made:
     """Return the netlist of a readout in a library, with the models of its cells."""
-    library = CellLibrary.read(path)
-    made = netlist(config, library.known)
-    flat = read(made.text, made.top, library.content)
+    library = read(path)
+    made = synthesise(config, library)
+    flat = flatten(made.text, made.top, library.content)
     return Made(library, made, flat, models(library, {cell.kind for cell in flat.cells}))
 
 
 @pytest.fixture(scope="module")
-def quills(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("quill") / "quill.lib"
-    path.write_text(quill.library())
-    return path
-
-
-@pytest.fixture(scope="module")
-def made(quills: Path) -> Made:
-    return make(CONFIG, quills)
+def made(library: Library) -> Made:
+    return make(CONFIG, library.path)
 
 
 def play(config: ReadoutConfig, text: str, folder: Path) -> Tally:
@@ -133,14 +127,14 @@ def test_expressions_of_a_library_in_verilog() -> None:
     assert {text: verilog_of(text) for text in written} == written
 
 
-def test_cells_that_are_missing_or_say_nothing_are_one_sentence(quills: Path, tmp_path: Path) -> None:
+def test_cells_that_are_missing_or_say_nothing_are_one_sentence(library: Library, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"^the cell library .* has no cell OWL; give the one of the netlist$"):
-        models(CellLibrary.read(quills), {"OWL"})
+        models(library, {"OWL"})
     silent = tmp_path / "silent.lib"
-    silent.write_text(re.sub(r'function : "!A";', "", quill.library(), count=1))
+    silent.write_text(re.sub(r'function : "!A";', "", example_library.library(), count=1))
     with pytest.raises(
         InputError, match=r"^the cell library does not say what HOOT does at Z; keep it out of netlists$"
     ):
-        models(CellLibrary.read(silent), {"HOOT"})
+        models(read(silent), {"HOOT"})
     with pytest.raises(InputError, match=r"^the netlist does not fit the cell library: .*; give those of one run$"):
-        read("module top(a); input a; OWL o(.A(a)); endmodule", "top", quill.library().encode())
+        flatten("module top(a); input a; OWL o(.A(a)); endmodule", "top", example_library.library().encode())

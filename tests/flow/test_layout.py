@@ -10,19 +10,19 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from flow.__main__ import app
-from flow.layout import cells, checks, environment, netlist, report, run, transistors
+from app.__main__ import app
+from base.errors import InputError
+from flow.layout import cells, checks, circuit, environment, report, run, transistors
 from flow.layout.cells import WrongCell
 from flow.layout.checks import Comparison, Rules
+from flow.layout.circuit import Circuit
 from flow.layout.environment import Crashed
-from flow.layout.netlist import Circuit
 from flow.layout.report import Report, Try
 from flow.layout.stages import Stages
 from model.config import ReadoutConfig
-from model.errors import InputError
-from tests.flow import switches
+from tests.flow import example_transistors
 
-KNOWN = transistors.read(switches.LIBRARY)
+KNOWN = transistors.read(example_transistors.LIBRARY)
 AREAS = dict.fromkeys(KNOWN, 10.0)
 
 TOY = Circuit(
@@ -43,7 +43,7 @@ TOY = Circuit(
 
 
 def cell_of(*lines: list[str], name: str = "dff_x1", pins: str = "i clk q") -> transistors.SwitchCell:
-    return transistors.read(switches.cell(name, pins, *lines))[name]
+    return transistors.read(example_transistors.cell(name, pins, *lines))[name]
 
 
 def test_every_cell_of_the_library_is_its_transistors() -> None:
@@ -53,7 +53,7 @@ def test_every_cell_of_the_library_is_its_transistors() -> None:
 
 
 def test_an_xor_by_the_name_of_its_inverse_is_found() -> None:
-    known = KNOWN | transistors.read(switches.XOR_BY_ANOTHER_NAME)
+    known = KNOWN | transistors.read(example_transistors.XOR_BY_ANOTHER_NAME)
     assert "nexor2_x0" not in cells.usable(known)
     with pytest.raises(WrongCell, match=r"nexor2_x0: its transistors are not q = !\(i0\^i1\)"):
         cells.usable(known, left_out=())
@@ -62,9 +62,11 @@ def test_an_xor_by_the_name_of_its_inverse_is_found() -> None:
 @pytest.mark.parametrize(
     "lines",
     [
-        switches.pull("n", "nq i0 s", "s i1 vss") + switches.pull("p", "nq i0 vdd"),  # nothing pulls up for i1
-        switches.nand("i0", "i1") + switches.pull("n", "nq i0 vss"),  # both pull
-        switches.pull("n", "nq i0 vss", "nq i1 vss") + switches.pull("p", "s i0 vdd", "nq i1 s"),  # a NOR
+        example_transistors.pull("n", "nq i0 s", "s i1 vss")
+        + example_transistors.pull("p", "nq i0 vdd"),  # nothing pulls up for i1
+        example_transistors.nand("i0", "i1") + example_transistors.pull("n", "nq i0 vss"),  # both pull
+        example_transistors.pull("n", "nq i0 vss", "nq i1 vss")
+        + example_transistors.pull("p", "s i0 vdd", "nq i1 s"),  # a NOR
     ],
 )
 def test_a_broken_gate_is_found(lines: list[str]) -> None:
@@ -72,9 +74,11 @@ def test_a_broken_gate_is_found(lines: list[str]) -> None:
         cells.check(cell_of(lines, name="nand2_x0", pins="nq i0 i1"))
 
 
-@pytest.mark.parametrize("lines", [switches.FALLING, switches.OPEN, switches.INVERTING])
+@pytest.mark.parametrize(
+    "lines", [example_transistors.FALLING, example_transistors.OPEN, example_transistors.INVERTING]
+)
 def test_what_is_no_flop_of_the_rising_edge_is_found(lines: list[str]) -> None:
-    cells.check(cell_of(switches.FLOP))
+    cells.check(cell_of(example_transistors.FLOP))
     with pytest.raises(WrongCell, match="dff_x1: its transistors are no flip-flop of the rising edge"):
         cells.check(cell_of(lines))
 
@@ -87,20 +91,20 @@ def test_a_library_without_a_flop_is_found() -> None:
 def test_a_readout_becomes_checked_cells(tmp_path: Path) -> None:
     library = tmp_path / "cells.lib"
     library.write_text(cells.liberty(cells.usable(KNOWN), AREAS))
-    made = netlist.synthesise(ReadoutConfig(rows=1, columns=2, resolution=4), library)
-    circuit = netlist.circuit(made)
-    assert circuit.kinds["dff_x1"] > 20
-    assert set(circuit.kinds) <= set(KNOWN)
-    assert "test_enable" not in circuit.ports
-    assert {"clk", "rst", "sample_0", "event_valid"} <= set(circuit.ports)
-    assert "sample_0" not in circuit.read_ports  # below the resolution
-    assert Circuit.from_dict(json.loads(json.dumps(vars(circuit)))) == circuit
+    synthesised = circuit.synthesise(ReadoutConfig(rows=1, columns=2, resolution=4), library)
+    made = circuit.circuit_of(synthesised)
+    assert made.kinds["dff_x1"] > 20
+    assert set(made.kinds) <= set(KNOWN)
+    assert "test_enable" not in made.ports
+    assert {"clk", "rst", "sample_0", "event_valid"} <= set(made.ports)
+    assert "sample_0" not in made.read_ports  # below the resolution
+    assert Circuit.from_dict(json.loads(json.dumps(vars(made)))) == made
 
 
 def test_a_constant_is_refused() -> None:
     design = {"ports": {"q": {"direction": "output", "bits": ["0"]}}, "cells": {}}
     with pytest.raises(InputError, match=r"^output q of this readout is at a constant level, which no checked cell"):
-        netlist.of_json({"modules": {"top": design}}, "top")
+        circuit.of_json({"modules": {"top": design}}, "top")
 
 
 def test_blif_and_spice() -> None:

@@ -12,33 +12,30 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flow.asic.report import words_of
-from flow.gates import netlist as netlists
-from flow.gates.liberty import CellLibrary
+from base.errors import InputError
+from flow.gatesim import flat_netlist
+from flow.liberty.library import Library
 from flow.power import measure as measuring
-from flow.power.activity import Activity, read_vcd
-from flow.power.bench import Mismatch, play
-from flow.power.liberty_way import LibertyWay
-from flow.power.measure import Disagreement, Ways, measure
+from flow.power.activity import Activity, read_dump
+from flow.power.event_bench import Mismatch, play
+from flow.power.liberty_power import LibertyPower
+from flow.power.measure import Disagreement, PowerMeter, measure
+from flow.power.opensta_power import OpenstaPower
 from flow.power.results import energies, name_of
 from flow.power.scenarios import CLOSING, IDLE, LONE, SATURATED, scenarios
-from flow.power.sta_way import StaWay
 from flow.power.wires import Wires
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.power.synthesis import SynthesisReport
+from model.encoders import registry
 from model.readout import state_at
-from tests.flow import quill
+from power.synthesis import SynthesisReport
 from tests.flow.test_gates import Made, make
 
 CONFIG = ReadoutConfig(rows=1, columns=2, resolution=5)
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
-    path = tmp_path_factory.mktemp("quill") / "quill.lib"
-    path.write_text(quill.library())
-    return make(CONFIG, path)
+def made(library: Library) -> Made:
+    return make(CONFIG, library.path)
 
 
 @pytest.fixture(scope="module")
@@ -75,11 +72,11 @@ def test_a_port_that_is_put_together_late_shows_the_same(
 ) -> None:
     """Comparators read the port in every clock: what all nets do follows from it."""
     config = CONFIG.replace(columns=3, frontend="analog")
-    other = make(config, made.library.known.path)
+    other = make(config, made.library.path)
     scenario = next(s for s in scenarios(config) if s.name == SATURATED)
     assert "always @(clk) #1 reference_code = {" in other.flat.verilog(gather=True)
     late, events = play(scenario, config, other.flat, other.cells, tmp_path)
-    monkeypatch.setattr(netlists, "WIDE", 1000)
+    monkeypatch.setattr(flat_netlist, "WIDE", 1000)
     assert "always" not in other.flat.verilog(gather=True)
     at_once, again = play(scenario, config, other.flat, other.cells, tmp_path)
     assert events == again == scenario.events_inside > 0
@@ -99,12 +96,14 @@ def test_nothing_at_the_inputs_moves_but_clock_and_samples(made: Made, tmp_path:
 
 
 def test_a_wrong_number_of_toggles_is_an_error(made: Made) -> None:
-    ways = Ways(LibertyWay(made.flat, made.library, {}), StaWay(made.flat, made.library, {}), CONFIG.clock_hz)
+    ways = PowerMeter(
+        LibertyPower(made.flat, made.library, {}), OpenstaPower(made.flat, made.library, {}), CONFIG.clock_hz
+    )
     steps = np.arange(2 * 50 + 1)
     still = {net: np.zeros(1, bool) for net in made.flat.nets} | {"clk": steps % 2 == 1}
     clocks = {cell.pins["BEATS"] for cell in made.flat.cells if cell.kind == "SLUMBER"}
     right = Activity(50, still | dict.fromkeys(clocks, steps % 2 == 1))
-    assert ways.stretch("clocked", right, 0).agreement == pytest.approx(1, abs=0.02)
+    assert ways.measure("clocked", right, 0).agreement == pytest.approx(1, abs=0.02)
 
     class Halved(Activity):
         """Counts half the toggles, as a reader of dumps would that misses the falling edges."""
@@ -118,7 +117,7 @@ def test_a_wrong_number_of_toggles_is_an_error(made: Made) -> None:
     with pytest.raises(
         Disagreement, match=r"^clocked: OpenSTA and the library's tables differ by -\d.* 5 % are allowed$"
     ):
-        ways.stretch("clocked", right, 0)
+        ways.measure("clocked", right, 0)
 
 
 def test_energies_are_the_tables_of_the_library(made: Made) -> None:
@@ -127,7 +126,7 @@ def test_energies_are_the_tables_of_the_library(made: Made) -> None:
     own = dataclasses.replace(made.flat, cells=(dataclasses.replace(flop, pins=flop.pins | {"BEAT": "clk"}),))
     steps = np.arange(2 * 50 + 1)
     values = {net: np.zeros(1, bool) for net in own.nets} | {"clk": steps % 2 == 1}
-    internal, switching, leakage = LibertyWay(own, made.library, {}).power_w(Activity(50, values), 1e6)[flop.name]
+    internal, switching, leakage = LibertyPower(own, made.library, {}).power_w(Activity(50, values), 1e6)[flop.name]
     assert internal == pytest.approx(2 * 1e6 * (8e-15 + 0.1 * 1e-15))
     assert switching == 0
     assert leakage == pytest.approx(200e-12)
@@ -140,11 +139,11 @@ def test_a_netlist_that_does_something_else_has_no_power(made: Made) -> None:
         measure(CONFIG, dead, made.library)
 
 
-@pytest.mark.parametrize("encoding", ["lcs", "cw-lcs", "nlcs"])
+@pytest.mark.parametrize("encoding", registry.NAMES)
 def test_scenarios_are_what_their_names_say(encoding: str) -> None:
     config = ReadoutConfig(rows=2, columns=2, encoding=encoding)
     idle, *closing, lone, saturated, texture = scenarios(config)
-    assert [s.name for s in closing] == [CLOSING] * (encoding == "cw-lcs")
+    assert [s.name for s in closing] == [CLOSING] * config.closes
     assert all((s.start, s.clocks) == (lone.start, lone.clocks) for s in closing)
     assert idle.events_inside == 0
     assert saturated.events_inside == saturated.clocks > 100
@@ -169,7 +168,7 @@ def test_windows_are_closed_while_idle_and_close_before() -> None:
 
 def test_closing_windows_have_a_power_of_their_own(tmp_path: Path, made: Made) -> None:
     config = CONFIG.replace(encoding="cw-lcs", columns=1, window_period=4)
-    found = measure(config, make(config, made.library.known.path).netlist.text, made.library)[0]
+    found = measure(config, make(config, made.library.path).netlist.text, made.library)[0]
     assert found["closing_w_per_taxel"] > found["idle_w_per_taxel"]
     more = found["closing_w_per_taxel"] - found["idle_w_per_taxel"]
     ticks = 4 * (config.step // config.closing_step - 1)
@@ -184,13 +183,13 @@ def test_a_net_that_is_missing_or_unknown_in_the_dump_is_one_sentence(tmp_path: 
     dump.write_text(
         "$var wire 1 ! n1 $end\n$var wire 2 $ w [1:0] $end\n$enddefinitions $end\n#0\n0!\nbx $\n#4\n1!\n#8\n0!\n"
     )
-    seen = read_vcd(dump, 4, 1, ["n1"])
+    seen = read_dump(dump, 4, 1, ["n1"])
     assert seen.values["n1"].tolist() == [False, True, False]
     assert seen.toggles("n1") == 2
     with pytest.raises(InputError, match=r"^the dump of the simulation has no net n2; .*$"):
-        read_vcd(dump, 4, 1, ["n2"])
+        read_dump(dump, 4, 1, ["n2"])
     with pytest.raises(InputError, match=r"^net w\[1\] is unknown in the simulation; reset must make all nets known$"):
-        read_vcd(dump, 4, 1, ["w[1]"])
+        read_dump(dump, 4, 1, ["w[1]"])
 
 
 def test_wires_grow_with_what_they_cross(made: Made) -> None:
@@ -204,28 +203,20 @@ def test_the_report_of_a_netlist_gets_its_energies(made: Made, monkeypatch: pyte
     asked = {}
     content = {name: number for number, name in enumerate([*"abc"])}
 
-    def once(
-        config: ReadoutConfig, text: str, library: CellLibrary, pitches: tuple[float, ...]
-    ) -> list[dict[str, Any]]:
+    def once(config: ReadoutConfig, text: str, library: Library, pitches: tuple[float, ...]) -> list[dict[str, Any]]:
         asked["pitches"] = pitches
         return [content | {"idle_w_per_taxel": pitch, "scenarios": {IDLE: {"blocks": {}}}} for pitch in pitches]
 
     from flow.power import results as module
 
     monkeypatch.setattr(module, "measure", once)
-    said = energies(CONFIG, "", made.library.known.path)
+    said = energies(CONFIG, "", made.library.path)
     assert asked["pitches"] == (0.0, 200.0)
     assert said == content | {
         "idle_w_per_taxel": 0.0,
         "power": {IDLE: {"blocks": {}}},
         "with_wires": content | {"idle_w_per_taxel": 200.0, "scenarios": {IDLE: {}}},
     }
-
-
-def test_a_result_names_the_configuration_that_it_is_of() -> None:
-    config = ReadoutConfig(rows=4, encoding="nlcs", frontend="analog")
-    assert words_of(config) == ["ROWS=4", "ENCODING=nlcs", "FRONTEND=analog"]
-    assert words_of(ReadoutConfig()) == []
 
 
 def test_five_percent_is_what_is_allowed() -> None:
@@ -235,17 +226,17 @@ def test_five_percent_is_what_is_allowed() -> None:
 def test_power_with_wires_that_the_two_ways_do_not_agree_on_is_not_given(
     made: Made, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whole = Ways.stretch
+    whole = PowerMeter.measure
 
-    def apart(ways: Ways, name: str, *more: object) -> object:
+    def apart(ways: PowerMeter, name: str, *more: object) -> object:
         if any(ways.tables.wires_f.values()):
             raise Disagreement("far apart")
         return whole(ways, name, *more)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(Ways, "stretch", apart)
+    monkeypatch.setattr(PowerMeter, "measure", apart)
     bare, wired = measure(CONFIG, made.netlist.text, made.library, (0.0, 200.0))
     assert bare["energy_per_event_j"] > 0
     assert wired == {"pitch_um": 200.0, "apart": "far apart"}
-    monkeypatch.setattr(Ways, "stretch", lambda *_: (_ for _ in ()).throw(Disagreement("without wires too")))
+    monkeypatch.setattr(PowerMeter, "measure", lambda *_: (_ for _ in ()).throw(Disagreement("without wires too")))
     with pytest.raises(Disagreement, match="without wires too"):
         measure(CONFIG, made.netlist.text, made.library, (0.0, 200.0))

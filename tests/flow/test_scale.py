@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import json
 import re
 import shutil
@@ -15,34 +14,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flow.asic.library import Library, read
-from flow.scale import check
+from app.__main__ import app
+from app.cli import run
+from base.errors import InputError
+from flow.liberty.library import Library
 from flow.scale.array import NONE, Array, build, repeaters
-from flow.scale.delays import look
 from flow.scale.lines import Lines, best_repeater
 from flow.scale.measure import designs_of, lines, measure, sizes_of
-from flow.scale.places import Places
-from flow.scale.skin import SkinPlaces, Spot, build_skin
+from flow.scale.placement import Placement
+from flow.scale.skin import SkinPlacement, Spot, build_skin
 from flow.scale.timing import FROM_PORT, Timing
-from flow.scale.wire import NO_WIRE, Wire
+from flow.wire import NO_WIRE, Wire
 from model.config import ReadoutConfig
-from model.errors import InputError
 from model.tiles.config import TilesConfig
 from rtl.delivery import ports
-from tests.flow import quill
+from tests.flow import array_in_opensta
 
 NEEDS_STA = pytest.mark.skipif(shutil.which("sta") is None, reason="OpenSTA is not installed: apt-get install opensta")
 
 WIRE = Wire()
 PITCH_UM = 2000.0
-
-
-@pytest.fixture(scope="module")
-def library(tmp_path_factory: pytest.TempPathFactory) -> Library:
-    """Return our own library."""
-    path = tmp_path_factory.mktemp("quill") / "quill.lib"
-    path.write_text(quill.library())
-    return read(path)
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +44,7 @@ def plain(library: Library) -> Array:
 
 def drawn(plain: Array, wire: Wire = WIRE, pitch_um: float = PITCH_UM) -> Lines:
     """Return the lines of a copy of an array."""
-    array = copy.deepcopy(plain)
+    array = plain.copy()
     return lines(array, wire, pitch_um, best_repeater(repeaters(array.kinds), WIRE))
 
 
@@ -128,7 +119,7 @@ def test_the_fastest_line_has_the_least_delay_of_all_spacings(plain: Array) -> N
     kind = plain.kinds[found.kind]
     pin = next(iter(kind.loads.values()))
     assert found.load_f == pytest.approx(pin + WIRE.farad_per_um * found.spacing_um, abs=0)
-    delay = float(kind.through(found.slew_s, np.array([found.load_f]))[0][0]) + WIRE.way_s(found.spacing_um, pin)
+    delay = float(kind.worst(found.slew_s, np.array([found.load_f]))[0][0]) + WIRE.way_s(found.spacing_um, pin)
     assert found.s_per_mm == pytest.approx(1e3 * delay / found.spacing_um, rel=0.001, abs=0)
     slower = best_repeater(repeaters(plain.kinds), Wire(10 * WIRE.ohm_per_um, WIRE.farad_per_um))
     assert slower.s_per_mm > found.s_per_mm
@@ -136,7 +127,7 @@ def test_the_fastest_line_has_the_least_delay_of_all_spacings(plain: Array) -> N
 
 
 def test_cells_stand_where_their_wires_pull_them(plain: Array) -> None:
-    places = Places(plain, 200.0)
+    places = Placement(plain, 200.0)
     drivers, _ = plain.ends()
     assert places.of(drivers[plain.taxels[3]["request 0"]]) == (300.0, 300.0)
     assert all(-1 <= x <= 401 and -1 <= y <= 401 for x, y in places.of_cells)
@@ -148,10 +139,10 @@ def test_cells_stand_where_their_wires_pull_them(plain: Array) -> None:
 
 
 def test_a_table_is_read_as_one_looks_a_number_up(plain: Array) -> None:
-    table = plain.kinds["HOOT"].arcs[0].delay[0]
+    table = plain.kinds["HOOT"].ways[0].delay[0]
     slews, loads = np.array([0.02e-9, 0.26e-9, 1.0e-9]), np.array([0.001e-12, 0.05e-12, 0.2e-12])
     wanted = [0.03 + 0.2 * s + 4.0 * c for s, c in zip(slews * 1e9, loads * 1e12, strict=True)]
-    assert look(table, slews, loads) * 1e9 == pytest.approx(wanted)
+    assert table.at(slews, loads) * 1e9 == pytest.approx(wanted)
 
 
 def test_a_path_between_flops_touches_no_port(plain: Array) -> None:
@@ -171,16 +162,16 @@ def test_the_highest_clock_is_that_of_opensta(plain: Array, library: Library, wi
     """Without the resistance of wires, which the two take into account in other ways."""
     found = drawn(plain, wire)
     timing = Timing(found.array, found)
-    assert timing.worst().period_s == pytest.approx(check.period_s(timing, library), rel=0.02)
+    assert timing.worst().period_s == pytest.approx(array_in_opensta.period_s(timing, library), rel=0.02)
 
 
 def test_the_command_leaves_numbers(library: Library, tmp_path: Path) -> None:
     out = tmp_path / "scale.json"
     words = ["asic-scale", f"--lib={library.path}", "--sizes=2x1", "--pitch=500", f"--out={out}"]
-    done = subprocess.run([sys.executable, "-m", "flow", *words], capture_output=True, text=True, check=False)
+    done = subprocess.run([sys.executable, "-m", "app", *words], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     found = json.loads(out.read_text())
-    assert found["command"] == "make asic SCALE=1 LIB=quill.lib PITCH=500 SIZES=2x1"
+    assert found["command"] == "make asic SCALE=1 LIB=quill_typ.lib PITCH=500 SIZES=2x1"
     assert [array["taxels"] for array in found["results"]] == [2]
     assert found["pitch_um"] == 500
     for array in found["results"]:
@@ -230,7 +221,7 @@ def test_the_lines_of_a_skin_go_from_tile_to_station_to_merge(far_tiles: tuple[A
     assert reads("relay_1_0.") == {"tile_1", "relay_1_1"}
     assert reads("relay_1_1.") == {"relay_1_0", "merge"}
     assert reads("merge.") == {"relay_0_1", "relay_1_1"}
-    places = SkinPlaces(skin, 200.0, tile, spots)
+    places = SkinPlacement(skin, 200.0, tile, spots)
     where = {
         name.split(".")[0]: spot
         for name, spot in zip(skin.names, places.of_cells, strict=True)
@@ -250,14 +241,14 @@ def test_the_clock_of_a_skin_is_that_of_opensta(far_tiles: tuple[Array, Array, l
     skin, tile, spots = far_tiles
     wire = Wire(0.0, WIRE.farad_per_um)
     found = lines(
-        copy.deepcopy(skin),
+        skin.copy(),
         wire,
         4000.0,
         best_repeater(repeaters(skin.kinds), WIRE),
-        partial(SkinPlaces, tile=tile, spots=spots),
+        partial(SkinPlacement, tile=tile, spots=spots),
     )
     timing = Timing(found.array, found)
-    assert timing.worst().period_s == pytest.approx(check.period_s(timing, library), rel=0.02)
+    assert timing.worst().period_s == pytest.approx(array_in_opensta.period_s(timing, library), rel=0.02)
 
 
 def test_tiles_are_measured_in_all_ways_that_are_asked_for(library: Library, tmp_path: Path) -> None:
@@ -268,7 +259,7 @@ def test_tiles_are_measured_in_all_ways_that_are_asked_for(library: Library, tmp
         measure(designs, library, WIRE, 500.0, out, seen.append)
     assert seen[:2] == seen[2:]
     found = json.loads(out.read_text())
-    assert found["command"] == "make asic SCALE=1 LIB=quill.lib PITCH=500 SIZES=1x2 TILES=1x2 RELAYS=0,1"
+    assert found["command"] == "make asic SCALE=1 LIB=quill_typ.lib PITCH=500 SIZES=1x2 TILES=1x2 RELAYS=0,1"
     assert [(r["tile_rows"], r["tile_columns"], r["relays"]) for r in found["results"]] == [(1, 2, 0), (1, 2, 1)]
     assert found["results"][1]["cells_um2_per_taxel"] > found["results"][0]["cells_um2_per_taxel"]
 
@@ -295,10 +286,31 @@ def test_what_is_no_size_is_one_sentence(sizes: str) -> None:
         sizes_of(sizes)
 
 
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--pitch=0"], "--pitch must be from 1 to 1000000 um, not 0"),
+        (["--pitch=1e300"], "--pitch must be from 1 to 1000000 um, not 1e+300"),
+        (["--pitch=nan"], "--pitch must be from 1 to 1000000 um, not nan"),
+        (["--ohm=inf"], "--ohm must be from 0 to 1000 for each um, not inf"),
+        (["--farad=-1"], "--farad must be from 0 to 1e-12 for each um, not -1"),
+    ],
+)
+def test_a_wire_that_cannot_be_is_one_sentence(
+    words: list[str], sentence: str, library: Library, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out" / "scale.json"
+    with pytest.raises(SystemExit) as left:
+        run(app, "eskin", ["asic-scale", f"--lib={library.path}", *words, f"--out={out}"])
+    assert left.value.code == 2
+    assert capsys.readouterr().err == f"error: {sentence}\n"
+    assert not out.parent.exists()
+
+
 def test_bad_input_leaves_nothing(library: Library, tmp_path: Path) -> None:
     out = tmp_path / "out" / "scale.json"
     words = ["asic-scale", f"--lib={library.path}", "--sizes=8x8,9", f"--out={out}"]
-    done = subprocess.run([sys.executable, "-m", "flow", *words], capture_output=True, text=True, check=False)
+    done = subprocess.run([sys.executable, "-m", "app", *words], capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert "not '9'" in done.stderr
     assert done.stderr.count("\n") == 1

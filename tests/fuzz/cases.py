@@ -15,7 +15,9 @@ import numpy as np
 import typer
 from hypothesis import strategies as st
 
-from tests.fuzz.run import APPS, Command
+from app.__main__ import app
+from app.catalogue import COMMANDS
+from tests.fuzz.run import Command
 
 HOSTILE_TEXT = (
     "", " ", "-1", "0", "1", "1.5", "true", "null", "nan", "inf", "-inf", "1e308", "1e-320", "1e400", "9" * 40,
@@ -30,88 +32,91 @@ HOSTILE_JSON = (
 DEPTH = 200_000
 
 ENCODE = ("encode", "{}", "--rows", "1", "--columns", "4", "--sample-rate", "1000", "-o", "new.npz")
-FILES: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
+FILES: dict[str, tuple[tuple[str, ...], ...]] = {
     "events.npz": (
-        ("model", ("decode", "{}", "-o", "new.csv")), ("model", ("compare", "{}", "good/events.npz")),
-        ("snn", ("convert", "{}", "-o", "new.nir")), ("snn", ("convert", "{}", "-o", "new.npy")),
-        ("snn", ("predict", "good/train/weights.npz", "--events", "{}", "-o", "new.json")),
-        ("model", ("compare", "good/events.npz", "{}", "--plot", "new.png")),
+        ("decode", "{}", "-o", "new.csv"), ("compare", "{}", "good/events.npz"),
+        ("convert", "{}", "-o", "new.nir"), ("convert", "{}", "-o", "new.npy"),
+        ("predict", "good/train/weights.npz", "--events", "{}", "-o", "new.json"),
+        ("compare", "good/events.npz", "{}", "--plot", "new.png"),
     ),
-    "samples.npy": (("model", ENCODE),),
-    "samples.npz": (("model", ENCODE),),
-    "samples.csv": (("model", ENCODE),),
-    "image.png": (("model", ("encode", "{}", "-o", "new.npz")),),
-    "config.json": (("model", ("encode", "good/samples.npz", "--config", "{}", "-o", "new.npz")),),
+    "samples.npy": (ENCODE,),
+    "samples.npz": (ENCODE,),
+    "samples.csv": (ENCODE,),
+    "image.png": (("encode", "{}", "-o", "new.npz"),),
+    "config.json": (("encode", "good/samples.npz", "--config", "{}", "-o", "new.npz"),),
     "rates.json": (
-        ("model", ("power", "--mode", "consistent", "--rates", "{}")),
-        ("model", ("explore", "--preset", "paper", "--rates", "{}", "-o", "new")),
+        ("power", "--mode", "consistent", "--rates", "{}"),
+        ("explore", "--preset", "paper", "--rates", "{}", "-o", "new"),
     ),
-    "synthesis.json": (("model", ("power", "--mode", "consistent", "--synthesis", "{}")),),
-    "fig9.json": (("model", ("report", "--accuracy", "{}", "-o", "new.html")),),
+    "synthesis.json": (("power", "--mode", "consistent", "--synthesis", "{}"),),
+    "fig9.json": (("report", "--accuracy", "{}", "-o", "new.html"),),
     "train/weights.npz": (
-        ("snn", ("export", "{}", "-o", "new.nir")), ("snn", ("export", "{}", "--eight-bits", "-o", "new.npz")),
+        ("export", "{}", "-o", "new.nir"), ("export", "{}", "--eight-bits", "-o", "new.npz"),
     ),
-    "train/result.json": (("snn", ("fig8", "--weights", "good/train/weights.npz", "--result", "{}", "-o", "new")),),
-    "network.nir": (("snn", ("import", "{}", "-o", "new.npz")),),
-    "events.nir": (("snn", ("convert", "{}", "-o", "new.npz")),),
-    "sweep/sweep.json": (("snn", ("fig9", "--sweep", "{}", "-o", "new")),),
+    "train/result.json": (("fig8", "--weights", "good/train/weights.npz", "--result", "{}", "-o", "new"),),
+    "network.nir": (("import", "{}", "-o", "new.npz"),),
+    "events.nir": (("convert", "{}", "-o", "new.npz"),),
+    "sweep/sweep.json": (("fig9", "--sweep", "{}", "-o", "new"),),
 }  # fmt: skip
 """The commands that read each file of the corpus, ``{}`` in its place."""
 
+LONG = {
+    command
+    for command in (*COMMANDS["Checks of the project"], *COMMANDS["Hardware"])
+    if command not in ("soak", "verilog", "gates")
+}
+"""Commands that no option makes short: other tests refuse their wrong options."""
+
 GOOD: dict[str, tuple[str, ...]] = {
-    "model encode": ("good/samples.npz", "--rows", "1", "--columns", "4", "-o", "new.npz"),
-    "model decode": ("good/events.npz", "-o", "new.csv"),
-    "model compare": ("good/events.npz", "good/events.npz"),
-    "model rates": ("--dataset", "good/images", "--limit", "1"),
-    "model event-rates": ("--dataset", "good/nothing", "-o", "new.json"),
-    "model power": (),
-    "model fig6": ("-o", "new"),
-    "model fig7": ("-o", "new"),
-    "model sensitivity": ("-o", "new"),
-    "model explore": ("-o", "new"),
-    "model frames": ("--dataset", "good/images", "--limit", "1"),
-    "model study": ("--data", "good/nothing", "-o", "new"),
-    "model report": ("-o", "new.html"),
-    "model play": ("good/nothing.npz", "--port", "good/nothing", "-o", "new.npz"),
-    "model load": ("good/nothing.npz", "--port", "good/nothing"),
-    "model listen": ("--port", "good/nothing", "-o", "new.npz"),
-    "model rescue": ("good/nothing.npz.part",),
-    "rtl verilog": ("-o", "good/config.json/new"),
-    "rtl gates": ("--liberty", "good/nothing.lib"),
-    "snn train": ("--events", "good/events", "--folds", "2", "--fold", "9"),
-    "snn crossval": ("--events", "good/events", "--folds", "99"),
-    "snn sweep": ("--points", "lcs:4,lcs:4", "-o", "new"),
-    "snn predict": ("good/train/weights.npz", "--events", "good/events.npz", "-o", "new.json"),
-    "snn export": ("good/train/weights.npz", "-o", "new.nir"),
-    "snn import": ("good/network.nir", "-o", "new.npz"),
-    "snn pair": ("good/sweep/sweep.json:lcs-3", "good/sweep/sweep.json:lcs-3", "-o", "new.json"),
-    "snn counts": ("--points", "lcs:2", "--dataset", "good/images", "-o", "new.json"),
-    "snn robustness": ("good/nothing", "-o", "new"),
-    "snn noise-power": ("good/nothing", "-o", "new"),
-    "snn merits": ("good/nothing", "-o", "new"),
-    "snn precision": ("good/nothing", "-o", "new"),
-    "snn quantise": ("good/train/weights.npz", "-o", "new.npz"),
-    "snn cache": (),
-    "snn convert": ("good/events.npz", "-o", "new.npy"),
-    "snn fig8": ("--weights", "good/train/weights.npz", "-o", "new"),
-    "snn fig9": ("--sweep", "good/sweep/sweep.json", "-o", "new"),
-    "cocotb_tests soak": ("--sim", "good/nothing", "-o", "new"),
-    "cocotb_tests sim": ("--only", "no-such-texture"),
-    "cocotb_tests touch": ("--only", "no-such-texture"),
-    "cocotb_tests replay": ("--dataset", "good/images", "--only", "no-such-texture"),
+    "encode": ("good/samples.npz", "--rows", "1", "--columns", "4", "-o", "new.npz"),
+    "decode": ("good/events.npz", "-o", "new.csv"),
+    "compare": ("good/events.npz", "good/events.npz"),
+    "rates": ("--dataset", "good/images", "--limit", "1"),
+    "event-rates": ("--dataset", "good/nothing", "-o", "new.json"),
+    "power": (),
+    "fig6": ("-o", "new"),
+    "fig7": ("-o", "new"),
+    "sensitivity": ("-o", "new"),
+    "explore": ("-o", "new"),
+    "frames": ("--dataset", "good/images", "--limit", "1"),
+    "study": ("--data", "good/nothing", "-o", "new"),
+    "report": ("-o", "new.html"),
+    "play": ("good/nothing.npz", "--port", "good/nothing", "-o", "new.npz"),
+    "load": ("good/nothing.npz", "--port", "good/nothing"),
+    "listen": ("--port", "good/nothing", "-o", "new.npz"),
+    "rescue": ("good/nothing.npz.part",),
+    "verilog": ("-o", "good/config.json/new"),
+    "gates": ("--liberty", "good/nothing.lib"),
+    "train": ("--events", "good/events", "--folds", "2", "--fold", "9"),
+    "crossval": ("--events", "good/events", "--folds", "99"),
+    "sweep": ("--points", "lcs:4,lcs:4", "-o", "new"),
+    "predict": ("good/train/weights.npz", "--events", "good/events.npz", "-o", "new.json"),
+    "export": ("good/train/weights.npz", "-o", "new.nir"),
+    "import": ("good/network.nir", "-o", "new.npz"),
+    "pair": ("good/sweep/sweep.json:lcs-3", "good/sweep/sweep.json:lcs-3", "-o", "new.json"),
+    "counts": ("--points", "lcs:2", "--dataset", "good/images", "-o", "new.json"),
+    "robustness": ("good/nothing", "-o", "new"),
+    "noise-power": ("good/nothing", "-o", "new"),
+    "merits": ("good/nothing", "-o", "new"),
+    "precision": ("good/nothing", "-o", "new"),
+    "quantise": ("good/train/weights.npz", "-o", "new.npz"),
+    "cache": (),
+    "convert": ("good/events.npz", "-o", "new.npy"),
+    "fig8": ("--weights", "good/train/weights.npz", "-o", "new"),
+    "fig9": ("--sweep", "good/sweep/sweep.json", "-o", "new"),
+    "soak": ("--sim", "good/nothing", "-o", "new"),
+    "sim": ("--only", "no-such-texture"),
+    "touch": ("--only", "no-such-texture"),
+    "replay": ("--dataset", "good/images", "--only", "no-such-texture"),
 }
 """Arguments with which each command ends soon; where it would run long, one of them is refused after all options."""
 
 
 def commands() -> dict[str, click.Command]:
-    """Return every command of the packages by what a user types."""
-    found = {}
-    for package, app in APPS.items():
-        group = typer.main.get_command(app)
-        assert isinstance(group, click.Group) or hasattr(group, "commands")
-        for name, command in group.commands.items():  # type: ignore[attr-defined]
-            found[f"{package} {name}"] = command
-    return found
+    """Return every command that the campaign runs, by its name."""
+    group = typer.main.get_command(app)
+    assert set(group.commands) >= LONG  # type: ignore[attr-defined]
+    return {name: command for name, command in group.commands.items() if name not in LONG}  # type: ignore[attr-defined]
 
 
 @functools.cache
@@ -134,8 +139,7 @@ texts = st.sampled_from(HOSTILE_TEXT) | st.text(max_size=12) | st.integers().map
 def hostile_commands(draw: Callable[[Any], Any]) -> Command:
     """A command whose good arguments are followed by one or two options with values that nobody means."""
     name = draw(st.sampled_from(sorted(name for name in GOOD if options_of(name))))
-    package, command = name.split()
-    arguments = [command, *GOOD[name]]
+    arguments = [name, *GOOD[name]]
     flags = {o for p in commands()[name].params if getattr(p, "is_flag", False) for o in p.opts}
     for _ in range(draw(st.integers(1, 2))):
         option = draw(st.sampled_from(options_of(name)))
@@ -143,7 +147,7 @@ def hostile_commands(draw: Callable[[Any], Any]) -> Command:
         if option == "--dataset":
             value = value or "nothing"  # an empty one is the default, whose measurement takes minutes and is right
         arguments += [option] if option in flags else [option, value]
-    return Command(package, tuple(arguments))
+    return Command(tuple(arguments))
 
 
 # -- files -------------------------------------------------------------------------------------------
@@ -255,7 +259,7 @@ def _other_cell(draw: Callable[[Any], Any], good: bytes) -> bytes:
 def hostile_files(draw: Callable[[Any], Any], root: Path) -> tuple[Command, str, bytes]:
     """A damaged file, where it goes, and a command that reads it."""
     name = draw(st.sampled_from(sorted(FILES)))
-    package, arguments = draw(st.sampled_from(FILES[name]))
+    arguments = draw(st.sampled_from(FILES[name]))
     place = f"bad/{Path(name).name}"
     content = draw(damaged((root / "good" / name).read_bytes(), name))
-    return Command(package, tuple(place if a == "{}" else a for a in arguments)), place, content
+    return Command(tuple(place if a == "{}" else a for a in arguments)), place, content

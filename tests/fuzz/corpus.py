@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from base.files import write_json
 from model.config import ReadoutConfig
-from model.files import write_json
-from model.power.rates import measure_table, tables_text
-from model.textures.dataset import embedded_dataset
-from model.textures.presets import preset
+from power.rates import measure_table, tables_text
 from rtl.delivery import description
+from skin.textures.dataset import embedded_dataset
+from skin.textures.presets import preset
 from snn.data.record import record
 from snn.exchange.nir_events import save_nir_data
 from tests.fuzz.run import Command, run_command
@@ -61,16 +61,14 @@ def make(root: Path) -> None:
     gates = {"readout": "lcs", "rows": 8, "columns": 8, "clock_hz": 1e6, "area_um2": 1e5, "leakage_w": 1e-6}
     write_json(good / "synthesis.json", gates | {"clock_power_w_per_hz": 1e-11, "energy_per_event_j": 1e-12})
     (good / "cells.lib").write_text(LIBERTY)
-    trained = run_command(
-        Command("snn", ("train", "--dataset", "embedded", *TRAIN, "--epochs", "1", "-o", "good/train"))
-    )
+    trained = run_command(Command(("train", "--dataset", "embedded", *TRAIN, "--epochs", "1", "-o", "good/train")))
     assert trained.code == 0, trained.err
     swept = run_command(
-        Command("snn", ("sweep", "--dataset", "embedded", "--points", "lcs:3", *TRAIN, "--epochs", "1", "--seeds", "1",
+        Command(("sweep", "--dataset", "embedded", "--points", "lcs:3", *TRAIN, "--epochs", "1", "--seeds", "1",
                         "--workers", "1", "-o", "good/sweep"))
     )  # fmt: skip
     assert swept.code == 0, swept.err
-    exported = run_command(Command("snn", ("export", "good/train/weights.npz", "-o", "good/network.nir")))
+    exported = run_command(Command(("export", "good/train/weights.npz", "-o", "good/network.nir")))
     assert exported.code == 0, exported.err
-    figure = run_command(Command("snn", ("fig9", "--sweep", "good/sweep/sweep.json", "-o", "good")))
+    figure = run_command(Command(("fig9", "--sweep", "good/sweep/sweep.json", "-o", "good")))
     assert figure.code == 0, figure.err

@@ -16,15 +16,8 @@ from pathlib import Path
 from types import FrameType
 from typing import NamedTuple
 
-import typer
-
-from cocotb_tests.__main__ import app as cocotb_app
-from model.__main__ import app as model_app
-from model.cli.app import run
-from rtl.__main__ import app as rtl_app
-from snn.__main__ import app as snn_app
-
-APPS: dict[str, typer.Typer] = {"model": model_app, "rtl": rtl_app, "snn": snn_app, "cocotb_tests": cocotb_app}
+from app.__main__ import app
+from app.cli import run
 
 LONGEST_CPU_S = 30
 """Of this process: no case here takes three; one that takes so long has found a loop without end."""
@@ -35,13 +28,12 @@ MOST_BYTES = 6 * 2**30
 
 
 class Command(NamedTuple):
-    """What a user types behind ``python -m``."""
+    """What a user types behind ``eskin``."""
 
-    package: str
     arguments: tuple[str, ...]
 
     def __str__(self) -> str:
-        return " ".join([f"python -m {self.package}", *(repr(a) if not a.isprintable() else a for a in self.arguments)])
+        return " ".join(["eskin", *(repr(a) if not a.isprintable() else a for a in self.arguments)])
 
 
 class Seen(NamedTuple):
@@ -56,9 +48,13 @@ class Seen(NamedTuple):
 def run_command(command: Command) -> Seen:
     """Run a command in the current folder."""
     out, err, crash, code = io.StringIO(), io.StringIO(), "", None
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), _limits(command.package != "rtl"):
+    with (
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+        _limits(command.arguments[0] not in ("verilog", "gates")),
+    ):
         try:
-            run(APPS[command.package], f"python -m {command.package}", command.arguments)
+            run(app, "eskin", command.arguments)
         except SystemExit as left:
             code = left.code if isinstance(left.code, int) else None
         except BaseException:

@@ -17,7 +17,7 @@ import pytest
 import typer
 from hypothesis import HealthCheck, Phase, given, seed, settings
 
-from model.files import write_json
+from base.files import write_json
 from tests.fuzz import corpus
 from tests.fuzz import run as limits
 from tests.fuzz.cases import FILES, GOOD, commands, hostile_commands, hostile_files
@@ -87,7 +87,7 @@ class Campaign:
         self.wrong: dict[str, str] = {}
 
     def run(self, command: Command, reader: str = "", content: bytes = b"") -> None:
-        self.of["command"][f"{command.package} {command.arguments[0]}"] += 1
+        self.of["command"][command.arguments[0]] += 1
         if reader:
             self.of["reader"][reader] += 1
         self.distinct.add(hash((command, content)))
@@ -98,7 +98,7 @@ class Campaign:
         if wrong := complaint(command, seen, before, tree(self.root)):
             last = wrong.strip().splitlines()
             kept = f"{str(command)[:400]}\n    " + "\n    ".join(last[-3:])
-            self.wrong.setdefault(f"{command.package} {command.arguments[0]} {last[-1][:40]}", kept[:1500])
+            self.wrong.setdefault(f"{command.arguments[0]} {last[-1][:40]}", kept[:1500])
 
     def end(self, name: str) -> None:
         """Fail if a user would have had cause to complain, or if what was done was too mild to test anything."""
@@ -123,9 +123,9 @@ def test_every_command_and_every_reader_has_a_place_in_the_campaign() -> None:
 
 @pytest.mark.parametrize("name", sorted(FILES))
 def test_the_corpus_is_good(root: Path, name: str) -> None:
-    for package, arguments in FILES[name]:
+    for arguments in FILES[name]:
         clean(root)
-        seen = run_command(Command(package, tuple(f"good/{name}" if a == "{}" else a for a in arguments)))
+        seen = run_command(Command(tuple(f"good/{name}" if a == "{}" else a for a in arguments)))
         assert seen.code == 0, f"{arguments}: {seen.err}{seen.crash}"
 
 
@@ -179,13 +179,13 @@ def test_a_loop_without_end_is_ended(monkeypatch: pytest.MonkeyPatch, swallowed:
             pass
 
     app.command("other")(endless)
-    monkeypatch.setitem(limits.APPS, "model", app)
-    assert "still running after" in run_command(Command("model", ("endless",))).crash
+    monkeypatch.setattr(limits, "app", app)
+    assert "still running after" in run_command(Command(("endless",))).crash
 
 
 def test_a_defect_would_be_found(root: Path) -> None:
     """The judge of outcomes complains about each thing that it is there for."""
-    command = Command("model", ("decode", "x"))
+    command = Command(("decode", "x"))
     for seen, after in (
         (Seen(None, "", "", "Traceback ..."), {}),
         (Seen(1, "", "", ""), {}),

@@ -1,4 +1,4 @@
-"""Compare: the first difference, what has no equal, the pictures, and ``python -m model compare``."""
+"""Compare: the first difference, what has no equal, the pictures, and ``eskin compare``."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
+from base.errors import InputError
+from model.address_events import Events, make_events, no_events
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.events.address import Events, make_events, no_events
 from model.events.compare import AddressEvent, count_per_taxel, first_difference, unmatched
 from model.events.recording import Recording
-from model.figures.raster import plot_comparison, plot_signals
+from skin.figures.raster import plot_comparison, plot_signals
 
 CONFIG = ReadoutConfig(rows=3, columns=5)
 

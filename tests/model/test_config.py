@@ -10,8 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from base.errors import InputError
 from model.config import ReadoutConfig
-from model.errors import InputError
+from model.encoders import registry
+
+ENCODERS = ", ".join(registry.NAMES)
 
 REFUSALS: list[tuple[dict[str, Any], str]] = [
     ({"rows": 0}, "rows must be in 1..64, not 0"),
@@ -20,8 +23,8 @@ REFUSALS: list[tuple[dict[str, Any], str]] = [
     ({"rows": 8.0}, "rows must be of type int, not 8.0"),
     ({"rows": True}, "rows must be of type int, not True"),
     ({"rows": "8"}, "rows must be of type int, not '8'"),
-    ({"encoding": "sigma"}, "encoding must be one of lcs, cw-lcs, nlcs, not 'sigma'"),
-    ({"encoding": None}, "encoding must be one of lcs, cw-lcs, nlcs, not None"),
+    ({"encoding": "sigma"}, f"encoding must be one of {ENCODERS}, not 'sigma'"),
+    ({"encoding": None}, f"encoding must be one of {ENCODERS}, not None"),
     ({"link": "spi"}, "link must be one of stream, four_phase, not 'spi'"),
     ({"frontend": "dc"}, "frontend must be one of digital, analog, not 'dc'"),
     ({"reset": "none"}, "reset must be one of sync, async, not 'none'"),
@@ -181,7 +184,7 @@ def test_from_tau_refuses_what_is_no_time(tau_s: float, ts_s: float, sentence: s
         optional={
             "rows": st.integers(1, 64),
             "columns": st.integers(1, 64),
-            "encoding": st.sampled_from(["lcs", "cw-lcs", "nlcs"]),
+            "encoding": st.sampled_from(registry.NAMES),
             "resolution": st.integers(1, 10),
             "link": st.sampled_from(["stream", "four_phase"]),
             "sample_rate_hz": st.floats(1e-3, 1e9),
@@ -202,7 +205,7 @@ def test_json_round_trip(fields: dict[str, Any]) -> None:
         ("", "the configuration is not JSON: Expecting value: line 1 column 1 (char 0)"),
         ("[1]", "a configuration must be a JSON object, not list"),
         ('{"rows": 4.5}', "rows must be of type int, not 4.5"),
-        ('{"encoding": ["lcs"]}', "encoding must be one of lcs, cw-lcs, nlcs, not ['lcs']"),
+        ('{"encoding": ["lcs"]}', f"encoding must be one of {ENCODERS}, not ['lcs']"),
     ],
 )
 def test_from_json_refuses(text: str, sentence: str) -> None:

@@ -7,9 +7,10 @@ import dataclasses
 import numpy as np
 import pytest
 
+from base.errors import InputError
 from cocotb_tests.bench.reference import play
 from model.config import ReadoutConfig
-from model.errors import InputError
+from model.encoders import registry
 from model.readout import Stimulus, simulate, state_at
 from model.taxel import decode
 
@@ -42,15 +43,15 @@ def test_random_decisions_for_thousands_of_clocks_never_wrap(config: ReadoutConf
     _, expected = play(config, stimulus)
     assert list(zip(*(events[name].tolist() for name in "tyxp"), strict=True)) == [tuple(e) for e in expected]
     assert len(events) > (300 if config.has_polarity else 50)
-    unit = 1 << config.fraction_bits if config.encoding == "nlcs" else 1
+    unit = 1 << config.encoder.fraction_bits(config)
     seen = np.array([state_at(config, stimulus, clock).reference for clock in range(0, CLOCKS, 40)]) // unit
     assert seen.max() < config.full_scale
-    assert seen.min() >= (0 if config.encoding == "nlcs" else -config.full_scale)
+    assert seen.min() >= config.encoder.lowest(config)
     assert seen.max() >= config.full_scale - 2 * config.step
     assert not config.has_polarity or seen.min() < -config.full_scale + 2 * config.step
 
 
-@pytest.mark.parametrize("encoding", ["lcs", "cw-lcs"])
+@pytest.mark.parametrize("encoding", [encoder.name for encoder in registry.ENCODERS if not encoder.leaks])
 @pytest.mark.parametrize("beyond", [1, 4096])
 def test_a_signal_beyond_an_end_stops_sending_there(encoding: str, beyond: int) -> None:
     config = BASE.replace(encoding=encoding, window_period=2**16)
@@ -60,8 +61,9 @@ def test_a_signal_beyond_an_end_stops_sending_there(encoding: str, beyond: int) 
     assert len(simulate(config, bottom)) == steps * config.taxels
 
 
-def test_a_leaky_reference_stays_below_the_top() -> None:
-    config = BASE.replace(encoding="nlcs")
+@pytest.mark.parametrize("encoding", [encoder.name for encoder in registry.ENCODERS if encoder.leaks])
+def test_a_leaky_reference_stays_below_the_top(encoding: str) -> None:
+    config = BASE.replace(encoding=encoding)
     for beyond in (1, 5000):
         stimulus = held(config, config.full_scale - 1 + beyond)
         top = max(int(state_at(config, stimulus, clock).reference.max()) for clock in range(0, CLOCKS, 97))
@@ -81,10 +83,10 @@ def test_decisions_and_signals_that_do_not_fit_are_refused() -> None:
         simulate(BASE, dataclasses.replace(held(BASE, 0), decisions=some[1:]))
 
 
-@pytest.mark.parametrize("encoding", ["lcs", "cw-lcs", "nlcs"])
+@pytest.mark.parametrize("encoding", registry.NAMES)
 def test_decoders_never_leave_the_scale(encoding: str) -> None:
     config = BASE.replace(encoding=encoding, frontend="digital", leak_shift=9)
-    low = 0 if encoding == "nlcs" else -9
+    low = -9 if config.has_polarity else 0
     counts = np.random.default_rng(2).integers(low, 10, (400, config.taxels)).astype(np.int16)
     counts[200:] = np.abs(counts[200:])
     rebuilt = decode(config, counts, np.zeros(counts.shape, bool))

@@ -15,14 +15,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from base.errors import InputError
 from model.config import ReadoutConfig
-from model.errors import InputError
+from model.encoders import registry
 from model.frame import FrameModel, FrameStimulus, Inputs, simulate
 from model.frame_config import FrameConfig
 from model.frame_words import adc_code, pack, unpack
-from model.textures.dataset import embedded_dataset
-from model.textures.presets import preset
-from model.textures.rates import measure_rates
+from skin.textures.dataset import embedded_dataset
+from skin.textures.presets import preset
+from skin.textures.rates import measure_rates
 
 Call = Callable[[str], tuple[int, str, str]]
 
@@ -273,7 +274,8 @@ def test_frames_compares_all_readouts_on_the_same_scans(call: Call) -> None:
     frame_bits = 4 * 64 * 5000
     assert report["frame"]["bits_per_s"] == frame_bits
     assert report["frame"]["words_per_s"] == 16 * 5000
-    for encoding, bits in (("lcs", 7), ("cw-lcs", 7), ("nlcs", 6)):
+    for encoder in registry.ENCODERS:
+        encoding, bits = encoder.name, 6 + encoder.polarity
         config = scan.configure(ReadoutConfig.from_dict({"encoding": encoding, "resolution": 4}), 0.2)
         rate = measure_rates(data, scan, config).population_rate_hz
         found = report[encoding]
@@ -286,7 +288,9 @@ def test_frames_compares_all_readouts_on_the_same_scans(call: Call) -> None:
 def test_frames_prints_a_line_for_each_readout(call: Call) -> None:
     code, out, err = call("frames --dataset embedded --limit 1 --rows 2 --columns 2 --preset physical")
     assert (code, err) == (0, "")
-    assert [line.split()[0] for line in out.splitlines()[4:8]] == ["LCS", "CW-LCS", "N-LCS", "frame"]
+    titles = [*(encoder.title for encoder in registry.ENCODERS), "frame"]
+    lines = out.splitlines()[4 : 4 + len(titles)]
+    assert all(line.lstrip().startswith(title) for line, title in zip(lines, titles, strict=True)), out
     assert "40,000" in out  # 24 bits are 2 words of 16
 
 
@@ -321,7 +325,7 @@ def test_bad_input_to_frames_is_one_sentence(call: Call, line: str, sentence: st
 )
 def test_bad_input_to_verilog_is_one_sentence(arguments: list[str], sentence: str, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    command = [sys.executable, "-m", "rtl", "verilog", *arguments, "-o", str(out)]
+    command = [sys.executable, "-m", "app", "verilog", *arguments, "-o", str(out)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (2, sentence + "\n")
     assert not out.exists()

@@ -14,14 +14,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from base.errors import InputError
 from cocotb_tests.bench.reference import ReadoutReference, TimedEvent, play
 from model.config import ReadoutConfig
-from model.errors import InputError
+from model.encoders import registry
 from model.readout import Stimulus, simulate, state_at
 from model.taxel import EVENT_LATENCY, encode_timed, uncontended_events
 
 ARRAYS = [(1, 1), (1, 4), (3, 5), (2, 2), (6, 1), (1, 64), (2, 33), (17, 3)]
-ENCODINGS = ("lcs", "cw-lcs", "nlcs")
+ENCODINGS = registry.NAMES
 
 
 def timed(events: NDArray[Any]) -> list[TimedEvent]:
@@ -50,7 +51,7 @@ def configs(draw: st.DrawFn, **fixed: Any) -> ReadoutConfig:
         "frontend": draw(st.sampled_from(["digital", "analog"])),
     } | fixed
     config = ReadoutConfig(**parameters)
-    low = 0 if config.encoding == "nlcs" else -config.full_scale // config.grid
+    low = config.encoder.lowest(config) // config.grid
     level = draw(st.sampled_from([0, 0, 1, low, low // 2, (config.full_scale - 1) // config.grid]))
     return config.replace(reference_reset=level * config.grid)
 
@@ -155,7 +156,7 @@ def test_state_at_is_right_before_every_clock(encoding: str, link: str) -> None:
 def test_functional_encoder_equals_one_taxel_alone_clock_by_clock(data: st.DataObject) -> None:
     period = data.draw(st.sampled_from([1, 2, 3, 40]))
     config = data.draw(configs(rows=1, columns=1, link="stream", clocks_per_sample=period))
-    low = 0 if config.encoding == "nlcs" else 1 - config.step // config.grid
+    low = 1 - config.step // config.grid if config.has_polarity else 0
     silent = data.draw(st.integers(low, min(config.step, config.full_scale - 1) // config.grid))
     config = config.replace(reference_reset=silent * config.grid)  # no event before the first sample
     drawn = data.draw(stimuli(config))

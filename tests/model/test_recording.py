@@ -14,9 +14,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from base.errors import InputError
+from model.address_events import EVENT_DTYPE, Events, make_events, no_events
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.events.address import EVENT_DTYPE, Events, make_events, no_events
+from model.encoders import registry
 from model.events.recording import Recording
 
 CONFIG = ReadoutConfig(rows=3, columns=5)
@@ -35,7 +36,7 @@ def recordings(draw: st.DrawFn) -> Recording:
     config = ReadoutConfig(
         rows=draw(st.integers(1, 64)),
         columns=draw(st.integers(1, 64)),
-        encoding=draw(st.sampled_from(["lcs", "cw-lcs", "nlcs"])),
+        encoding=draw(st.sampled_from(registry.NAMES)),
         sample_rate_hz=draw(st.floats(1e-3, 1e9)),
     )
     duration = draw(st.integers(1, 2**62))
@@ -283,8 +284,8 @@ def test_refuses_what_is_not_its_own(events: Any, header: Any, reason: str, tmp_
 
 def test_refuses_other_archives_and_other_files(tmp_path: Path) -> None:
     path = tmp_path / "events.npz"
-    archive = f"{path} is an archive, but not an event file; make one with python -m model encode"
-    damaged = f"{path} is damaged or not an event file; record it again with python -m model encode"
+    archive = f"{path} is an archive, but not an event file; make one with eskin encode"
+    damaged = f"{path} is damaged or not an event file; record it again with eskin encode"
 
     def refusal() -> str:
         with pytest.raises(InputError) as refused:

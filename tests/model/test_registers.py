@@ -13,9 +13,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from base.errors import InputError
 from model import window
 from model.config import ReadoutConfig
-from model.errors import InputError
 from model.registers import settings
 from model.registers.description import WORD_BITS, registers
 from model.registers.driver import Registers
@@ -191,7 +191,7 @@ def test_a_leak_period_below_the_rows_is_refused() -> None:
 
 def test_a_window_that_was_quiet_for_longer_than_a_shorter_period_closes_with_the_next_tick() -> None:
     taxel, written = SimpleNamespace(quiet=30, closed=0), SimpleNamespace(window_period=10, levels=4)
-    closes = window.pass_tick.py_func
+    closes = window.pass_tick
     assert closes(written, taxel)
     assert (taxel.quiet, taxel.closed) == (0, 1)
     assert [closes(written, taxel) for _ in range(10)] == [False] * 9 + [True]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from pathlib import Path
 from typing import Any
@@ -12,15 +13,15 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from base.errors import InputError
 from model.config import ReadoutConfig
-from model.errors import InputError
+from model.encoders import registry
 from model.readout import Stimulus, simulate
 from model.taxel import (
     count_events,
     counts_of_events,
     decode,
     encode,
-    encode_bipolar,
     encode_timed,
     error_bound,
     slope_limit,
@@ -54,41 +55,38 @@ def naive(
     events, reference, half = [], np.zeros((ticks, taxels)), np.zeros((ticks, taxels))
     decisions = config.clocks_per_sample if config.decide_every == "clock" else 1
     for taxel in range(taxels):
-        x, scale = [int(code) for code in samples[:, taxel]], 1
-        u, d, c = config.reference_reset, config.step, config.closing_step
-        if config.encoding == "nlcs":
-            scale = 2**config.fraction_bits
-            x, u, d = [code * scale for code in x], u * scale, d * scale
+        encoder, scale = config.encoder, 2**config.fraction_bits if config.encoder.leaks else 1
+        x = [int(code) for code in samples[:, taxel]]
+        u, d, c = config.reference_reset * scale, config.step, config.closing_step
         h, counter = d, 0
         phase = math.floor((taxel // config.columns) * config.leak_period / config.rows)
         for tick in range(ticks):
             for clock in range(decisions):
                 event = 0
-                if config.encoding == "nlcs":
-                    leaks = clock == 0 and tick % config.leak_period == phase
-                    leak = math.floor(u / 2**config.leak_shift + 0.5) if leaks else 0
-                    if x[tick] - u > d:
-                        event, u = 1, u + d
-                    u -= leak
-                else:
-                    if x[tick] - u >= h:
-                        event, u = 1, u + h
-                    elif x[tick] - u < -h:
-                        event, u = -1, u - h
-                    if config.encoding == "cw-lcs" and event:
+                leaks = encoder.leaks and clock == 0 and tick % config.leak_period == phase
+                leak = math.floor(u / 2**config.leak_shift + 0.5) if leaks else 0
+                gap = x[tick] - u // scale
+                if gap > h or (gap == h and not encoder.strict):
+                    event = 1
+                elif encoder.polarity and gap < -h:
+                    event = -1
+                inward = event > 0 if u < 0 else event < 0  # then the step takes the place of the leak
+                u += event * h * scale - (0 if inward else leak)
+                if encoder.windowed:
+                    if event:
                         h, counter = d, 0
-                    elif config.encoding == "cw-lcs" and clock == 0:
+                    elif clock == 0:
                         counter += 1
                         if counter == config.window_period:
                             h, counter = max(h - c, c), 0
                 if event:
                     events.append((tick * config.clocks_per_sample + clock, taxel, event))
-            reference[tick, taxel], half[tick, taxel] = u / scale, h / scale
+            reference[tick, taxel], half[tick, taxel] = u / scale, h
     return sorted(events), reference, half
 
 
 @st.composite
-def configs(draw: st.DrawFn, encodings: tuple[str, ...] = ("lcs", "cw-lcs", "nlcs")) -> ReadoutConfig:
+def configs(draw: st.DrawFn, encodings: tuple[str, ...] = registry.NAMES) -> ReadoutConfig:
     """Return any configuration of a small array, with the edges of every parameter within reach."""
     bits = draw(st.sampled_from([3, 4, 8, 12, 15, 16, 17, 24]))
     encoding = draw(st.sampled_from(encodings))
@@ -107,8 +105,7 @@ def configs(draw: st.DrawFn, encodings: tuple[str, ...] = ("lcs", "cw-lcs", "nlc
         leak_period=draw(st.sampled_from([1, 2, 3, 7])),
         fraction_bits=draw(st.sampled_from([0, 1, min(8, 31 - bits), 31 - bits])),
     )
-    low = 0 if encoding == "nlcs" else -config.full_scale
-    level = draw(st.integers(low // config.grid, (config.full_scale - 1) // config.grid))
+    level = draw(st.integers(config.encoder.lowest(config) // config.grid, (config.full_scale - 1) // config.grid))
     return config.replace(reference_reset=draw(st.sampled_from([0, level * config.grid])))
 
 
@@ -187,7 +184,7 @@ def test_one_decision_per_sample_gives_one_event_per_tick() -> None:
     assert counts(one("lcs", clocks_per_sample=2), 20, 20, 20, -20) == [2, 2, 1, -2]
 
 
-@pytest.mark.parametrize("encoding", ["lcs", "cw-lcs", "nlcs"])
+@pytest.mark.parametrize("encoding", registry.NAMES)
 def test_silence_gives_no_event(encoding: str) -> None:
     config = one(encoding, window_period=1)
     assert not encode(config, np.zeros((1000, 1), np.int16)).any()
@@ -195,15 +192,22 @@ def test_silence_gives_no_event(encoding: str) -> None:
 
 
 @pytest.mark.parametrize(("bits", "resolution"), [(3, 1), (12, 1), (12, 10), (16, 13), (16, 14), (24, 1), (24, 22)])
-@pytest.mark.parametrize("encoding", ["lcs", "cw-lcs", "nlcs"])
+@pytest.mark.parametrize("encoding", registry.NAMES)
 def test_full_scale_square_is_followed_to_the_end(encoding: str, bits: int, resolution: int) -> None:
     config = one(encoding, sample_bits=bits, resolution=resolution, clocks_per_sample=2**24, fraction_bits=0)
     config = config.replace(leak_period=1000)
     top, d = config.full_scale - 1, config.step
     square = np.array([top, -top - 1, top, -top - 1], np.int32)[:, None]
     got = encode(config, square)[:, 0].tolist()
-    if encoding == "nlcs":
+    if not config.has_polarity:
         assert got == [-(-top // d) - 1, 0, 0, 0]
+    elif encoding == "nlcs-bipolar":  # strict both ways; at the end a step stays out where x - u is D or -D - 1
+        first = -(-top // d) - 1
+        assert got[0] == first
+        for low, high in itertools.pairwise(got):
+            assert low * high < 0
+        u = np.cumsum(got) * d
+        assert (np.abs(square[:, 0] - u) <= d + (square[:, 0] < 0)).all()
     else:
         swing = 2 ** (resolution + 2) - 1
         assert got == [2 ** (resolution + 1) - 1, -(swing - 1), swing - 1, -(swing - 1)]
@@ -234,7 +238,7 @@ def test_encoders_equal_the_naive_model(data: st.DataObject) -> None:
 @given(st.data())
 def test_uncontended_events_are_those_of_a_one_taxel_array(data: st.DataObject) -> None:
     config = data.draw(configs()).replace(rows=1, columns=1)
-    if config.encoding != "nlcs":  # silent at x = 0, before the first sample
+    if config.has_polarity:  # silent at x = 0, before the first sample
         config = config.replace(
             reference_reset=data.draw(st.sampled_from([0, min(config.step, config.full_scale // 2)]))
         )
@@ -255,7 +259,7 @@ def test_events_of_one_tick_have_one_sign(data: st.DataObject) -> None:
     assert all(len(both) == 1 for both in signs.values())
 
 
-@pytest.mark.parametrize("encoding", ["lcs", "cw-lcs", "nlcs"])
+@pytest.mark.parametrize("encoding", registry.NAMES)
 def test_counting_in_blocks_leaves_no_seam(encoding: str, monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(0)
     samples = np.cumsum(rng.integers(-9, 10, (3_000, 6)), axis=0).clip(-128, 127).astype(np.int16)
@@ -278,7 +282,7 @@ def test_reconstruction_keeps_its_bound_within_the_slope_limit(data: st.DataObje
     error = samples - decode(config, *encode_timed(config, samples))
     low, high = error_bound(config)
     assert error.max() <= high
-    if config.encoding == "nlcs":
+    if not config.has_polarity:
         # Falling: below the leaky peak hold of the input.
         phase = np.arange(config.taxels) // config.columns * config.leak_period // config.rows
         peak = np.full(config.taxels, config.reference_reset * 2**config.fraction_bits)
@@ -416,32 +420,31 @@ def test_samples_of_any_layout_give_the_same_events_and_stay_untouched() -> None
     assert np.array_equal(out, expected)
 
 
-def naive_bipolar(config: ReadoutConfig, x: list[int]) -> list[int]:
-    """Return the signed events of a bipolar taxel, one decision after the other; the leak comes with the first."""
-    unit = 2**config.fraction_bits
-    u, d, found = 0, config.step * unit, []
-    for tick, code in enumerate(x):
-        found.append(0)
-        for decision in range(config.clocks_per_sample if config.decide_every == "clock" else 1):
-            event = (code * unit - u > d) - (code * unit - u < -d)
-            leaks = decision == 0 and tick % config.leak_period == 0
-            u += event * d - ((u + 2 ** (config.leak_shift - 1)) >> config.leak_shift if leaks else 0)
-            found[-1] += event
-    return found
-
-
 @pytest.mark.parametrize("decide_every", ["clock", "sample"])
-def test_bipolar_events_are_those_of_a_naive_model(decide_every: str) -> None:
-    config = one("nlcs", leak_shift=3, leak_period=2, decide_every=decide_every)
-    x = np.random.default_rng(3).normal(0, 20, 400).cumsum().round().clip(-128, 127).astype(int).tolist()
-    found = encode_bipolar(config, column(*x))[:, 0].tolist()
-    assert found == naive_bipolar(config, x)
-    assert min(found) < 0 < max(found)
-    for bits in (8, 0):  # D is 4, and only beyond it an event; without a fraction -5 is the first code beyond
-        exact = one("nlcs", fraction_bits=bits, decide_every=decide_every)
-        assert encode_bipolar(exact, column(0, -4, -5, 4, 5))[:, 0].tolist() == [0, 0, -1, 1, 1]
-    with pytest.raises(InputError, match="of encoding nlcs, not lcs"):
-        encode_bipolar(one("lcs"), column(0))
+def test_a_bipolar_reference_leaks_to_zero_from_both_sides(decide_every: str) -> None:
+    up, down = (
+        one("nlcs-bipolar", leak_shift=3, leak_period=1, decide_every=decide_every, reference_reset=reset)
+        for reset in (4, -4)
+    )
+    rest = np.zeros((60, 1), np.int16)
+    falls, rises = (decode(config, *encode_timed(config, rest))[:, 0] for config in (up, down))
+    assert (np.diff(falls) <= 0).all() and (np.diff(rises) >= 0).all()  # noqa: PT018
+    assert 0 < falls[-1] < 0.02
+    assert -0.02 < rises[-1] < 0
+
+
+def test_a_bipolar_taxel_fires_beyond_d_and_rounds_its_reference_down() -> None:
+    for bits in (8, 0):  # D is 4, and only beyond it an event: -5 is the first code beyond
+        config = one("nlcs-bipolar", fraction_bits=bits, leak_period=1000, decide_every="sample")
+        assert counts(config, 0, -4, -5, 4, 5) == [0, 0, -1, 1, 1]
+
+
+def test_a_step_towards_zero_takes_the_place_of_the_leak() -> None:
+    config = one("nlcs-bipolar", leak_shift=1, leak_period=1, fraction_bits=0, reference_reset=-100)
+    # The leak of -100 is -50, far more than D: with it, ON at -90 would lead to OFF in the same tick.
+    found, late = encode_timed(config, column(-90, -90))
+    assert found[:, 0].tolist() == [2, -10]
+    assert decode(config, found, late)[0, 0] == -92
 
 
 def test_the_example_of_the_manual_runs() -> None:

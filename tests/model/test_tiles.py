@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from base.errors import InputError
 from cocotb_tests.bench.textures import scan
+from model.address_events import make_events
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.events.address import make_events
 from model.events.recording import Recording
 from model.readout import Stimulus, simulate
 from model.tiles.config import TilesConfig, tiles_of

@@ -11,7 +11,7 @@ import pytest
 import typer
 from PIL import Image
 
-from model.cli.app import run
+from app.cli import run
 from snn.data.scans import ScanData
 from snn.network_config import NetworkConfig
 
@@ -46,11 +46,11 @@ def small_network(**fields: Any) -> NetworkConfig:
 
 
 def caller(app: typer.Typer) -> Callable[[str, pytest.CaptureFixture[str]], tuple[int, str]]:
-    """Return what types a line behind ``python -m snn`` and gives back exit code and output."""
+    """Return what types a line behind ``eskin`` and gives back exit code and output."""
 
     def call(line: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
         with pytest.raises(SystemExit) as left:
-            run(app, "python -m snn", line.split())
+            run(app, "eskin", line.split())
         assert isinstance(left.value.code, int)
         out, err = capsys.readouterr()
         return left.value.code, out + err

@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from app.__main__ import app
 from model.config import ReadoutConfig
-from model.textures.dataset import Dataset, embedded_dataset
-from model.textures.paper import PaperScan
-from model.textures.physical import PhysicalScan
+from skin.textures.dataset import Dataset, embedded_dataset
+from skin.textures.paper import PaperScan
+from skin.textures.physical import PhysicalScan
 from snn import cache as place
-from snn.__main__ import app
 from snn.data import cache
 from snn.data.bins import BinConfig
 from snn.data.frame_steps import FrameSteps

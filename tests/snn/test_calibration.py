@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from model.errors import InputError
+from base.errors import InputError
 from snn.calibration import calibrate
 from snn.exchange.weights import Weights, load_weights, save_weights
 from snn.network import SpikingNetwork, build

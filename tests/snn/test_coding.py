@@ -7,8 +7,8 @@ import lzma
 import numpy as np
 import pytest
 
+from model.address_events import make_events
 from model.config import ReadoutConfig
-from model.events.address import make_events
 from model.events.recording import Recording
 from snn.data.coding import coded_bits, coded_events, coded_frames
 from snn.data.frame_steps import FrameSteps

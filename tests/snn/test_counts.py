@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from model.errors import InputError
-from model.textures.dataset import embedded_dataset
-from snn.__main__ import app
+from app.__main__ import app
+from base.errors import InputError
+from model.encoders import registry
+from skin.textures.dataset import embedded_dataset
 from snn.data.counts import Likeness, empty_bins, likeness
 from snn.data.scans import ScanData
+
+ENCODERS = ", ".join(registry.NAMES)
 
 
 def scans(values: list[list[int]]) -> ScanData:
@@ -37,7 +40,7 @@ def test_the_command_writes_what_it_prints(tmp_path: Path, monkeypatch: pytest.M
     result = CliRunner().invoke(app, ["counts", *options])
     assert result.exit_code == 0, result.output
     found = json.loads(out.read_text())
-    assert found["command"].startswith("python -m snn counts --points lcs:2,lcs:3,nlcs:4")
+    assert found["command"].startswith("eskin counts --points lcs:2,lcs:3,nlcs:4")
     assert found.keys() >= {"commit", "date"}
     assert found["empty"]["lcs:3"] < found["empty"]["lcs:2"]
     (one,) = found["pairs"]  # encoders are not mixed
@@ -52,4 +55,4 @@ def test_the_command_writes_what_it_prints(tmp_path: Path, monkeypatch: pytest.M
 def test_frames_have_no_events_to_count() -> None:
     result = CliRunner().invoke(app, ["counts", "--points", "frame:250:8"])
     assert isinstance(result.exception, InputError)
-    assert str(result.exception) == "--points takes event encoders (lcs, cw-lcs, nlcs), not frame"
+    assert str(result.exception) == f"--points takes event encoders ({ENCODERS}), not frame"

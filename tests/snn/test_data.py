@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from base.errors import InputError
+from model.address_events import make_events, no_events
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.events.address import make_events, no_events
 from model.events.recording import Recording
-from model.textures.dataset import embedded_dataset
-from model.textures.paper import PaperScan
-from model.textures.physical import PhysicalScan
+from skin.textures.dataset import embedded_dataset
+from skin.textures.paper import PaperScan
+from skin.textures.physical import PhysicalScan
 from snn.data.augment import AugmentConfig, at_speed, augment
 from snn.data.bins import MOST_COUNTS, BinConfig, bin_recording
 from snn.data.frame_steps import FrameSteps
@@ -107,7 +107,7 @@ def test_a_replay_of_the_rtl_gives_the_tensors_of_the_model(tmp_path: Path) -> N
     config = ReadoutConfig(rows=1, columns=4)
     size = ["--rows", "1", "--columns", "4"]
     what = ["--dataset", "embedded", "--limit", "2", "--workers", "1", "--out", str(tmp_path)]
-    command = [sys.executable, "-m", "cocotb_tests", "replay", *size, *what]
+    command = [sys.executable, "-m", "app", "replay", *size, *what]
     run = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
     assert run.returncode == 0, run.stdout + run.stderr
     (events,) = tmp_path.glob("*/events")
@@ -133,7 +133,7 @@ def test_start_rows_are_scans_of_one_image_and_only_the_first_is_tested() -> Non
 
 
 def test_variants_are_of_the_same_scans() -> None:
-    """ON events alone are those channels of all events; a bipolar N-LCS has both, and its OFF is the ON of -x."""
+    """ON events alone are those channels of all events; a bipolar N-LCS has both."""
     small = ReadoutConfig(rows=2, columns=2, resolution=4)
     fields: dict[str, Any] = {"dataset": "embedded"}
     whole, on = (Experiment(**fields, readout=small, variant=kind).data() for kind in ("", "on"))
@@ -143,10 +143,10 @@ def test_variants_are_of_the_same_scans() -> None:
     assert np.array_equal(later.values, whole.values[:, 5:])
     assert 0.6 < later.rate_hz / whole.rate_hz < 0.95
     leaky = small.replace(encoding="nlcs")
-    one, both = (Experiment(**fields, readout=leaky, variant=kind).data() for kind in ("", "bipolar"))
+    one, both = (Experiment(**fields, readout=r).data() for r in (leaky, small.replace(encoding="nlcs-bipolar")))
     assert (one.channels, both.channels) == (4, 8)
     assert both.values[:, :, 4:].sum() > 0.5 * both.values[:, :, :4].sum() > 100
-    with pytest.raises(InputError, match="on events are not a variant of nlcs; lcs:N:on, nlcs:N:bipolar"):
+    with pytest.raises(InputError, match="nlcs has no other events than ON; leave the variant out"):
         Experiment(readout=leaky, variant="on")
     with pytest.raises(InputError, match="variants are of events of the model, without disturbances"):
         Experiment(readout=small, variant="on", disturbed=1)

@@ -28,14 +28,14 @@ def point(name: str, readout: str, rate: float, word: str, coded: dict[str, floa
 SWEEPS = [
     Sweep(
         "rates-cnn",
-        "python -m snn sweep --recipe cnn",
+        "eskin sweep --recipe cnn",
         [
             point("lcs-4", "lcs", 0.22, "000111210", {"addresses": 6400.0, "events": 64000.0}),
             point("frame-diff-250-8", "frame", 0.2, "000111220", {"samples": 96000.0, "differences": 70400.0}),
             point("frame-diff-62.5-8", "frame", 0.05, "000011200"),
         ],
     ),
-    Sweep("rates-paper", "python -m snn sweep --recipe paper", [point("lcs-4", "lcs", 0.22, "000111222")]),
+    Sweep("rates-paper", "eskin sweep --recipe paper", [point("lcs-4", "lcs", 0.22, "000111222")]),
 ]
 
 

@@ -17,14 +17,15 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Annotation, Text
 from matplotlib.transforms import Bbox
 
-from model.cli.app import make_app, run
+from app.cli import make_app, run
+from app.commands.learn.figures import fig8, fig9
+from app.report.data import load_accuracy
+from app.report.page import ACCURACY
+from base.errors import InputError
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.figures.scan_to_class import Played, draw_scan
-from model.report.data import fig9_data as report_data
-from model.report.page import ACCURACY
-from model.textures.dataset import open_dataset
-from snn.commands.figures import fig8, fig9
+from skin.figures.readouts import LOOKS
+from skin.figures.scan_to_class import Played, draw_scan
+from skin.textures.dataset import open_dataset
 from snn.data.bins import BinConfig
 from snn.data.folds import stratified_folds
 from snn.data.record import record
@@ -95,7 +96,7 @@ def some_point(
 
 
 SWEEP = {
-    "command": "python -m snn sweep --preset paper",
+    "command": "eskin sweep --preset paper",
     "points": [
         some_point("lcs", 4, 0.21, 0.9),
         some_point("lcs", 6, 1.085, 0.7),
@@ -107,7 +108,7 @@ SWEEP = {
     ],
 }
 PHYSICAL = {
-    "command": "python -m snn sweep --preset physical",
+    "command": "eskin sweep --preset physical",
     "points": [
         some_point("lcs", 4, 0.9, 0.8, preset="physical"),
         some_point("cw-lcs", 4, 0.3, 0.95, preset="physical", name="cw"),
@@ -133,7 +134,7 @@ def snn(folder: Path, capsys: pytest.CaptureFixture[str]) -> Call:
 
     def snn(*words: str) -> tuple[int, str, str]:
         with pytest.raises(SystemExit) as left:
-            run(app, "python -m snn", list(words))
+            run(app, "eskin", list(words))
         assert isinstance(left.value.code, int)
         return left.value.code, *capsys.readouterr()
 
@@ -152,7 +153,7 @@ def marks(figure: Figure, panel: int) -> dict[tuple[str, Any], list[tuple[float,
     """Return the points of a panel by colour and filling; bars and rings are other markers."""
     found: dict[tuple[str, Any], list[tuple[float, float]]] = {}
     for line in figure.axes[panel].lines:
-        if line.get_marker() in pictures.READOUT_MARKERS.values() and line.get_markersize() < 10:
+        if line.get_marker() in {look.marker for look in LOOKS.values()} and line.get_markersize() < 10:
             points = [(float(x), float(y)) for x, y in np.column_stack(line.get_data())]
             found.setdefault((str(line.get_color()), line.get_fillstyle()), []).extend(points)
     return found
@@ -191,7 +192,7 @@ def test_the_published_points_are_those_of_the_paper() -> None:
         assert point["normalised_rate"] == rate
         assert point["data_rate_bps"] == pytest.approx(rate * 640e3)
         assert point.get("sd_over_folds") == (PUBLISHED_SD[key] / 100 if key in PUBLISHED_SD else None)
-    colour = pictures.READOUT_COLOURS["lcs"]
+    colour = LOOKS["lcs"].colour
     figure = pictures.draw_fig9(data)
     assert marks(figure, 0)[colour, "none"] == [PUBLISHED["lcs", n] for n in (2, 4, 6, 8)]
     assert {(x, round(low, 9), round(high, 9)) for x, low, high in bars(figure, 0)} == {
@@ -232,7 +233,7 @@ def test_what_is_drawn_is_what_the_sweeps_say(snn: Call, files: list[str], folde
 def test_the_report_reads_the_file(snn: Call, files: list[str], folder: Path) -> None:
     assert snn("fig9", *files)[0] == 0
     written = json.loads((folder / "out" / "fig9.json").read_text())
-    points = report_data(folder / "out" / "fig9.json")["points"]
+    points = load_accuracy(folder / "out" / "fig9.json")["points"]
     assert len(points) == len(PUBLISHED) + 7
     for ours, theirs in zip(written["points"], points, strict=True):
         assert theirs["accuracy"] == ours["accuracy"]
@@ -251,7 +252,7 @@ def test_the_protocol_comes_from_the_points(folder: Path, files: list[str]) -> N
     data = figures.fig9_data(figures.load_sweeps([Path("plain.json")]), "last")
     assert data["protocol"] == ["30 images, 3 folds x 2 seeds, last epoch"]
     assert "plain: 30 images, 3 folds x 2 seeds, last epoch" in data["source"]
-    assert data["commands"] == {"plain": "python -m snn sweep --preset paper"}
+    assert data["commands"] == {"plain": "eskin sweep --preset paper"}
     legend = pictures.draw_fig9(data).legends[0]
     assert legend.get_title().get_text() == f"30 images, 3 folds x 2 seeds, last epoch\n{pictures.BARS}"
     partial = copy.deepcopy(SWEEP) | {"points": [SWEEP["points"][2]]}
@@ -285,7 +286,7 @@ def test_the_kept_sweeps_are_the_default(
     assert snn("fig9")[0] == 0
     assert list(json.loads((folder / "out" / "fig9.json").read_text())["commands"]) == ["sweep"]
     (folder / "out" / "sweep" / "sweep.json").unlink()
-    refused(snn, "nor out/sweep/sweep.json; make one with python -m snn sweep", "fig9")
+    refused(snn, "nor out/sweep/sweep.json; make one with eskin sweep", "fig9")
 
 
 def test_all_sweeps_that_are_kept_can_be_drawn(tmp_path: Path) -> None:
@@ -305,7 +306,7 @@ def covered(figure: Figure, panel: int) -> tuple[list[Any], list[Any]]:
     figure.draw_without_rendering()
     marks_found = []
     for line in figure.axes[panel].lines:
-        if line.get_marker() in pictures.READOUT_MARKERS.values() and line.get_markersize() < 10:
+        if line.get_marker() in {look.marker for look in LOOKS.values()} and line.get_markersize() < 10:
             half = 0.5 * line.get_markersize() * figure.dpi / 72
             for x, y in line.get_transform().transform(np.column_stack(line.get_data())):
                 marks_found.append(Bbox([[x - half, y - half], [x + half, y + half]]))
@@ -342,7 +343,7 @@ def overlap(a: Any, b: Any) -> bool:
 
 def test_the_page_has_the_points_of_the_kept_sweeps() -> None:
     data = figures.fig9_data(figures.load_sweeps(figures.kept_sweeps()), "last")
-    assert json.loads(ACCURACY.read_text()) == json.loads(json.dumps(data)), "copy what python -m snn fig9 writes"
+    assert json.loads(ACCURACY.read_text()) == json.loads(json.dumps(data)), "copy what eskin fig9 writes"
 
 
 def test_fig9_names_sweeps_and_networks_in_words_and_the_rate_of_frames_in_every_panel() -> None:
@@ -356,7 +357,7 @@ def test_fig9_names_sweeps_and_networks_in_words_and_the_rate_of_frames_in_every
     assert "cnn" not in words
     for panel, axes in enumerate(figure.axes):
         frames = [place for (colour, _), places in marks(figure, panel).items() for place in places
-                  if colour == pictures.READOUT_COLOURS["frame"]]  # fmt: skip
+                  if colour == LOOKS["frame"].colour]  # fmt: skip
         said = any("rate of frames; no network" in text.get_text() for text in axes.texts)
         assert bool(frames) != said
         known = [f"{point['preset']} scan" for point in data["points"] if point["readout"].startswith("frame")]
@@ -406,10 +407,10 @@ def test_confusion_of_a_named_point(snn: Call, files: list[str], folder: Path) -
     ("text", "sentence"),
     [
         ("", "the sweep bad.json is not JSON"),
-        ("[]", "bad.json holds no points of a sweep; make it with python -m snn sweep"),
+        ("[]", "bad.json holds no points of a sweep; make it with eskin sweep"),
         ('{"points": []}', "bad.json holds no points of a sweep"),
         ('{"points": [3]}', "bad.json: point 0 needs the fields of a point, not 3; run the sweep again"),
-        ('{"points": [{"name": "a", "readout": "x"}]}', "point 0 (a) needs readout, one of nlcs, lcs, frame, cw-lcs"),
+        ('{"points": [{"name": "a", "readout": "x"}]}', f"point 0 (a) needs readout, one of {', '.join(LOOKS)}"),
     ],
 )
 def test_files_that_are_no_sweep_get_one_sentence(snn: Call, folder: Path, text: str, sentence: str) -> None:
@@ -488,7 +489,7 @@ EXPERIMENT = Experiment(
 def trained(folder: Path, experiment: Experiment = EXPERIMENT, **fields: Any) -> list[str]:
     """Write weights and result of a training of no epoch; return the option that names them."""
     taxels = experiment.readout.rows * experiment.readout.columns
-    channels = 2 * taxels if experiment.readout.encoding == "lcs" else taxels
+    channels = 2 * taxels if experiment.readout.has_polarity else taxels
     network = build(
         NetworkConfig.from_dict(dict(inputs=channels, classes=3, hidden=32, decay=0.9, output_decay=0.9, **fields)),
         seed=0,
@@ -628,7 +629,7 @@ def test_a_time_constant_of_zero_is_not_the_default(folder: Path) -> None:
 
 
 def test_fig8_refuses_what_does_not_belong_together(snn: Call, folder: Path) -> None:
-    refused(snn, "weight file out/train/weights.npz does not exist; make one with python -m snn train", "fig8")
+    refused(snn, "weight file out/train/weights.npz does not exist; make one with eskin train", "fig8")
     options = trained(folder / "train")
     refused(snn, "no image is called 'x'; there are 48, from brick/brick-00 to", "fig8", *options, "--image", "x")
     refused(snn, "nowhere.json does not exist, and only the result of the training says", "fig8", *options,

@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 import torch
 
-from model.cli.app import printable, run
+from app.__main__ import app
+from app.cli import printable, run
+from base.errors import InputError
+from model.address_events import make_events
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.events.address import make_events
 from model.events.recording import Recording
-from snn.__main__ import app
 from snn.adam import Adam
 from snn.checkpoint import Checkpoint
 from snn.data.bins import BinConfig, bin_recording
@@ -43,11 +43,11 @@ Call = Callable[..., tuple[int, str, str]]
 
 @pytest.fixture
 def snn(folder: Path, capsys: pytest.CaptureFixture[str]) -> Call:
-    """Return a function that runs ``python -m snn`` in an empty folder: exit code, standard output and error."""
+    """Return a function that runs ``eskin`` in an empty folder: exit code, standard output and error."""
 
     def snn(*words: str) -> tuple[int, str, str]:
         with pytest.raises(SystemExit) as left:
-            run(app, "python -m snn", list(words))
+            run(app, "eskin", list(words))
         assert isinstance(left.value.code, int)
         return left.value.code, *capsys.readouterr()
 

@@ -11,10 +11,10 @@ import pytest
 import torch
 from typer.testing import CliRunner
 
+from app.__main__ import app
+from base.errors import InputError
 from model.classifier.file import IntegerWeights, weight_image
 from model.classifier.network import State
-from model.errors import InputError
-from snn.__main__ import app
 from snn.exchange.integer import Precision, quantise
 from snn.exchange.nir_network import to_nir
 from snn.exchange.weights import Weights, save_weights

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from model.errors import InputError
+from base.errors import InputError
 from snn.kernels import cpu as kernel
 from snn.kernels.layer import MOST_ENTRIES, Backend, layer
 from snn.kernels.reference import layer_reference

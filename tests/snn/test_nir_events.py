@@ -10,12 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from model.cli.app import make_app
+from app.cli import make_app
+from app.commands.learn.exchange import convert
+from base.errors import InputError
+from model.address_events import EVENT_DTYPE, make_events
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.events.address import EVENT_DTYPE, make_events
+from model.encoders import registry
 from model.events.recording import Recording
-from snn.commands.exchange import convert
 from snn.data.bins import BinConfig, bin_recording
 from snn.exchange.nir_events import from_nir_data, load_nir_data, save_nir_data, to_events_array, to_nir_data
 from snn.exchange.nir_network import to_nir
@@ -35,13 +36,13 @@ def recording(config: ReadoutConfig = READOUT, offset: int = 0) -> Recording:
     return Recording(events, config, 300_000 + offset, metadata={"name": "brick", "class": "stone"})
 
 
-@pytest.mark.parametrize("encoding", ["lcs", "nlcs"])
+@pytest.mark.parametrize("encoding", registry.NAMES)
 def test_events_come_back_from_nir_data(tmp_path: Path, encoding: str) -> None:
     original = recording(READOUT.replace(encoding=encoding))
     save_nir_data(tmp_path / "events.nir", original)
     data = nir.read_data(tmp_path / "events.nir")
     events = data.nodes["input"].observables["spikes"]
-    assert (events.n_samples, events.n_neurons) == (1, 12 if encoding == "lcs" else 6)
+    assert (events.n_samples, events.n_neurons) == (1, 12 if original.config.has_polarity else 6)
     assert events.t_max == original.duration_s
     assert from_nir_data(data, original.config, original.metadata) == original
     assert load_nir_data(tmp_path / "events.nir") == original

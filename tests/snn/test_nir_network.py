@@ -15,9 +15,9 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from model.cli.app import make_app
-from model.errors import InputError
-from snn.commands.exchange import export, import_
+from app.cli import make_app
+from app.commands.learn.exchange import export, import_
+from base.errors import InputError
 from snn.exchange.nir_network import from_nir, load_nir, save_nir, to_nir
 from snn.exchange.portable import lacks
 from snn.exchange.weights import Weights, load_weights, save_weights
@@ -429,7 +429,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     [
         ("export w.npz -o net.onnx", "networks are written as .nir or .npz, not net.onnx; rename the output"),
         ("export w.npz -o net.nir --eight-bits", "NIR has no 8-bit weights; write an .npz, or leave --eight-bits out"),
-        ("export none.npz -o net.nir", "weight file none.npz does not exist; make one with python -m snn train"),
+        ("export none.npz -o net.nir", "weight file none.npz does not exist; make one with eskin train"),
         ("export gru.npz -o net.nir", "a network of kind gru has no neurons that NIR knows; export it as .npz"),
         ("export none.npz -o none/net.nir", "cannot write none/net.nir: the folder none does not exist"),
         ("import w.npz -o back.npz", "w.npz is damaged or not a NIR graph; export it again"),

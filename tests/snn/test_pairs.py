@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from model.crew.crew import Local
-from model.errors import InputError
-from snn.__main__ import app
+from app.__main__ import app
+from base.errors import InputError
+from base.workers.pool import Local
 from snn.experiments.crossval import read_cell
 from snn.experiments.experiment import Experiment
 from snn.experiments.pairs import find_point, mcnemar, pair
@@ -55,7 +55,7 @@ def test_a_sweep_keeps_every_prediction_and_pairs_are_made_from_its_file(tmp_pat
         SweepPoint(f"hidden-{hidden}", Experiment(network={"hidden": hidden}, train=TrainConfig(epochs=1)), easy_data())
         for hidden in (8, 16)
     ]
-    sweep(made, tmp_path, crew=Local(1), folds=2, seeds=2)
+    sweep(made, tmp_path, pool=Local(1), folds=2, seeds=2)
     data = easy_data()
     (first, _) = load_sweep(tmp_path).points
     assert first.labels == as_word(data.image_labels)

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from app.__main__ import app
+from base.errors import InputError
 from model.classifier.config import ClassifierConfig
 from model.classifier.network import IntegerNetwork
-from model.errors import InputError
-from snn.__main__ import app
 from snn.exchange.integer import Precision, quantise
 from snn.exchange.weights import load_weights
 from snn.experiments.evaluate import integer_classes
@@ -66,7 +66,7 @@ def test_answers_are_those_of_the_integer_model_and_are_kept(
     code, text = call("precision nets --variants 8,2:m12 -o out", capsys)
     assert code == 0, text
     content = json.loads(Path("out/precision.json").read_text())
-    assert content["command"] == "python -m snn precision nets --variants 8,2:m12"
+    assert content["command"] == "eskin precision nets --variants 8,2:m12"
     assert [point["variant"] for point in content["points"]] == ["float", "8", "2:m12"]
     assert Path("out/precision.png").stat().st_size > 10_000
 

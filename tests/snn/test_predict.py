@@ -15,14 +15,14 @@ import numpy as np
 import pytest
 
 import snn.experiments.evaluate
-from model.cli.app import make_app, run
+from app.__main__ import app as snn_app
+from app.cli import make_app, run
+from app.commands.learn.predict import predict
+from model.address_events import no_events
 from model.config import ReadoutConfig
-from model.events.address import no_events
 from model.events.recording import Recording
-from model.textures.dataset import embedded_dataset
-from model.textures.physical import PhysicalScan
-from snn.__main__ import app as snn_app
-from snn.commands.predict import predict
+from skin.textures.dataset import embedded_dataset
+from skin.textures.physical import PhysicalScan
 from snn.data.bins import BinConfig
 from snn.data.record import record, record_dataset
 from snn.exchange.weights import Weights, save_weights
@@ -46,7 +46,7 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
     arguments = ["train", "--dataset", "embedded", "--config", str(folder / "readout.json"), "--bin", "0.01"]
     arguments += ["--set", "hidden=32", "--set", "batch=8", "--epochs", "20", "--out", str(folder)]
     with pytest.raises(SystemExit) as left:
-        run(snn_app, "python -m snn", arguments)
+        run(snn_app, "eskin", arguments)
     assert left.value.code == 0
     return folder
 
@@ -73,7 +73,7 @@ def call(tmp_path: Path, capsys: pytest.CaptureFixture[str], trained: Path) -> C
     def call(*arguments: object, weights: Path = trained / "weights.npz") -> tuple[int, str, str]:
         out = ["-o", str(tmp_path / "predictions.json")]
         with pytest.raises(SystemExit) as left:
-            run(app, "python -m snn", ["predict", str(weights), *map(str, arguments), *out])
+            run(app, "eskin", ["predict", str(weights), *map(str, arguments), *out])
         assert isinstance(left.value.code, int)
         return left.value.code, *capsys.readouterr()
 
@@ -91,7 +91,7 @@ def images_in(folder: Path) -> list[dict[str, Any]]:
 def test_predictions_from_rtl_spikes_are_those_from_model_spikes(tmp_path: Path, trained: Path, call: Call) -> None:
     size = ["--rows", "1", "--columns", "4"]
     what = ["--dataset", "embedded", "--limit", "6", "--workers", "1", "--out", str(tmp_path / "replay")]
-    command = [sys.executable, "-m", "cocotb_tests", "replay", *size, *what]
+    command = [sys.executable, "-m", "app", "replay", *size, *what]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0, done.stdout + done.stderr
     code, output, error = call("--events", tmp_path / "replay", "--check-model")
@@ -260,7 +260,7 @@ def test_an_event_moved_by_a_clock_in_its_bin_is_found(tmp_path: Path, replayed:
     assert "gravel/gravel-00: RTL and model differ\n" in output
     assert f"event {place} differs in clock: model clock {clock}, row 0, column" in output
     assert f"; RTL clock {clock + 1}, row 0, column" in output
-    assert "reproduce: python -m snn predict" in output
+    assert "reproduce: eskin predict" in output
     assert f"--events {path} --check-model\n" in output
     assert output.splitlines()[-1] == (
         "FAILED: of 6 images compared differ 1 in events, 0 in tensors, 0 in logits, 0 in predictions"
@@ -465,10 +465,10 @@ def test_damaged_and_missing_files_are_refused(tmp_path: Path, trained: Path, re
     assert "holds no event files (.npz)" in call("--events", tmp_path / "none")[2]
     code, _, error = call("--events", tmp_path / "none.npz")
     assert code == 2
-    assert error.endswith("none.npz does not exist; make one with python -m cocotb_tests replay\n")
+    assert error.endswith("none.npz does not exist; make one with eskin replay\n")
     code, _, error = call("--events", replayed, weights=tmp_path / "gone.npz")
     assert (code, error) == (
-        2, f"error: weight file {tmp_path / 'gone.npz'} does not exist; make one with python -m snn train\n"
+        2, f"error: weight file {tmp_path / 'gone.npz'} does not exist; make one with eskin train\n"
     )  # fmt: skip
 
 
@@ -477,6 +477,6 @@ def test_no_folder_is_made_before_the_input_is_read(tmp_path: Path, trained: Pat
     for weights, events in ((tmp_path / "gone.npz", replayed), (trained / "weights.npz", tmp_path / "gone")):
         arguments = ["predict", str(weights), "--events", str(events), "--out", str(out)]
         with pytest.raises(SystemExit) as left:
-            run(snn_app, "python -m snn", arguments)
+            run(snn_app, "eskin", arguments)
         assert left.value.code == 2
         assert not out.parent.exists()

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from model.cli.app import run
+from app.__main__ import app
+from app.cli import run
+from base.errors import InputError
+from model.address_events import make_events
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.events.address import make_events
 from model.events.recording import Recording
-from model.recordings.options import Preparation
-from model.recordings.own import OwnReadout
-from snn.__main__ import app
+from skin.recordings.options import Preparation
+from skin.recordings.trained_on import OwnReadout
 from snn.data.bins import BinConfig
 from snn.data.recordings import class_of, event_files, read_recordings
 from snn.data.scans import load_recordings
@@ -55,11 +55,11 @@ def skin(folder: Path) -> Path:
 
 @pytest.fixture
 def snn(folder: Path, capsys: pytest.CaptureFixture[str]) -> Call:
-    """Return a function that runs ``python -m snn`` in the folder: exit code, standard output and error."""
+    """Return a function that runs ``eskin`` in the folder: exit code, standard output and error."""
 
     def snn(*words: object) -> tuple[int, str, str]:
         with pytest.raises(SystemExit) as left:
-            run(app, "python -m snn", list(map(str, words)))
+            run(app, "eskin", list(map(str, words)))
         assert isinstance(left.value.code, int)
         return left.value.code, *capsys.readouterr()
 

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from model.cli.app import make_app
+from app.cli import make_app
+from app.commands.learn.robustness import robustness
+from app.commands.learn.train import train
+from base.errors import InputError
+from model.address_events import taxel_of
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.events.address import taxel_of
 from model.events.recording import Recording
-from model.textures.dataset import Texture, open_dataset
-from model.textures.presets import preset
-from snn.commands.robustness import robustness
-from snn.commands.train import train
+from skin.textures.dataset import Texture, open_dataset
+from skin.textures.presets import preset
 from snn.data.bins import BinConfig
 from snn.data.disturb import (
     DISTURBANCES,
@@ -170,7 +170,7 @@ def test_cells_are_kept_resumed_and_paired(
     code, text = call("robustness a b --only dead=0.2,lost -o out", capsys)
     assert code == 0, text
     content = json.loads((tmp_path / "out" / "robustness.json").read_text())
-    assert content["command"] == "python -m snn robustness a b --only dead=0.2,lost"
+    assert content["command"] == "eskin robustness a b --only dead=0.2,lost"
     points = content["points"]
     assert [(p["disturbance"], p["strength"]) for p in points[::2]] == [
         ("clean", 0.0),
@@ -200,7 +200,7 @@ def test_cells_are_kept_resumed_and_paired(
         ("robustness a --only colour", "disturbances are speed, height,"),
         ("robustness a --only noise=much", "the strength of noise must be a number, not 'much'"),
         ("robustness a --only noise=-1", "the strength of noise must be a number from 0, not -1.0"),
-        ("robustness out", "there is no trained network in out; make one with python -m snn train"),
+        ("robustness out", "there is no trained network in out; make one with eskin train"),
         ("train --disturbed 2 --preset paper", "disturbed scans are events of the model in the physical preset"),
         ("train --disturbed 2 --start-rows 3", "disturbed takes a number from 1, and start-rows 1"),
     ):

@@ -14,10 +14,10 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
+from model.address_events import EVENT_DTYPE
 from model.config import Encoding, ReadoutConfig
-from model.events.address import EVENT_DTYPE
 from model.events.recording import Recording
-from model.textures.presets import preset
+from skin.textures.presets import preset
 from snn.data.bins import BinConfig, bin_recording
 from snn.data.scans import load_recordings
 from snn.exchange.weights import Weights, save_weights

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from app.__main__ import app
 from model.config import ReadoutConfig
-from model.power.equations import CORRECTIONS, PowerModel
-from model.power.parameters import PowerParameters
-from model.textures.dataset import Dataset, open_dataset
-from snn.__main__ import app
+from power.equations import CORRECTIONS, PowerModel
+from power.parameters import PowerParameters
+from skin.textures.dataset import Dataset, open_dataset
 from snn.data.disturb import noisy
 from snn.data.frame_steps import FrameSteps
 from snn.experiments.experiment import Experiment
@@ -139,7 +139,7 @@ def test_both_commands_write_what_they_print(
     code, text = call("noise-power nets --noises 1,50 --pair a,b -o out", capsys)
     assert code == 0, text
     content = json.loads((tmp_path / "out" / "noise_power.json").read_text())
-    assert content["command"] == "python -m snn noise-power nets --noises 1,50 --pair a,b"
+    assert content["command"] == "eskin noise-power nets --noises 1,50 --pair a,b"
     points = content["points"]
     assert [one["images"] for one in content["pairs"]] == [4] * 4
     assert [(p["network"], p["mode"], p["noise_v"]) for p in points[:3]] == [

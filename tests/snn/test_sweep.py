@@ -16,25 +16,30 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from model.cli.app import run
+from app.__main__ import app
+from app.cli import run
+from app.commands.learn.sweep import _print_table
+from app.options import LEAKY
+from base.errors import InputError
+from base.workers import cluster as dask_cluster
+from base.workers.cluster import Cluster, Needs
+from base.workers.pool import Local
 from model.config import ReadoutConfig
-from model.crew import cluster as dask_cluster
-from model.crew.cluster import Cluster, Needs
-from model.crew.crew import Local
-from model.errors import InputError
-from snn.__main__ import app
-from snn.commands.sweep import _print_table, parse_points
+from model.encoders import registry
 from snn.data.frame_steps import FrameSteps
 from snn.data.scans import ScanData
 from snn.experiments import crossval
 from snn.experiments.experiment import Experiment
 from snn.experiments.points import Cells, PointSummary, Result
+from snn.experiments.settings import parse_points
 from snn.experiments.sweep import PointRun, SweepPoint, sweep
 from snn.training import TrainConfig
 from tests.snn.helpers import easy_data
 
+ENCODERS = ", ".join(registry.NAMES)
+
 ROOT = Path(__file__).parents[2]
-NEEDS = Needs(("snn", "model"), ("torch", "numpy"))
+NEEDS = Needs(("base", "model", "skin", "snn"), ("torch", "numpy"))
 
 
 def points(epochs: int = 2, **data: Any) -> list[SweepPoint]:
@@ -71,13 +76,13 @@ def test_only_missing_cells_are_run_and_all_seeds_of_a_point_stay_together(
             assert (found[0]["last"] is None) == (found[0]["cells"]["whole_seeds"] == 0)
             assert (tmp_path / "hidden-16" / "result.json").exists() == (found[0]["cells"]["done"] == 4)
 
-    sweep(points(), tmp_path, crew=Local(1), folds=2, seeds=2, progress=progress)
+    sweep(points(), tmp_path, pool=Local(1), folds=2, seeds=2, progress=progress)
     assert ran == [(hidden, fold, seed) for seed in (0, 1) for hidden in (16, 12) for fold in (0, 1)]
     assert seen == [(1, 0), (2, 1), (2, 1), (2, 1), (3, 1), (4, 2), (4, 2), (4, 2)]
     whole = files(tmp_path)
     ran.clear()
     (tmp_path / "hidden-12" / "fold-1-seed-0.json").unlink()
-    sweep(points(), tmp_path, crew=Local(1), folds=2, seeds=2)
+    sweep(points(), tmp_path, pool=Local(1), folds=2, seeds=2)
     assert ran == [(12, 1, 0)]
     assert files(tmp_path) == whole
 
@@ -87,17 +92,17 @@ def test_a_cell_that_diverges_is_named_and_the_others_are_kept(tmp_path: Path) -
     bad = Experiment(network=other.experiment.network | {"output_scale": 1e38}, train=other.experiment.train)
     message = r"^point bad, fold 0, seed 0: the training diverged in epoch 1: .*$"
     with pytest.raises(InputError, match=message):
-        sweep([good, SweepPoint("bad", bad, easy_data())], tmp_path, crew=Local(1), folds=2, seeds=1)
+        sweep([good, SweepPoint("bad", bad, easy_data())], tmp_path, pool=Local(1), folds=2, seeds=1)
     assert json.loads((tmp_path / "sweep.json").read_text())["points"][0]["cells"]["done"] == 2
     assert (tmp_path / "hidden-16" / "result.json").exists()
 
 
 def test_cells_of_other_scans_or_another_experiment_are_refused(tmp_path: Path) -> None:
-    sweep(points()[:1], tmp_path, crew=Local(1), folds=2, seeds=1)
+    sweep(points()[:1], tmp_path, pool=Local(1), folds=2, seeds=1)
     with pytest.raises(InputError, match=r"is of another experiment \(different: train\)"):
-        sweep(points(epochs=3)[:1], tmp_path, crew=Local(1), folds=2, seeds=1)
+        sweep(points(epochs=3)[:1], tmp_path, pool=Local(1), folds=2, seeds=1)
     with pytest.raises(InputError, match=r"^point hidden-16: .* is of another experiment \(different: data\)"):
-        sweep(points(steps=14)[:1], tmp_path, crew=Local(1), folds=2, seeds=1)
+        sweep(points(steps=14)[:1], tmp_path, pool=Local(1), folds=2, seeds=1)
 
 
 def test_rates_of_the_summary_by_hand(tmp_path: Path) -> None:
@@ -113,7 +118,7 @@ def test_rates_of_the_summary_by_hand(tmp_path: Path) -> None:
     assert lcs["normalised_rate"] == pytest.approx(7000 / 640_000)
     assert summary(Experiment(readout=ReadoutConfig(encoding="nlcs", resolution=6)))["bits_per_event"] == 6
     assert summary(Experiment(readout=ReadoutConfig(resolution=4), variant="on"))["bits_per_event"] == 6
-    bipolar = Experiment(readout=ReadoutConfig(encoding="nlcs", resolution=4), variant="bipolar")
+    bipolar = Experiment(readout=ReadoutConfig(encoding="nlcs-bipolar", resolution=4))
     assert summary(bipolar)["bits_per_event"] == 7
     frame = summary(Experiment(frames=FrameSteps(frames_per_step=5), network={"kind": "rnn"}))
     assert (frame["readout"], frame["resolution"], frame["data_rate_bps"]) == ("frame", 10, 10_000)
@@ -131,7 +136,7 @@ def command(folder: Path) -> list[str]:
 
 def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path) -> None:
     options = [*command(tmp_path), "--epochs", "2"]
-    arguments = [sys.executable, "-m", "snn", *options, "--workers", "2", "--out", str(tmp_path / "killed")]
+    arguments = [sys.executable, "-m", "app", *options, "--workers", "2", "--out", str(tmp_path / "killed")]
     killed = subprocess.Popen(arguments, cwd=ROOT, start_new_session=True, stdout=subprocess.DEVNULL)
     try:
         deadline = time.monotonic() + 120
@@ -150,10 +155,10 @@ def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path) -> No
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
     assert files(tmp_path / "killed") == files(tmp_path / "whole")
     assert "rnn-100" in result.output
-    assert f"draw it with python -m snn fig9 --sweep {tmp_path}/whole" in "".join(result.output.splitlines())
+    assert f"draw it with eskin fig9 --sweep {tmp_path}/whole" in "".join(result.output.splitlines())
     summary = json.loads((tmp_path / "whole" / "sweep.json").read_text())
     assert summary["command"] == (
-        f"python -m snn sweep --points lcs:4,rnn:100 --config {tmp_path}/small.json --dataset embedded --bin 0.01 "
+        f"eskin sweep --points lcs:4,rnn:100 --config {tmp_path}/small.json --dataset embedded --bin 0.01 "
         f"--epochs 2 --set hidden=16 --folds 2 --seeds 2"
     )
     assert [point["cells"] for point in summary["points"]] == [{"done": 4, "of": 4, "whole_seeds": 2}] * 2
@@ -164,16 +169,18 @@ def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ("--points lcs", "--points takes ENCODER:RESOLUTION with an encoder of lcs, cw-lcs, nlcs, frame|"),
+        ("--points lcs", f"--points takes ENCODER:RESOLUTION with an encoder of {ENCODERS}, frame|"),
         ("--points lcs:4,,nlcs:6", "--points takes ENCODER:RESOLUTION"),
         ("--points ann:4", "--points takes ENCODER:RESOLUTION"),
         ("--points lcs:4,lcs:04", "--points has lcs:4 twice; leave one out"),
         ("--points lcs:4:on,lcs:04:on", "--points has lcs:4:on twice; leave one out"),
         ("--points nlcs:4:on", "--points takes ENCODER:RESOLUTION"),
-        ("--points lcs:4:bipolar", "--points takes ENCODER:RESOLUTION"),
         ("--points lcs:99", "point lcs:99: resolution must be"),
         ("--points rnn:0", "point rnn:0: frames_per_step must be at least 1, not 0"),
-        ("--points lcs:4 --tau 0.1", "--tau is the leak of nlcs, but --points has no nlcs point; leave it out"),
+        (
+            "--points lcs:4 --tau 0.1",
+            "--tau is the leak of {0}, but --points has no {0} point; leave it out".format(" or ".join(LEAKY)),
+        ),
         ("--points frame:250", "point frame:250: frames are given as KIND:RATE:BITS"),
         ("--points frame-diff:250:8:4", "point frame-diff:250:8:4: frames are given as KIND:RATE:BITS"),
         ("--points gru:20 --bin 0.004", "--bin has no effect on rnn|gru|cnn:K, which say the frames of a step"),
@@ -195,7 +202,7 @@ def test_a_setting_that_some_points_do_not_have_is_said(
 ) -> None:
     words = ["--points", "lcs:4,rnn:20,gru:20", "--set", "decay=0.5", "--workers", "2", "--scheduler", "tcp://a:1"]
     with pytest.raises(SystemExit) as left:  # the scheduler beside workers is refused after that
-        run(app, "python -m snn", ["sweep", "--dataset", "embedded", "--out", str(tmp_path), *words])
+        run(app, "eskin", ["sweep", "--dataset", "embedded", "--out", str(tmp_path), *words])
     assert left.value.code == 2
     note, _ = capsys.readouterr().err.splitlines()
     assert note == "note: --set decay means nothing to the network of rnn-20, gru-20"
@@ -214,7 +221,7 @@ def test_the_table_has_the_interval_over_images_and_seeds(capsys: pytest.Capture
 def test_a_summary_that_cannot_be_written_is_refused_before_the_scans(tmp_path: Path) -> None:
     (tmp_path / "sweep.json").mkdir()
     with pytest.raises(InputError, match=r"sweep\.json: it is a folder"):
-        sweep(points(), tmp_path, crew=Local(1), folds=2, seeds=1, progress=lambda *_: pytest.fail("it began"))
+        sweep(points(), tmp_path, pool=Local(1), folds=2, seeds=1, progress=lambda *_: pytest.fail("it began"))
 
 
 def test_as_many_processes_as_cores_that_may_be_used(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -229,7 +236,7 @@ def test_points_are_encoder_and_number() -> None:
         ("gru", "20"),
         ("frame-diff", "62.5:8"),
     ]
-    assert parse_points("lcs:6:on,nlcs:04:bipolar") == [("lcs", "6:on"), ("nlcs", "4:bipolar")]
+    assert parse_points("lcs:6:on,nlcs-bipolar:04") == [("lcs", "6:on"), ("nlcs-bipolar", "4")]
 
 
 # -- a Dask cluster ----------------------------------------------------------------------------------
@@ -242,7 +249,7 @@ def test_a_scheduler_that_is_not_there_gets_one_sentence(
     monkeypatch.setattr(dask_cluster, "CONNECT_S", 1.0)
     began = time.monotonic()
     with pytest.raises(SystemExit) as left:
-        run(app, "python -m snn", [*command(tmp_path), "--scheduler", address, "--out", str(tmp_path / "out")])
+        run(app, "eskin", [*command(tmp_path), "--scheduler", address, "--out", str(tmp_path / "out")])
     assert left.value.code == 2
     assert time.monotonic() - began < 10
     assert capsys.readouterr().err == (
@@ -308,8 +315,8 @@ def test_a_sweep_outlives_its_workers_and_ends_in_the_files_of_a_serial_one(
     monkeypatch.setattr(dask_cluster, "WORKERS_S", 60.0)
     slow = {"epochs": 10, "steps": 40}
     killed: list[Any] = []
-    with Cluster(address, NEEDS) as crew:
-        client = crew._client
+    with Cluster(address, NEEDS) as pool:
+        client = pool._client
         client.wait_for_workers(2, timeout=60)
 
         def kill(_: PointRun, result: dict[str, Any] | None) -> None:
@@ -323,11 +330,11 @@ def test_a_sweep_outlives_its_workers_and_ends_in_the_files_of_a_serial_one(
                 process.wait()
             processes.append(start_worker(address, 2))
 
-        sweep(points(**slow), tmp_path / "cluster", crew=crew, folds=2, seeds=2, progress=kill)
+        sweep(points(**slow), tmp_path / "cluster", pool=pool, folds=2, seeds=2, progress=kill)
         assert killed, "no worker ran a cell when it was killed"
         assert len(client.scheduler_info()["workers"]) == 1
-        assert not crew._shared
-    sweep(points(**slow), tmp_path / "serial", crew=Local(1), folds=2, seeds=2)
+        assert not pool._shared
+    sweep(points(**slow), tmp_path / "serial", pool=Local(1), folds=2, seeds=2)
     assert files(tmp_path / "cluster") == files(tmp_path / "serial")
 
     monkeypatch.setattr(dask_cluster, "version", lambda _: "1.0")

@@ -17,15 +17,16 @@ import pytest
 import torch
 from typer.testing import CliRunner
 
+from app.__main__ import app
+from app.commands.learn import train as commands
+from app.commands.learn.options import build_experiment
+from app.options import LEAKY
+from base.errors import InputError
+from base.files import write_json
 from model.config import ReadoutConfig
-from model.errors import InputError
-from model.files import write_json
-from model.textures.dataset import embedded_dataset
-from model.textures.physical import PhysicalScan
-from snn.__main__ import app
+from skin.textures.dataset import embedded_dataset
+from skin.textures.physical import PhysicalScan
 from snn.checkpoint import Checkpoint
-from snn.commands import train as commands
-from snn.commands.options import build_experiment, parse_settings
 from snn.data.bins import BinConfig
 from snn.data.folds import stratified_folds
 from snn.data.frame_steps import FrameSteps
@@ -36,6 +37,7 @@ from snn.experiments.crossval import check_same, run_cell, summarise
 from snn.experiments.experiment import Experiment
 from snn.experiments.intervals import bootstrap, wilson
 from snn.experiments.recipes import RECIPES
+from snn.experiments.settings import parse_settings
 from snn.experiments.sweep import cross_validate
 from snn.flat import hints_of
 from snn.network import build
@@ -106,7 +108,7 @@ def test_the_selected_epoch_is_that_of_the_held_out_images_not_of_the_test() -> 
 def test_a_killed_command_goes_on_and_ends_in_the_same_bits(tmp_path: Path) -> None:
     (tmp_path / "small.json").write_text(json.dumps({"rows": 2, "columns": 2, "resolution": 4}))
     epochs = 100
-    command = [sys.executable, "-m", "snn", "train", "--dataset", "embedded", "--bin", "0.02", "--set", "hidden=32"]
+    command = [sys.executable, "-m", "app", "train", "--dataset", "embedded", "--bin", "0.02", "--set", "hidden=32"]
     command += ["--config", str(tmp_path / "small.json"), "--epochs", str(epochs), "--checkpoint-every", "1", "--out"]
 
     def start(name: str) -> subprocess.Popen[bytes]:
@@ -466,7 +468,10 @@ def test_a_network_that_is_too_large_gets_one_sentence() -> None:
             ["--recipe", "best"],
             "recipe must be one of plain, paper, tuned, portable, hardware, rnn, gru, cnn",
         ),
-        (["--tau", "0.2"], "--tau is the leak of encoding nlcs, not of lcs; add --encoding nlcs"),
+        (
+            ["--tau", "0.2"],
+            f"--tau is the leak of encoding {' or '.join(LEAKY)}, not of lcs; add --encoding {LEAKY[0]}",
+        ),
         (["--device", "cuda:77"], "device 'cuda:77' is not available here; use cpu"),
         (["--device", "meta"], "device 'meta' is not available here; use cpu"),
         (["--tau", "0", "--encoding", "nlcs"], "tau must be a positive number of seconds, not 0"),
@@ -489,7 +494,7 @@ def test_a_network_that_is_too_large_gets_one_sentence() -> None:
         (["--events", "x", "--start-rows", "1"], "--start-rows has no effect with --events"),
         (["--events", "x", "--config", "c.json"], "--config has no effect with --events"),
         (["--fold", "6"], "fold must be in 0..5, not 6"),
-        (["--events", "nowhere"], "event folder nowhere does not exist; make one with python -m cocotb_tests replay"),
+        (["--events", "nowhere"], "event folder nowhere does not exist; make one with eskin replay"),
         (["--grid", "dropout=0,0.3"], "train takes one setting; give it with --set, or the grid to crossval or sweep"),
         (["--recipe", "gru", "--grid", "decay=0.9"], "--grid decay means nothing to a network of kind gru"),
         (["--grid", "dropout=0,fast"], "--grid dropout takes a number, not 'fast'"),

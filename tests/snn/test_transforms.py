@@ -13,10 +13,10 @@ import torch
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset
 
+from base.errors import InputError
 from model.config import ReadoutConfig
-from model.errors import InputError
 from model.taxel import encode
-from model.textures.scan import quantise
+from skin.textures.scan import quantise
 from snn.exchange.transforms import LevelCrossing
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "guide" / "exchange.md"

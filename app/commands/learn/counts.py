@@ -1,0 +1,61 @@
+"""The command counts (docs/results/classifier.md)."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from app.cli import printable
+from app.commands.learn.options import BinSeconds, DatasetName, Preset, Tau
+from app.commands.learn.sweep import command_line
+from base.errors import InputError
+from base.files import origin, write_json
+from base.progress import bar
+from model.config import ReadoutConfig
+from model.encoders import registry
+
+
+def counts(
+    context: typer.Context,
+    points: Annotated[str, typer.Option(metavar="ENCODER:N,...", help="readouts of N bits")] = "nlcs:6,nlcs:8,nlcs:10",
+    preset: Preset = "paper",
+    tau: Tau = None,
+    dataset: DatasetName = None,
+    bin_s: BinSeconds = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE", help="numbers as JSON")] = None,
+) -> None:
+    """Compare the event counts of one encoder's resolutions on the same scans: empty bins, correlation, ratio."""
+    from snn.data.bins import BinConfig
+    from snn.data.counts import empty_bins, likeness
+    from snn.experiments.experiment import Experiment
+    from snn.experiments.settings import parse_points
+
+    chosen = parse_points(points)
+    if unfit := [readout for readout, _ in chosen if readout not in registry.NAMES]:
+        raise InputError(f"--points takes event encoders ({', '.join(registry.NAMES)}), not {unfit[0]}")
+    bins = BinConfig() if bin_s is None else BinConfig(bin_s=bin_s)
+    found = {}
+    for readout, bits in chosen:
+        config = ReadoutConfig.from_dict({"encoding": readout, "resolution": int(bits)})
+        tau_s = tau if config.encoder.leaks else None
+        made = Experiment(dataset=dataset, preset=preset, readout=config, tau_s=tau_s, bins=bins)
+        with bar(f"recording {readout}:{bits}") as step:
+            found[f"{readout}:{bits}"] = made.data(step)
+    result: dict[str, Any] = origin(command_line(context)) | {
+        "empty": {name: empty_bins(data) for name, data in found.items()},
+        "pairs": [],
+    }
+    for name, data in found.items():
+        print(f"{name}: {result['empty'][name]:.1%} of the bins are empty, {data.rate_hz:,.0f} events/s")
+    for one, other in itertools.combinations(found, 2):
+        if one.partition(":")[0] != other.partition(":")[0]:
+            continue
+        like = likeness(found[one], found[other])
+        result["pairs"].append({"first": one, "second": other, "correlation": like.correlation, "ratio": like.ratio})
+        print(f"{one} and {other}: correlation of the counts {like.correlation:.4f}, ratio {like.ratio:.2f}")
+    if out is not None:
+        write_json(out, result)
+        print(printable(f"result: {out}"))

@@ -1,0 +1,174 @@
+"""The commands export, import, convert and quantise (docs/guide/exchange.md)."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from app.cli import printable
+from base.errors import InputError
+from base.files import check_writable
+from base.progress import bar
+
+if TYPE_CHECKING:
+    from snn.exchange.weights import Weights
+
+
+def export(
+    weights: Annotated[Path, typer.Argument(metavar="WEIGHTS.npz", help="trained network")],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="graph .nir, or archive .npz")],
+    eight_bits: Annotated[bool, typer.Option("--eight-bits", help=".npz: matrices in 8 bits")] = False,
+) -> None:
+    """Write a trained network for other programs: NIR graph, or plain NumPy archive."""
+    if out.suffix not in (".nir", ".npz"):
+        raise InputError(f"networks are written as .nir or .npz, not {out.name}; rename the output")
+    if eight_bits and out.suffix == ".nir":
+        raise InputError("NIR has no 8-bit weights; write an .npz, or leave --eight-bits out")
+    check_writable(out)
+    from snn.exchange.nir_network import save_nir
+    from snn.exchange.weights import load_weights, save_weights
+
+    loaded = load_weights(weights)
+    if out.suffix == ".nir":
+        save_nir(out, loaded)
+    else:
+        save_weights(out, loaded, eight_bits)
+    print(
+        printable(f"{out}: {len(loaded.class_names)} classes, {loaded.step_s:g} s per step, {out.stat().st_size} bytes")
+    )
+    if out.suffix == ".nir":
+        _tell_lacks(weights, loaded)
+
+
+def _tell_lacks(path: Path, weights: Weights) -> None:
+    """Print what snnTorch and Norse lack of a network, and what that costs on its test images."""
+    from snn.exchange.portable import lacks
+    from snn.exchange.weights import config_of
+
+    if (scale := config_of(weights.network).input_scale) != 1:
+        print(f"input scale {scale:.4g}: in the weights of hidden_in, since snnTorch and Norse know no Scale")
+    found = lacks(weights.network)
+    if not found:
+        print("snnTorch and Norse have all of it: docs/guide/exchange.md shows how they run it")
+        return
+    for lack in found:
+        print(lack.text)
+    print("eskin train --recipe portable makes networks without these")
+    from snn.experiments.trained import accuracies_on_test
+
+    networks = {"here": weights.network} | {f"without {lack.name}": lack.network for lack in found}
+    try:
+        with bar("recording scans") as step:
+            images, accuracies = accuracies_on_test(path, weights, networks, step)
+    except InputError as error:
+        print(printable(f"what that costs was not measured: {error}"))
+        return
+    parts = [f"{accuracy:.1%} {words}" for words, accuracy in accuracies.items()]
+    print(f"accuracy of the {images} test images: {', then '.join(parts)}")
+
+
+def import_(
+    graph: Annotated[Path, typer.Argument(metavar="GRAPH.nir", help="NIR graph of a network of this form")],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="WEIGHTS.npz", help="archive to write")],
+    step: Annotated[float | None, typer.Option(metavar="SECONDS", help="time step, where the file has none")] = None,
+    classes: Annotated[
+        str | None, typer.Option(metavar="A,B,...", help="names of the outputs [those in the file, or numbers]")
+    ] = None,
+) -> None:
+    """Read a network from a NIR graph."""
+    if out.suffix != ".npz":
+        raise InputError(f"weight files end in .npz, {out.name} does not; rename the output")
+    check_writable(out)
+    from snn.exchange.nir_network import load_nir
+    from snn.exchange.weights import config_of, save_weights
+
+    loaded = load_nir(graph, step, None if classes is None else classes.split(","))
+    save_weights(out, loaded)
+    network = config_of(loaded.network)
+    names = printable(", ".join(loaded.class_names))
+    print(printable(f"{out}: {network.inputs} inputs, {network.hidden} hidden neurons, classes {names}"))
+
+
+def convert(
+    source: Annotated[Path, typer.Argument(metavar="EVENTS", help="event file .npz, or NIRData .nir")],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="NIRData .nir, array .npy, event file .npz")],
+    bin_s: Annotated[
+        float | None, typer.Option("--bin", metavar="SECONDS", help=".nir: counts per time bin instead of events")
+    ] = None,
+    unit: Annotated[str | None, typer.Option(metavar="us|clocks", help=".npy: unit of t [us]")] = None,
+) -> None:
+    """Convert an event file to what other tools read, and NIRData back to an event file."""
+    if out.suffix not in (".nir", ".npy", ".npz"):
+        raise InputError(f"events are written as .nir, .npy or .npz, not {out.name}; rename the output")
+    if bin_s is not None and out.suffix != ".nir":
+        raise InputError(f"--bin belongs to .nir, not to {out.name}; leave it out")
+    if unit is not None and out.suffix != ".npy":
+        raise InputError(f"--unit belongs to .npy, not to {out.name}; leave it out")
+    if unit not in (None, "us", "clocks"):
+        raise InputError(f"--unit must be us or clocks, not {unit!r}")
+    check_writable(out)
+    from snn.data.bins import BinConfig
+    from snn.exchange.nir_events import load_recording, save_events, save_nir_data
+
+    recording = load_recording(source)
+    if out.suffix == ".nir":
+        save_nir_data(out, recording, None if bin_s is None else BinConfig(bin_s=bin_s))
+    elif out.suffix == ".npz":
+        recording.save(out)
+    else:
+        save_events(out, recording, "clocks" if unit == "clocks" else "us")
+    print(printable(f"{out}: {len(recording.events)} events in {recording.duration_s:.6g} s"))
+
+
+def quantise(
+    weights: Annotated[Path, typer.Argument(metavar="WEIGHTS.npz", help="trained network")],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="INTEGER.npz", help="file to write; images beside it")],
+    bits: Annotated[int, typer.Option(min=2, max=8, help="bits of all weights")] = 8,
+    in_bits: Annotated[int | None, typer.Option(metavar="2..8", help="bits of the input weights")] = None,
+    rec_bits: Annotated[int | None, typer.Option(metavar="2..8", help="bits of the recurrent weights")] = None,
+    out_bits: Annotated[int | None, typer.Option(metavar="2..8", help="bits of the output weights")] = None,
+    bias_bits: Annotated[int, typer.Option(help="bits of a bias, 2..16")] = 9,
+    threshold_bits: Annotated[int, typer.Option(help="least bits of the threshold, 2..16")] = 8,
+    membrane_bits: Annotated[
+        int | None, typer.Option(help="bits of a hidden potential [as many as it can ever need]")
+    ] = None,
+    lanes: Annotated[int, typer.Option(help="weights added in one clock")] = 16,
+    clock: Annotated[float, typer.Option(metavar="HZ", help="clock of the hardware")] = 50e6,
+    accuracy: Annotated[
+        bool, typer.Option("--accuracy", help="classify the test images of the training, float and integer")
+    ] = False,
+) -> None:
+    """Write a trained network as whole numbers for the classifier in hardware, with images of its memories."""
+    if out.suffix != ".npz":
+        raise InputError(f"integer networks end in .npz, {out.name} does not; rename the output")
+    check_writable(out)
+    from model.classifier.file import write_images
+    from snn.exchange.integer import Precision, quantise, summary
+    from snn.exchange.weights import load_weights
+    from snn.experiments.trained import said_of_training
+
+    given = {"in_bits": in_bits, "rec_bits": rec_bits, "out_bits": out_bits}
+    precision = Precision(
+        **{name: bits if value is None else value for name, value in given.items()},
+        bias_bits=bias_bits,
+        threshold_bits=threshold_bits,
+        membrane_bits=membrane_bits,
+        lanes=lanes,
+        clock_hz=clock,
+    )
+    trained = load_weights(weights)
+    made = quantise(trained, precision)
+    made = dataclasses.replace(made, notes=made.notes | {"training": said_of_training(weights, trained)})
+    lines = summary(made)
+    if accuracy:
+        from snn.experiments.evaluate import compare_integer
+
+        lines.append(compare_integer(weights, made))
+    made.save(out)
+    images = write_images(made.network, out.parent, out.stem)
+    for line in lines:
+        print(printable(line))
+    print(printable(f"written: {', '.join(str(path) for path in [out, *images])}"))

@@ -1,0 +1,92 @@
+"""The commands fig8 and fig9 (docs/guide/classifier.md)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.cli import asked_for, printable
+from app.commands.signals.options import DataOutOption, OutOption
+from base.errors import InputError
+from base.figures.files import DEFAULT_OUT, write_results
+
+
+def fig9(
+    sweep: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="FILE|DIR", help="sweep, repeatable [those of the project and out/sweep/sweep.json]"),
+    ] = None,
+    reading: Annotated[str, typer.Option(metavar="last|selected", help="epoch that counts")] = "last",
+    confusion: Annotated[
+        str | None, typer.Option(metavar="NAME", help="points of the confusion matrices [best spiking of each preset]")
+    ] = None,
+    out: OutOption = DEFAULT_OUT,
+    data_out: DataOutOption = None,
+) -> None:
+    """Draw figure 9, accuracy against data rate beside the published points; confusion matrices; equal rates."""
+    from snn.experiments.points import READINGS, load_sweep
+    from snn.figures.confusion import confusion_data, plot_confusion
+    from snn.figures.fig9 import fig9_data, kept_rates, load_sweeps
+    from snn.figures.fig9_plot import plot_fig9
+    from snn.figures.fig9_rates import plot_rates, rates_data
+
+    if reading not in READINGS:
+        raise InputError(f"reading must be one of {', '.join(READINGS)}, not {reading!r}")
+    sweeps = load_sweeps(sweep or [])
+    matrices = confusion_data(sweeps, reading, confusion)
+    data = fig9_data(sweeps, reading)
+    print(printable(write_results(out, "fig9", data, plot_fig9, data_out, command=asked_for())))
+    if matrices["points"]:
+        print(printable(write_results(out, "confusion", matrices, plot_confusion, data_out, command=asked_for())))
+    if not sweep and (kept := kept_rates()):
+        rates = rates_data([load_sweep(path) for path in kept], reading)
+        print(printable(write_results(out, "fig9_rates", rates, plot_rates, data_out, command=asked_for())))
+    for point in data["left_out"]:
+        print(printable(f"left out, as no seed is finished: {point}"))
+
+
+def fig8(
+    weights: Annotated[Path, typer.Option(metavar="FILE", help="of eskin train")] = Path("out/train/weights.npz"),
+    result: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="of the same training [result.json beside the weights]")
+    ] = None,
+    dataset: Annotated[
+        str | None, typer.Option(metavar="DIR|embedded", help="textures, if they are elsewhere than in training")
+    ] = None,
+    data: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="your own recordings, if those were trained on")
+    ] = None,
+    image: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="texture or recording, as brick/brick-00 [first test one that is classified rightly]"
+        ),
+    ] = None,
+    out: OutOption = DEFAULT_OUT,
+    data_out: DataOutOption = None,
+) -> None:
+    """Draw figure 8: one scan from the texture over events and hidden spikes to the evidence for each class."""
+    from skin.figures.scan_to_class import plot_scan
+    from snn.figures.fig8_play import Places, play
+
+    if dataset is not None and data is not None:
+        raise InputError("--dataset is for textures, --data for your own recordings; give one of the two")
+    played = play(weights, result or weights.parent / "result.json", Places(dataset, data), image)
+    print(
+        printable(
+            write_results(
+                out,
+                "fig8",
+                played.to_dict(),
+                lambda _, path: plot_scan(played, path),
+                data_out,
+                command=asked_for(),
+            )
+        )
+    )
+    print(printable(f"{played.name}: true {played.true}, predicted {played.predicted}"))
+    if played.tests:
+        noun = "recordings" if played.pixels is None else "images"
+        print(f"the network is right for {played.right} of {played.tests} test {noun}")

@@ -1,0 +1,216 @@
+"""What the commands train, crossval and sweep share: their options, and the experiment that these describe."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from app.commands.signals.recordings import PREPARATION, OwnData, events_of, option_named
+from app.options import CONFIG_FILE, LEAKY, build_config, check_leaks, field_options, parse_fields, replace_parameters
+from base.errors import InputError
+from base.files import check_writable
+from model.config import ReadoutConfig
+from skin.recordings.options import Preparation
+from snn.data.frame_steps import FRAMES
+from snn.experiments.recipes import RECIPES
+
+if TYPE_CHECKING:
+    from snn.experiments.experiment import Experiment
+
+Preset = Annotated[str | None, typer.Option(metavar="paper|physical", help="constants of the texture scan [physical]")]
+Tau = Annotated[
+    float | None, typer.Option(metavar="SECONDS", help=f"{', '.join(LEAKY)}: time constant [0.2]", show_default=False)
+]
+DatasetName = Annotated[
+    str | None, typer.Option(metavar="DIR|embedded", help="textures [$ESKIN_DATA, data/kylberg, else embedded]")
+]
+EventFolder = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="event files, as of a replay, instead of textures")
+]
+Frames = Annotated[
+    str | None, typer.Option(metavar=FRAMES, help="frames instead of events, as frame-diff:250:8; RATE in hertz")
+]
+StartRows = Annotated[int | None, typer.Option(min=1, help="scans per image (physical) [1]")]
+Disturbed = Annotated[
+    int | None, typer.Option(min=1, help="further scans per image, each disturbed at random, to learn (physical)")
+]
+BinSeconds = Annotated[
+    float | None, typer.Option("--bin", metavar="SECONDS", help="time bin, or step of frames [0.004]")
+]
+Start = Annotated[
+    float | None,
+    typer.Option(metavar="SECONDS", help="events count from there [0; paper 0.01, nlcs 0.1]", show_default=False),
+]
+Epochs = Annotated[int, typer.Option(min=1, help="passes over the training scans")]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="field of NetworkConfig or TrainConfig, repeatable"),
+]
+Grid = Annotated[
+    list[str] | None,
+    typer.Option("--grid", metavar="NAME=VALUE,...", help="values to try, chosen by inner validation; repeatable"),
+]
+Recipe = Annotated[str, typer.Option(metavar="|".join(RECIPES), help="fields to start from: docs/guide/classifier.md")]
+Folds = Annotated[int, typer.Option(min=2, help="stratified folds")]
+Seeds = Annotated[int, typer.Option(min=1, help="seeds per fold")]
+Workers = Annotated[int | None, typer.Option(min=1, help="processes of one thread [one per usable core]")]
+
+DEFAULT_RESOLUTION = 4
+
+WITHOUT_EFFECT = {
+    "frames": ("encoding", "resolution", "tau", "start"),
+    "events": ("preset", "encoding", "resolution", "tau", "config_file", "dataset", "start_rows", "disturbed", "data"),
+    "data": ("preset", "tau", "dataset", "start_rows", "disturbed", "frames"),
+}
+"""Parameters that mean nothing beside another: frames have no encoder, and recordings were scanned before."""
+
+_NAMES = {"bin_s": "bin", "config_file": "config", "start_rows": "start-rows"}
+
+
+ENCODER = ("encoding", "resolution")
+"""Fields of the readout that have an option of their own; ``--config`` has all."""
+
+OWN = field_options(Preparation, PREPARATION, {"baseline": "first"})
+
+READOUT = [*field_options(ReadoutConfig, ENCODER, {"resolution": DEFAULT_RESOLUTION}), CONFIG_FILE]
+
+
+def _options(
+    preset: Preset = None,
+    tau: Tau = None,
+    dataset: DatasetName = None,
+    events: EventFolder = None,
+    data: OwnData = None,
+    frames: Frames = None,
+    start_rows: StartRows = None,
+    disturbed: Disturbed = None,
+    bin_s: BinSeconds = None,
+    start: Start = None,
+    recipe: Recipe = "tuned",
+    epochs: Epochs = 60,
+    settings: Settings = None,
+    grid: Grid = None,
+) -> None:
+    """Have the options that describe an experiment beside those of the readout, in their order; never called."""
+
+
+NOT_OF_A_SWEEP = ("encoding", "resolution", "events", "frames")
+"""Options of an experiment that the points of a sweep say instead."""
+
+
+def with_experiment(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Replace the parameter ``made`` of a command, an Experiment (whose module loads torch), by the options for it.
+
+    A parameter ``options`` instead receives their values by name, without those that the points of a sweep say.
+    """
+    others = inspect.signature(_options, eval_str=True).parameters.values()
+    options = [*READOUT, *(p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in others), *OWN]
+    if "made" in inspect.signature(command).parameters:
+        return replace_parameters(command, ["made"], options, _made)
+    kept = [option for option in options if option.name not in NOT_OF_A_SWEEP]
+    return replace_parameters(command, ["options"], kept, lambda values: {"options": values})
+
+
+def _made(values: dict[str, Any]) -> dict[str, Any]:
+    """Return the experiment of a command for one network; a setting that this network does not have is refused."""
+    from snn.experiments.settings import idle_settings
+
+    made = build_experiment(values)
+    kind, idle = idle_settings(made, values["settings"])
+    if idle:
+        raise InputError(f"{idle[0]} means nothing to a network of kind {kind}; leave it out")
+    return {"made": made}
+
+
+def build_experiment(options: dict[str, Any]) -> Experiment:
+    """Return the experiment that the options of a command describe.
+
+    Parameters
+    ----------
+    options : dict
+        Values by name, of all parameters of ``_options``, and texts of the fields of Preparation.
+
+    Raises
+    ------
+    InputError
+        If an option has no meaning, or fits no other.
+    """
+    from snn.data.bins import BinConfig
+    from snn.experiments.settings import experiment_of, parse_grid, parse_settings
+
+    if options["recipe"] not in RECIPES:
+        raise InputError(f"recipe must be one of {', '.join(RECIPES)}, not {options['recipe']!r}")
+    for other, names in WITHOUT_EFFECT.items():
+        if idle := [_NAMES.get(name, name) for name in names if options[other] and options[name] is not None]:
+            raise InputError(f"--{idle[0]} has no effect with --{other}; leave one of the two out")
+    texts = {name: options[name] for name in ENCODER}
+    readout, given = build_config(parse_fields(ReadoutConfig, texts), None, options["config_file"])
+    if "resolution" not in given:
+        readout = readout.replace(resolution=DEFAULT_RESOLUTION)
+    tau_s = options["tau"]
+    if tau_s is not None:
+        check_leaks(readout)
+    prepared = parse_fields(Preparation, {name: options[name] for name in PREPARATION})
+    if options["data"] is not None:
+        folder = events_of(options["data"], prepared, readout, given | {"resolution"})
+        options = options | {"events": folder, "bin_s": options["bin_s"] or _bin_of(folder)}
+    elif prepared:
+        raise InputError(f"{option_named(next(iter(prepared)))} is for your own recordings; add --data DIR")
+    bins = BinConfig(start_s=options["start"])
+    bins = bins if options["bin_s"] is None else dataclasses.replace(bins, bin_s=options["bin_s"])
+    return experiment_of(
+        options["recipe"],
+        parse_settings(options["settings"] or []),
+        options["epochs"],
+        bins,
+        options["frames"],
+        dataset=options["dataset"],
+        events=None if options["events"] is None else str(options["events"]),
+        readout=readout,
+        tau_s=tau_s,
+        given_leak=readout.encoder.leaks and bool(given & {"leak_shift", "leak_period"}),
+        grid=parse_grid(options["grid"]) if options.get("grid") else None,
+        preset=options["preset"],
+        start_rows=options["start_rows"],
+        disturbed=options["disturbed"],
+        variant=options.get("variant"),
+    )
+
+
+def _bin_of(folder: Path) -> float | None:
+    """Return a sample period of own recordings where it is longer than the default bin: shorter ones would be empty."""
+    from model.events.recording import Recording
+    from snn.data.bins import BinConfig
+    from snn.data.recordings import event_files
+
+    period_s = 1 / Recording.load(event_files([folder])[0].path).config.sample_rate_hz
+    if period_s <= BinConfig().bin_s:
+        return None
+    print(f"time bin: {period_s:.4g} s, one sample of these recordings; --bin chooses another")
+    return period_s
+
+
+def check_device(device: str, threads: int) -> None:
+    """Set torch up, and refuse a device that is not there."""
+    import torch
+
+    torch.set_num_threads(threads)
+    try:
+        float(torch.zeros(1, device=device))
+    except (RuntimeError, AssertionError, NotImplementedError):
+        raise InputError(f"device {device!r} is not available here; use cpu") from None
+
+
+def output_folder(folder: Path, *names: str) -> None:
+    """Make a folder, and refuse one in which these files cannot be written, before any work is done."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in names:
+        check_writable(folder / name)
+    if not os.access(folder, os.W_OK):
+        raise InputError(f"cannot write into {folder}; choose another folder with --out")

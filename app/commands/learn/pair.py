@@ -1,0 +1,43 @@
+"""The command pair (docs/guide/classifier.md)."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.cli import printable
+from base.errors import InputError
+from base.files import write_json
+
+POINT = "SWEEP:POINT, as rates-cnn:lcs-4; SWEEP is one of the project or a file"
+
+
+def pair(
+    first: Annotated[str, typer.Argument(metavar="A", help=POINT)],
+    second: Annotated[str, typer.Argument(metavar="B", help="likewise")],
+    reading: Annotated[str, typer.Option(metavar="last|selected", help="epoch that counts")] = "last",
+    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE", help="numbers as JSON")] = None,
+) -> None:
+    """Compare two points of sweeps image by image: McNemar's exact test, and the difference with its interval."""
+    from snn.experiments.pairs import find_point
+    from snn.experiments.pairs import pair as compare
+    from snn.experiments.points import READINGS
+    from snn.figures.fig9 import KEPT
+
+    if reading not in READINGS:
+        raise InputError(f"reading must be one of {', '.join(READINGS)}, not {reading!r}")
+    found = compare(find_point(first, KEPT), find_point(second, KEPT), reading)
+    print(printable(f"A: {first}, B: {second}, {READINGS[reading]}, {found.images} images"))
+    rows = zip(found.accuracy_first, found.accuracy_second, found.only_first, found.only_second, found.p, strict=True)
+    for seed, (a, b, only_a, only_b, p) in enumerate(rows):
+        print(f"seed {seed}: A {a:.1%}, B {b:.1%}; only A right {only_a}, only B right {only_b}, McNemar p {p:.2g}")
+    low, high = found.interval
+    print(
+        f"B - A: {100 * found.difference:+.1f} points, 95 % interval over images {100 * low:+.1f} to {100 * high:+.1f}"
+    )
+    if out is not None:
+        write_json(out, {"first": first, "second": second, "reading": reading} | dataclasses.asdict(found))
+        print(printable(f"result: {out}"))

@@ -1,0 +1,159 @@
+"""The command predict (docs/guide/classifier.md)."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from app.cli import printable
+from app.commands.signals.recordings import events_of
+from base.errors import InputError
+from base.files import check_writable, write_json
+from base.progress import bar
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from model.events.recording import Recording
+    from snn.experiments.evaluate import Check, Score
+    from snn.experiments.trained import Trained
+
+MOST_LINES = 20
+"""Recordings that are listed one by one; of more, only those without a class."""
+
+MOST_CLASSES = 12
+"""Classes of which the confusion is printed."""
+
+
+def predict(
+    weights: Annotated[Path, typer.Argument(metavar="WEIGHTS.npz", help="trained network")],
+    events: Annotated[
+        list[Path] | None, typer.Option("--events", metavar="DIR|FILE", help="event files, as of a replay; repeatable")
+    ] = None,
+    data: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR|FILE", help="your own recordings, taken as those of the training were"),
+    ] = None,
+    check_model: Annotated[
+        bool, typer.Option("--check-model", help="hold RTL recordings to the model's; exit code 1 if they differ")
+    ] = False,
+    dataset: Annotated[
+        str | None,
+        typer.Option(metavar="DIR|embedded", help="their textures [$ESKIN_DATA, data/kylberg; else embedded]"),
+    ] = None,
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="predictions of all recordings")] = Path(
+        "out/predictions.json"
+    ),
+) -> None:
+    """Classify recordings with a trained network; with --check-model RTL and model must agree bit for bit."""
+    import torch
+
+    from snn.data.recordings import event_files, read_recordings
+    from snn.experiments import evaluate as work
+    from snn.experiments.trained import load_trained
+
+    torch.set_num_threads(1)
+    if events and data is not None and not check_model:
+        raise InputError("--data beside --events is where --check-model finds the samples; add it, or leave one out")
+    trained = load_trained(weights)
+    files = event_files(events or [_own_events(trained, data, check_model)])
+    with bar("reading events", len(files)) as step:
+        recordings = read_recordings(files, trained.weights.class_names, step)
+    if not events:
+        recordings = [work.without_unknown_class(recording, trained) for recording in recordings]
+    check_writable(out)
+    counts = work.bin_recordings(recordings, trained)
+    logits = work.logits_of(trained.weights.network, counts)
+    scores = work.scores(recordings, counts, logits, trained)
+    print(f"{len(counts)} recordings; {counts.steps} steps of {counts.channels} channels, {counts.step_s:g} s each")
+    if other := trained.other_fields(recordings[0].config):
+        print(f"warning: the readout is not that of the training: {'; '.join(other)}", file=sys.stderr)
+    _print_recordings(recordings, logits, trained)
+    _print_scores(scores, trained)
+    check = None
+    if check_model:
+        with bar("model", len(files)) as step:
+            check = work.check_model(recordings, counts, logits, trained, work.Places(dataset, data), step)
+    write_json(out, work.predictions(recordings, logits, trained, scores, check))
+    print(printable(f"predictions: {out}"))
+    if check is not None:
+        again = ["eskin", "predict", str(weights), "--events", str(files[check.where].path)]
+        again += ["--check-model", *([] if dataset is None else ["--dataset", dataset])]
+        again += [] if data is None else ["--data", str(data)]
+        _print_check(check, recordings, shlex.join(again))
+
+
+def _own_events(trained: Trained, data: Path | None, check_model: bool) -> Path:
+    """Return the event files of own recordings, taken as those of the training were."""
+    from skin.recordings.trained_on import EVERY_FIELD
+
+    if data is None:
+        raise InputError("what shall be classified? give --events DIR, or --data DIR with your own recordings")
+    if check_model:
+        raise InputError("--check-model holds events of the RTL to the model; add --events, as of replay --data")
+    if trained.own is None:
+        raise InputError(
+            "the network was not trained on your own recordings, so nobody knows how these are to be scaled; encode "
+            "them with eskin encode, and give --events"
+        )
+    return events_of(data, trained.own.prepared, trained.own.config, EVERY_FIELD, flat=True)
+
+
+def _print_check(check: Check, recordings: Sequence[Recording], again: str) -> None:
+    """Print how many recordings of the RTL are those of the model; leave with 1 if one differs or none was compared."""
+    from snn.experiments.evaluate import LEVELS
+
+    names = [recording.metadata["name"] for recording in recordings]
+    noun = "images" if len(set(names)) == len(names) else "recordings"
+    count = len(check.compared)
+    if not count:
+        print(f'FAILED: nothing was compared, none of {len(recordings)} recordings has the source "rtl"')
+        raise typer.Exit(1)
+    if not check.passed:
+        print("\n".join(map(printable, [*check.first.splitlines(), f"reproduce: {again}"])))
+        differ = ", ".join(f"{len(numbers)} in {level}" for level, numbers in check.different.items())
+        print(f"FAILED: of {count} {noun} compared differ {differ}")
+        raise typer.Exit(1)
+    if count < len(recordings):
+        print(f"{len(recordings) - count} recordings are not of the RTL and were not compared")
+    same = ", ".join(f"same {level}" for level in LEVELS)
+    print(f"{count} of {count} {noun}: {same} ({check.events} events)")
+
+
+def _print_recordings(recordings: Sequence[Recording], logits: NDArray[np.float32], trained: Trained) -> None:
+    """Print name, class and prediction of a few recordings, or of those that have no class."""
+    from snn.data.recordings import class_of
+
+    for recording, row in zip(recordings, logits, strict=True):
+        if len(recordings) <= MOST_LINES or class_of(recording) is None:
+            predicted = trained.weights.class_names[row.argmax()]
+            print(printable(f"{recording.metadata['name']}: {predicted} (class: {class_of(recording) or 'not known'})"))
+
+
+def _print_scores(scores: dict[str, Score], trained: Trained) -> None:
+    """Print the accuracy of each part, and the confusion of the part that is a result."""
+    from snn.experiments.trained import OTHER, TEST, TRAINING
+
+    words = {
+        TEST: "test images of the fold",
+        TRAINING: "training images (the network has learned them: this is no result)",
+        OTHER: "images that are not of the training" if trained.parts else "all images",
+    }
+    for part, score in scores.items():
+        print(f"{words[part]}: accuracy {score.accuracy:.1%} ({score.correct} of {score.total})")
+    if scores and not trained.parts:
+        print(f"whether the network has learned some of them is not known: {printable(trained.unknown)}")
+    shown = scores.get(TEST) or scores.get(OTHER)
+    names = [printable(name) for name in trained.weights.class_names]
+    if shown is None or len(names) > MOST_CLASSES:
+        return
+    width = max(map(len, names)) + 2
+    print("predicted:".ljust(width) + "".join(name.rjust(width) for name in names))
+    for name, row in zip(names, shown.confusion.tolist(), strict=True):
+        print(name.ljust(width) + "".join(str(number).rjust(width) for number in row))

@@ -1,0 +1,99 @@
+"""The command robustness (docs/guide/robustness.md)."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from app.cli import EXIT_INTERRUPTED, printable
+from app.commands.learn.options import check_device
+from app.commands.learn.sweep import command_line
+from base.errors import InputError
+from base.files import check_writable, origin, write_json
+from base.progress import bar
+
+Trainings = Annotated[
+    list[Path] | None,
+    typer.Argument(metavar="DIR...", help="folders NETWORK/TRAINING/ of snn train, one a fold and seed [out/train]"),
+]
+
+
+def robustness(
+    context: typer.Context,
+    weights: Trainings = None,
+    only: Annotated[
+        str | None, typer.Option(metavar="NAME[=STRENGTH],...", help="disturbances [all, at all strengths]")
+    ] = None,
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="cells, robustness.json and .png")] = Path(
+        "out/robustness"
+    ),
+) -> None:
+    """Test trained networks under noise, mismatch, faults and other movements; stopped, it goes on where it was."""
+    from snn.data.disturb import DISTURBANCES
+    from snn.experiments.robustness import Subject, cases, run_cells, summarise
+    from snn.figures.robustness import plot_robustness
+
+    chosen = cases(list(DISTURBANCES) if only is None else [name.strip() for name in only.split(",")])
+    check_device("cpu", 1)
+    subjects = [Subject.load(path) for path in trained_files(weights or [Path("out/train")])]
+    places = [(subject.network, subject.fold, subject.seed) for subject in subjects]
+    if twice := [place for place in places if places.count(place) > 1]:
+        network, fold, seed = twice[0]
+        raise InputError(f"network {network!r} comes twice with fold {fold} and seed {seed}; rename a folder")
+    out.mkdir(parents=True, exist_ok=True)
+    for name in ("robustness.json", "robustness.png"):
+        check_writable(out / name)
+    try:
+        with bar("cells", len(subjects) * len(chosen)) as step:
+            cells = run_cells(subjects, chosen, out, step)
+    except KeyboardInterrupt:
+        print(f"stopped; the cells that are done stay in {out}, and the same command goes on", file=sys.stderr)
+        raise typer.Exit(EXIT_INTERRUPTED) from None
+    points = summarise(cells)
+    write_json(out / "robustness.json", origin(command_line(context)) | {"points": points})
+    plot_robustness(points, out / "robustness.png")
+    _print_table(points)
+    print(printable(f"result: {out / 'robustness.json'}, picture: {out / 'robustness.png'}"))
+
+
+def trained_files(places: list[Path]) -> list[Path]:
+    """Return the weight files of folders, at any depth."""
+    found = []
+    for place in places:
+        below = sorted(place.rglob("weights.npz")) if place.is_dir() else [place]
+        if not below:
+            raise InputError(f"there is no trained network in {place}; make one with eskin train")
+        found += below
+    return found
+
+
+def _print_table(points: list[dict[str, Any]]) -> None:
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    networks = sorted({point["network"] for point in points})
+    table = Table(box=box.SIMPLE_HEAD, title="accuracy in %, 95 % interval over images and seeds", title_justify="left")
+    for name in ("disturbance", "strength"):
+        table.add_column(name)
+    for network in networks:
+        table.add_column(printable(network), justify="right")
+    table.add_column("events/s", justify="right")
+    rows: dict[tuple[str, float], dict[str, Any]] = {}
+    for point in points:
+        rows.setdefault((point["disturbance"], point["strength"]), {})[point["network"]] = point
+    for (name, strength), by_network in rows.items():
+        cells = []
+        for network in networks:
+            if network not in by_network:
+                cells.append("")
+                continue
+            found = by_network[network]
+            low, high = found["bootstrap_95"]
+            cells.append(f"{100 * found['accuracy']:.1f} ({100 * low:.0f} to {100 * high:.0f})")
+        rate = next(iter(by_network.values()))["rate_hz"]
+        table.add_row(name, f"{strength:g}" if name != "clean" else "", *cells, f"{rate:.0f}")
+    Console().print(table)

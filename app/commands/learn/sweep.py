@@ -1,0 +1,172 @@
+"""The command sweep (docs/guide/classifier.md)."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, get_args
+
+import typer
+
+from app.cli import EXIT_INTERRUPTED, printable
+from app.commands.learn.bars import cell_bar
+from app.commands.learn.options import (
+    NOT_OF_A_SWEEP,
+    Folds,
+    Seeds,
+    Workers,
+    build_experiment,
+    with_experiment,
+)
+from app.options import LEAKY
+from app.tables import new_table, show
+from app.worker_options import Scheduler, open_pool
+from base.errors import InputError
+from snn.data.frame_steps import FRAMES, FrameKind, FrameSteps
+from snn.experiments.recipes import BASELINES
+
+if TYPE_CHECKING:
+    from snn.experiments.points import PointSummary
+    from snn.experiments.sweep import SweepPoint
+
+DEFAULT_POINTS = "lcs:2,lcs:4,lcs:6,lcs:8,nlcs:4,nlcs:6,nlcs:8,nlcs:10"
+
+UNSAID: dict[str, Any] = dict.fromkeys(NOT_OF_A_SWEEP)
+"""What a point does not say of its experiment."""
+
+OF_THIS_RUN = {"out", "workers", "scheduler"}
+"""Options that do not change the result, and so have no place in the command that gives it."""
+
+
+@with_experiment
+def sweep(
+    context: typer.Context,
+    *,
+    points: Annotated[
+        str,
+        typer.Option(metavar="ENCODER:N,...", help=f"N bits; {FRAMES}; rnn|gru|cnn:K, K frames of 5 kHz x 10 b a step"),
+    ] = DEFAULT_POINTS,
+    events: Annotated[
+        list[Path] | None,
+        typer.Option("--events", metavar="DIR", help="event files as a point, instead of --points; repeatable"),
+    ] = None,
+    options: dict[str, Any],
+    folds: Folds = 6,
+    seeds: Seeds = 3,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="a folder per point, and sweep.json")] = Path(
+        "out/sweep"
+    ),
+) -> None:
+    """Cross-validate many operating points at once; stopped, it goes on with the cells that are missing."""
+    if events and points != DEFAULT_POINTS:
+        raise InputError("--points says what is recorded from textures, --events what is recorded already; give one")
+    from snn.experiments.settings import parse_points
+
+    chosen = [] if events else parse_points(points)
+    if not events and options["tau"] is not None and not {readout for readout, _ in chosen} & set(LEAKY):
+        named = " or ".join(LEAKY)
+        raise InputError(f"--tau is the leak of {named}, but --points has no {named} point; leave it out")
+    if not events and options["bin_s"] is not None and not {readout for readout, _ in chosen} - set(BASELINES):
+        raise InputError("--bin has no effect on rnn|gru|cnn:K, which say the frames of a step; leave it out")
+    made = [_point(readout, number, options) for readout, number in chosen]
+    made += [_recorded_point(folder, options) for folder in events or ()]
+    _tell_idle(made, options["settings"])
+    from base.workers.cluster import Needs
+    from snn.experiments.sweep import sweep as run
+
+    needs = Needs(("base", "model", "skin", "snn"), ("torch", "numpy"))
+    try:
+        with open_pool(workers, scheduler, needs) as pool, cell_bar(len(made) * folds * seeds) as show:
+            found = run(
+                made, out, pool=pool, folds=folds, seeds=seeds, command=command_line(context), progress=show
+            )  # fmt: skip
+    except KeyboardInterrupt:
+        print(f"stopped; the cells that are done stay in {out}, and the same command goes on", file=sys.stderr)
+        raise typer.Exit(EXIT_INTERRUPTED) from None
+    _print_table(found)
+    print(printable(f"result: {out / 'sweep.json'}"))
+    print(f"draw it with {shlex.join(['eskin', 'fig9', '--sweep', str(out)])}")
+
+
+def _tell_idle(points: list[SweepPoint], settings: list[str] | None) -> None:
+    """Say which settings mean nothing to some of the points; refuse one that means nothing to any."""
+    from snn.experiments.settings import idle_settings
+
+    idle: dict[str, list[str]] = {}
+    for point in points:
+        for setting in idle_settings(point.experiment, settings)[1]:
+            idle.setdefault(setting, []).append(point.name)
+    for setting, names in idle.items():
+        if len(names) == len(points):
+            raise InputError(f"{setting} means nothing to any network of these points; leave it out")
+        print(printable(f"note: {setting} means nothing to the network of {', '.join(names)}"), file=sys.stderr)
+
+
+def _point(readout: str, numbers: str, options: dict[str, Any]) -> SweepPoint:
+    """Return the point, which takes all other options of the command."""
+    from snn.experiments.sweep import SweepPoint
+
+    options = options | UNSAID
+    try:
+        if readout in BASELINES:
+            frames = FrameSteps(frames_per_step=int(numbers))
+            options |= {"frames": frames.name, "bin_s": frames.step_s, "recipe": readout, "tau": None, "start": None}
+        elif readout in get_args(FrameKind):
+            options |= {"frames": f"{readout}:{numbers}", "tau": None, "start": None}
+        else:
+            bits, _, variant = numbers.partition(":")
+            options |= {"encoding": readout, "resolution": int(bits), "variant": variant or None}
+            options |= {"tau": options["tau"] if readout in LEAKY else None}
+        made = build_experiment(options)
+        if options["data"] is not None:
+            made = made.with_readout_of_events()
+        return SweepPoint(f"{readout}-{numbers}".replace(":", "-"), made)
+    except InputError as error:
+        raise InputError(f"point {readout}:{numbers}: {error}") from None
+
+
+def _recorded_point(folder: Path, options: dict[str, Any]) -> SweepPoint:
+    """Return the point of a folder of event files, called as the folder."""
+    from snn.experiments.sweep import SweepPoint
+
+    made = build_experiment(options | UNSAID | {"events": folder})
+    whole = folder.resolve()
+    return SweepPoint(whole.parent.name if whole.name == "events" else whole.name, made.with_readout_of_events())
+
+
+def command_line(context: typer.Context) -> str:
+    """Return what to type for the same result: the options that differ from their defaults."""
+    words = ["eskin", str(context.info_name)]
+    for option in context.command.params:
+        value = context.params.get(str(option.name))
+        if option.name in OF_THIS_RUN or value is None or value == option.get_default(context):
+            continue
+        named = [] if option.param_type_name == "argument" else [max(option.opts, key=len)]
+        for one in value if isinstance(value, (list, tuple)) else [value]:
+            words += [*named, str(one)]
+    return shlex.join(words)
+
+
+def _print_table(points: list[PointSummary]) -> None:
+    """Print the accuracy of every point over its data rate."""
+    title = (
+        "accuracy in % by data rate in units of 640 kb/s\n"
+        "95 % interval over images and seeds; sd over cells, each one fold and seed"
+    )
+    table = new_table(("point", "rate", "last epoch", "95 % interval", "sd", "selected", "sd"), title)
+    for point in points:
+        last, selected = point.result("last"), point.result("selected")
+        low, high = last.bootstrap_95
+        table.add_row(
+            point.name,
+            f"{point.normalised_rate:.3g}",
+            f"{100 * last.accuracy:.1f}",
+            f"{100 * low:.1f} to {100 * high:.1f}",
+            f"{100 * (last.sd_over_cells or 0):.1f}",
+            f"{100 * selected.accuracy:.1f}",
+            f"{100 * (selected.sd_over_cells or 0):.1f}",
+        )
+    show(table)

@@ -1,0 +1,117 @@
+"""The commands train and crossval (docs/guide/classifier.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from app.cli import printable
+from app.commands.learn.bars import epoch_bar
+from app.commands.learn.options import Folds, Seeds, Workers, check_device, output_folder, with_experiment
+from base.errors import InputError
+from base.progress import bar
+
+if TYPE_CHECKING:
+    from snn.data.scans import ScanData
+    from snn.experiments.experiment import Experiment
+    from snn.training import Epoch
+
+
+@with_experiment
+def train(
+    made: Any,
+    folds: Folds = 6,
+    fold: Annotated[int, typer.Option(min=0, help="the fold that is tested, from 0")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="of weights, order and augmentation")] = 0,
+    checkpoint_every: Annotated[int, typer.Option(min=1, help="epochs between checkpoints")] = 5,
+    threads: Annotated[int, typer.Option(min=1, help="threads of torch")] = 1,
+    device: Annotated[str, typer.Option(help="as torch names it")] = "cpu",
+    watch_test: Annotated[
+        bool, typer.Option("--watch-test", help="also note the test accuracy of every epoch; it selects nothing")
+    ] = False,
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="checkpoint and result")] = Path("out/train"),
+) -> None:
+    """Train one network on one fold; stopped, it goes on from its checkpoint when called again."""
+    check_device(device, threads)
+    if made.grid is not None:
+        raise InputError("train takes one setting; give it with --set, or the grid to crossval or sweep")
+    if fold >= folds:
+        raise InputError(f"fold must be in 0..{folds - 1}, not {fold}")
+    output_folder(out, "checkpoint.pt", "result.json", "weights.npz")
+    with bar("recording scans") as step:
+        data = made.data(step)
+    from snn.experiments.single import Fold, train_fold
+    from snn.kernels import cpu as kernel
+
+    chosen = Fold.choose(data, fold, folds)
+    print(f"data: {printable(data.source)}")
+    print(
+        f"{len(chosen.images)} images to learn ({len(data.scans_of(chosen.images))} scans), {len(chosen.test)} to "
+        f"test, {len(data.class_names)} classes; {data.steps} steps of {data.channels} channels"
+    )
+    if not kernel.available():
+        print("no C++ compiler was found: the dense torch path is used, about five times slower")
+    options: dict[str, Any] = {"checkpoint_every": checkpoint_every, "device": device, "watch_test": watch_test}
+    with _epochs(made, data) as progress:
+        training, result = train_fold(made, chosen, seed, out, progress=progress, **options)
+    last, labels = training.history[-1], result["labels"]
+    right = sum(a == b for a, b in zip(result["predicted"], labels, strict=True))
+    print(f"after epoch {last.number}: loss {last.loss:.3f}, accuracy of the training scans {last.accuracy:.1%}")
+    print(f"test accuracy {result['accuracy']:.1%} ({right} of {len(labels)} images), last epoch")
+    if watch_test:
+        best = max(training.history, key=lambda epoch: epoch.held_out or 0.0)
+        print(f"the best test epoch, no result as it is chosen by the test: {best.held_out:.1%}, epoch {best.number}")
+    print(f"result: {out / 'result.json'}, weights: {out / 'weights.npz'}")
+
+
+@contextmanager
+def _epochs(made: Experiment, data: ScanData) -> Iterator[Callable[[Epoch], None]]:
+    """Give what shows an epoch; a warning of each kind is printed once."""
+    network = made.network_config(data)
+    told: set[str] = set()
+    with epoch_bar(made.train.epochs) as (show, say):
+
+        def progress(epoch: Epoch) -> None:
+            show(epoch)
+            for warning in epoch.warnings(network.kind == "spiking", network.classes):
+                kind = warning.split("(")[0][:20]
+                if kind not in told:
+                    told.add(kind)
+                    say(f"epoch {epoch.number}: {warning}")
+
+        yield progress
+
+
+@with_experiment
+def crossval(
+    made: Any,
+    folds: Folds = 6,
+    seeds: Seeds = 3,
+    workers: Workers = None,
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="one file per cell, and the report")] = Path(
+        "out/crossval"
+    ),
+) -> None:
+    """Cross-validate a network: folds x seeds; stopped, it goes on with the cells that are missing."""
+    check_device("cpu", 1)
+    output_folder(out, "result.json")
+    with bar("recording scans") as step:
+        data = made.data(step)
+    from snn.experiments.sweep import cross_validate
+
+    with bar("cells", folds * seeds) as step:
+        report = cross_validate(
+            made, out, folds=folds, seeds=seeds, workers=workers, data=data, progress=lambda _: step()
+        )
+    for reading, words in (("last", "last epoch"), ("selected", "epoch selected by inner validation")):
+        found = report[reading]
+        low, high = found["bootstrap_95"]
+        print(
+            f"{words}: {found['accuracy']:.1%}, 95 % interval over images and seeds {low:.1%} to {high:.1%} "
+            f"({found['images']} images, {seeds} seeds), standard deviation over cells {found['sd_over_cells']:.1%}"
+        )
+    print(f"result: {out / 'result.json'}")

@@ -1,0 +1,122 @@
+"""The command explore (docs/guide/power.md)."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import Annotated, Any
+
+import typer
+
+from app.cli import asked_for, printable
+from app.commands.signals.options import (
+    DatasetOption,
+    JsonOption,
+    OutOption,
+    PresetOption,
+    RatesOption,
+    SettingsOption,
+    SynthesisOption,
+)
+from app.options import with_fields
+from app.tables import new_table, show
+from base.errors import InputError
+from base.figures.files import DEFAULT_OUT, write_results
+from base.progress import bar
+from power.build import build_model, rate_table
+from power.equations import CORRECTIONS, PowerModel, RateSource
+from power.explore import GivenRates, explore_data
+from power.parameters import PowerParameters
+from power.readouts import READOUT_NAMES, READOUTS
+from power.study import RESOLUTIONS
+
+SENSOR = ("rows", "columns", "signal_bandwidth_hz", "supply_v", "pads_voltage_v", "pads_toggle")
+"""Parameters of the power model that have an option of their own; ``--set`` takes the others."""
+
+
+STORED_RATES = (
+    "event rates: those of textures in the {} scan, which come with the project; --event-rate gives your sensor's own"
+)
+
+
+@with_fields(PowerParameters, SENSOR, "sensor", {"signal_bandwidth_hz": "that of the textures"})
+def explore(
+    sensor: dict[str, Any],
+    noise: Annotated[float, typer.Option(metavar="V", help="AFE output noise, rms, for 1 V full scale")] = 1e-3,
+    tau: Annotated[float, typer.Option(metavar="SECONDS", help="time constant of N-LCS")] = 0.2,
+    event_rate: Annotated[
+        float | None, typer.Option(metavar="HZ", help="events/s of the whole array, instead of textures")
+    ] = None,
+    nlcs_event_rate: Annotated[
+        float | None, typer.Option(metavar="HZ", help="the same of N-LCS [that of --event-rate]")
+    ] = None,
+    rate_resolution: Annotated[int, typer.Option(metavar="N", help="resolution to which these rates belong")] = 6,
+    min_resolution: Annotated[
+        int | None, typer.Option(metavar="N", help="resolution needed [the finest that the noise allows]")
+    ] = None,
+    dataset: DatasetOption = None,
+    preset_name: PresetOption = "physical",
+    rates: RatesOption = None,
+    synthesis: SynthesisOption = None,
+    settings: SettingsOption = None,
+    out: OutOption = DEFAULT_OUT,
+    as_json: JsonOption = False,
+) -> None:
+    """Show which readout and resolution cost least for your sensor."""
+    from power.figures.plots import plot_explore
+
+    own = list(settings or [])
+    if (bandwidth := sensor.get("signal_bandwidth_hz")) is not None:  # said by the user, so not that of the textures
+        own.insert(0, f"signal_bandwidth_hz={bandwidth!r}")
+    parameters = PowerParameters().replace(**sensor)
+    PowerModel().breakdown("frame", rate_resolution, noise, tau)  # refuses bad numbers before anything is measured
+
+    array = (parameters.rows, parameters.columns)
+
+    def source() -> RateSource:
+        if event_rate is None and nlcs_event_rate is None:
+            return rate_table(dataset, preset_name, rates, list(RESOLUTIONS), [tau], array, watch=bar)
+        if dataset is not None or rates is not None:
+            raise InputError("--event-rate stands in place of --dataset and --rates; give one of them")
+        if event_rate is None:
+            raise InputError("--nlcs-event-rate goes with --event-rate, the rate of LCS; give both")
+        return GivenRates(event_rate, event_rate if nlcs_event_rate is None else nlcs_event_rate, rate_resolution)
+
+    model = build_model(frozenset(CORRECTIONS), own, synthesis, source, parameters)
+    data = explore_data(model, noise, tau, min_resolution)
+    written = write_results(out, "explore", data, plot_explore, command=asked_for())
+    if event_rate is dataset is rates is None:
+        print(STORED_RATES.format(preset_name), file=sys.stderr if as_json else sys.stdout)
+    if as_json:
+        print(json.dumps(data))
+    else:
+        print(printable(written))
+        _print(data)
+
+
+def _print(data: dict[str, Any]) -> None:
+    """Print the study as a table, the cheapest of every resolution marked, and the answer."""
+    from rich.text import Text
+
+    from base.units import with_unit
+
+    sensor = data["sensor"]
+    title = (
+        f"{sensor['rows']} x {sensor['columns']} taxels, {sensor['bandwidth_hz']:g} Hz, "
+        f"noise {sensor['noise_v_rms'] * 1e3:g} mV rms, pads {sensor['pads_voltage_v']:g} V"
+    )
+    names = [READOUT_NAMES[readout] for readout in READOUTS]
+    table = new_table(("N", *names, "cheapest", ""), title, left=(len(names) + 1, len(names) + 2))
+    for row in data["table"]:
+        cells = []
+        for readout in READOUTS:
+            best = readout == row["cheapest"]
+            cells.append(Text(with_unit(row[readout]["total"], "W"), style="bold" if best else ""))
+        remark = "below the noise" if row["resolution"] > data["noise_resolution"] else ""
+        table.add_row(str(row["resolution"]), *cells, READOUT_NAMES[row["cheapest"]], remark)
+    show(table)
+    best = data["cheapest"]
+    print(
+        f"cheapest with at least {data['least_resolution']} bit: {READOUT_NAMES[best['readout']]} at "
+        f"{best['resolution']} bit, {with_unit(best['total'], 'W')}"
+    )

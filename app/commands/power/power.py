@@ -1,0 +1,262 @@
+"""The commands power, fig6, fig7 and sensitivity (docs/guide/power.md)."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from app.cli import asked_for, printable
+from app.commands.signals.options import (
+    DataOutOption,
+    DatasetOption,
+    JsonOption,
+    OutOption,
+    PresetOption,
+    RatesOption,
+    SettingsOption,
+    SynthesisOption,
+)
+from app.tables import new_table, show
+from base.errors import InputError
+from base.figures.files import DEFAULT_OUT, write_results
+from base.progress import bar
+from power.build import MEASURED, both_modes, build_model, chosen_corrections, rate_table
+from power.parameters import PowerParameters
+from power.study import crossover_text
+
+if TYPE_CHECKING:
+    from power.equations import PowerModel
+
+
+# -- power -------------------------------------------------------------------------------------------
+
+
+def power(
+    mode: Annotated[
+        str | None, typer.Option(metavar="paper|consistent", help="published model, or with all corrections [paper]")
+    ] = None,
+    resolution: Annotated[int, typer.Option(metavar="N", help="LSB = 2**-N of full scale, 1..10")] = 6,
+    noise: Annotated[float, typer.Option(metavar="V", help="AFE output noise, rms, for 1 V full scale")] = 1e-3,
+    tau: Annotated[float, typer.Option(metavar="SECONDS", help="time constant of N-LCS")] = 0.2,
+    correct: Annotated[str | None, typer.Option(metavar="NAME,...", help="make only these corrections")] = None,
+    without: Annotated[str | None, typer.Option(metavar="NAME,...", help="make all corrections but these")] = None,
+    crossover: Annotated[
+        bool, typer.Option("--crossover", help="AFE noise where spikes beat frames, N = 1..10")
+    ] = False,
+    parameters: Annotated[bool, typer.Option("--parameters", help="list all parameters and corrections")] = False,
+    settings: SettingsOption = None,
+    synthesis: SynthesisOption = None,
+    dataset: DatasetOption = None,
+    preset_name: Annotated[
+        str | None, typer.Option("--preset", metavar="paper|physical", help="texture scan of the event rates [paper]")
+    ] = None,
+    rates: RatesOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Print the power of the three readouts."""
+    if parameters:
+        _print_parameters(PowerParameters().with_settings(settings or []), as_json)
+        return
+    from power.equations import PowerModel
+    from power.study import RESOLUTIONS, TAUS_S, breakdowns, crossovers, winning_sides
+
+    corrections = chosen_corrections(mode, correct, without)
+    given = {"--rates": rates, "--dataset": dataset, "--preset": preset_name}
+    if idle := [name for name, value in given.items() if value is not None and not corrections & MEASURED]:
+        raise InputError(
+            f"{idle[0]} has no effect on the published rates; add --mode consistent or --correct event_rates"
+        )
+    # Bad numbers are refused before anything is measured.
+    PowerModel().breakdown("frame", resolution, noise, tau)
+    wanted = (list(RESOLUTIONS), list(TAUS_S)) if crossover else ([resolution], [tau])
+    model = build_model(
+        corrections, settings, synthesis, lambda: rate_table(dataset, preset_name or "paper", rates, *wanted, watch=bar)
+    )
+    if not crossover:
+        data = breakdowns(model, resolution, noise, tau)
+        if as_json:
+            print(json.dumps(data))
+        else:
+            _print_breakdown(data, model, f"N = {resolution}, noise {noise * 1e3:g} mV rms, tau {tau:g} s")
+        return
+    data = crossovers(model)
+    if as_json:
+        print(json.dumps(data))
+    else:
+        _print_crossovers(data, winning_sides(model), model)
+
+
+def _mode_text(model: PowerModel) -> str:
+    from power.equations import CORRECTIONS
+
+    if not model.corrections:
+        return "paper"
+    if model.corrections == frozenset(CORRECTIONS):
+        return "consistent"
+    return "corrected: " + ", ".join(name for name in CORRECTIONS if name in model.corrections)
+
+
+def _print_breakdown(data: dict[str, Any], model: PowerModel, title: str) -> None:
+    """Print breakdowns as a table, a column for each readout."""
+    from base.units import with_unit
+    from power.readouts import READOUT_NAMES, READOUTS
+
+    table = new_table(("power", *(READOUT_NAMES[readout] for readout in READOUTS)), f"{title}, {_mode_text(model)}")
+    parts = list(dict.fromkeys(part for readout in READOUTS for part in data[readout]["converter_parts"]))
+    table.add_row("AFE", *(with_unit(data[r]["afe"], "W") for r in READOUTS))
+    table.add_row("converter", *(with_unit(data[r]["converter"], "W") for r in READOUTS))
+    for part in parts:
+        values = [data[r]["converter_parts"].get(part) for r in READOUTS]
+        table.add_row(
+            f"  {part.replace('_', ' ')}", *("" if v is None else with_unit(v, "W") for v in values), style="dim"
+        )
+    table.add_row("I/O", *(with_unit(data[r]["io"], "W") for r in READOUTS))
+    table.add_section()
+    table.add_row("total", *(with_unit(data[r]["total"], "W") for r in READOUTS), style="bold")
+    frame = data["frame"]["total"]
+    table.add_row("total / frame", *(f"{data[r]['total'] / frame:.3g}" for r in READOUTS))
+    show(table)
+
+
+def _print_crossovers(data: dict[str, Any], sides: dict[str, Any], model: PowerModel) -> None:
+    """Print crossovers as a table, a line for each resolution."""
+    from power.study import RESOLUTIONS
+
+    lines = [(f"N-LCS {float(tau):g} s", data["nlcs"][tau], sides["nlcs"][tau]) for tau in data["nlcs"]]
+    lines.append(("LCS", data["lcs"], sides["lcs"]))
+    title = f"AFE noise (mV rms) where spikes and frames cost the same, {_mode_text(model)}"
+    table = new_table(("N", *(name for name, _, _ in lines)), title, left=())
+    for i, n in enumerate(RESOLUTIONS):
+        table.add_row(str(n), *(_side_text(values[i], side[i]) for _, values, side in lines))
+    table.caption = "spikes cost less above (>) or below (<) it, at any noise, or at none"
+    table.caption_justify = "left"
+    show(table)
+
+
+def _side_text(noise_v_rms: float | None, side: str) -> str:
+    """Return a crossover in mV with its side as a sign, or any, none."""
+    if noise_v_rms is None:
+        return {"always": "any", "never": "none"}[side]
+    return f"{'>' if side == 'above' else '<'} {noise_v_rms * 1e3:.4g}"
+
+
+def _print_parameters(parameters: PowerParameters, as_json: bool) -> None:
+    """Print every parameter with unit, meaning and source, and the corrections."""
+    from power.equations import CORRECTIONS
+
+    shown = ("unit", "source", "meaning")
+    fields = dataclasses.fields(parameters)
+    if as_json:
+        listed = {
+            f.name: {"value": getattr(parameters, f.name), **{key: f.metadata[key] for key in shown}} for f in fields
+        }
+        print(json.dumps({"parameters": listed, "corrections": CORRECTIONS}))
+        return
+    table = new_table(("parameter", "value", "unit", "meaning", "source"), left=(0, 2, 3, 4), overflow="fold")
+    for f in fields:
+        value = f"{getattr(parameters, f.name):g}"
+        table.add_row(f.name, value, f.metadata["unit"], f.metadata["meaning"], f.metadata["source"])
+    show(table)
+    corrections = new_table(("correction", "meaning"), left=(0, 1))
+    for name, meaning in CORRECTIONS.items():
+        corrections.add_row(name, meaning)
+    show(corrections)
+
+
+# -- figures -----------------------------------------------------------------------------------------
+
+
+def fig6(
+    out: OutOption = DEFAULT_OUT,
+    data_out: DataOutOption = None,
+    settings: SettingsOption = None,
+    synthesis: SynthesisOption = None,
+    dataset: DatasetOption = None,
+    preset_name: PresetOption = "paper",
+    rates: RatesOption = None,
+) -> None:
+    """Draw figure 6 in both modes: power at three noise targets."""
+    from power.figures.plots import plot_fig6
+    from power.study import FIG_RESOLUTION, FIG_TAU_S, fig6_data
+
+    source = partial(rate_table, dataset, preset_name, rates, [FIG_RESOLUTION], [FIG_TAU_S], watch=bar)
+    data = fig6_data(both_modes(settings, synthesis, source))
+    print(printable(write_results(out, "fig6", data, plot_fig6, data_out, command=asked_for())))
+
+
+def fig7(
+    out: OutOption = DEFAULT_OUT,
+    data_out: DataOutOption = None,
+    settings: SettingsOption = None,
+    synthesis: SynthesisOption = None,
+    dataset: DatasetOption = None,
+    preset_name: PresetOption = "paper",
+    rates: RatesOption = None,
+) -> None:
+    """Draw figure 7 in both modes: crossover noise by resolution."""
+    from power.figures.plots import plot_fig7
+    from power.study import RESOLUTIONS, TAUS_S, fig7_data
+
+    source = partial(rate_table, dataset, preset_name, rates, list(RESOLUTIONS), list(TAUS_S), watch=bar)
+    data = fig7_data(both_modes(settings, synthesis, source))
+    print(printable(write_results(out, "fig7", data, plot_fig7, data_out, command=asked_for())))
+
+
+def sensitivity(
+    out: OutOption = DEFAULT_OUT,
+    data_out: DataOutOption = None,
+    settings: SettingsOption = None,
+    synthesis: SynthesisOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Show what each correction does to spiking / frame power."""
+    from power.equations import CORRECTIONS
+    from power.figures.plots import plot_sensitivity
+    from power.rates import load_tables, stored_table
+    from power.study import sensitivity_data, sensitivity_models
+
+    model = build_model(frozenset(CORRECTIONS), settings, synthesis, stored_table)
+    used = (model.measured.dataset, model.measured.preset)  # type: ignore[union-attr]
+    others = {f"{t.dataset} {t.preset} scan": t for t in load_tables() if (t.dataset, t.preset) != used}
+    data = sensitivity_data(sensitivity_models(model, others))
+    written = write_results(out, "sensitivity", data, plot_sensitivity, data_out, command=asked_for())
+    if as_json:
+        print(json.dumps(data))
+    else:
+        print(printable(written))
+        _print_sensitivity(data)
+
+
+def _print_sensitivity(data: dict[str, Any]) -> None:
+    """Print the study as a table."""
+    from power.readouts import READOUT_NAMES, SPIKING
+
+    title = (
+        f"spiking / frame power, N = {data['resolution']}, tau {data['tau_s']:g} s, at AFE noise in mV rms; "
+        f"below 1 spikes cost less"
+    )
+    headings = ["corrections"]
+    for readout in SPIKING:
+        for noise in data["noise_v_rms"]:
+            name = READOUT_NAMES[readout] if noise == data["noise_v_rms"][0] else ""
+            headings.append(f"{name} {noise * 1e3:.3g}".strip())
+        headings.append("spikes win")
+    table = new_table(headings, title, no_wrap=True)
+    group = data["rows"][0]["group"]
+    for row in data["rows"]:
+        if row["group"] != group:
+            table.add_section()
+            group = row["group"]
+        cells = []
+        for readout in SPIKING:
+            cells += [f"{ratio:.3g}" for ratio in row["ratio"][readout]]
+            cells.append(crossover_text(row["crossover"][readout]))
+        table.add_row(row["case"], *cells)
+    show(table, _TABLE_WIDTH)
+
+
+_TABLE_WIDTH = 132  # of the sensitivity table

@@ -1,0 +1,73 @@
+"""The command compare (docs/guide/files.md)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from app.tables import new_table, show
+from model.events.compare import count_per_taxel, covering_config, first_difference
+from model.events.recording import Recording
+
+_MOST_LINES = 32  # differing taxels listed
+
+
+def compare(
+    a: Annotated[Path, typer.Argument(metavar="A", help="event file")],
+    b: Annotated[Path, typer.Argument(metavar="B", help="event file")],
+    plot: Annotated[Path | None, typer.Option(help="raster picture of both", metavar="FILE")] = None,
+) -> None:
+    """Compare two event files, event by event: exit code 0 if equal, 1 if not."""
+    if plot is not None:
+        from base.figures.style import check_picture_path
+        from skin.figures.raster import plot_comparison
+
+        check_picture_path(plot)
+    first, second = Recording.load(a), Recording.load(b)
+    labels = (a.name, b.name) if a.name != b.name else (str(a), str(b))
+    for line in _settings_that_differ(first, second, labels):
+        print(line)
+    difference = first_difference(first.events, second.events)
+    if plot is not None:
+        duration = max(first.duration_clocks, second.duration_clocks)
+        config = covering_config(first.config, second.config)
+        plot_comparison((first.events, second.events), config, plot, labels, duration_clocks=duration)
+    if difference is None:
+        print(f"equal: {len(first.events)} events")
+        return
+    print(difference.describe(labels))
+    _print_counts(first, second, labels)
+    raise typer.Exit(1)
+
+
+def _settings_that_differ(first: Recording, second: Recording, labels: tuple[str, str]) -> list[str]:
+    fields = [
+        recording.config.to_dict() | {"duration_clocks": recording.duration_clocks} for recording in (first, second)
+    ]
+    return [
+        f"{name} differs: {labels[0]} {value}; {labels[1]} {fields[1][name]}"
+        for name, value in fields[0].items()
+        if value != fields[1][name]
+    ]
+
+
+def _print_counts(first: Recording, second: Recording, labels: tuple[str, str]) -> None:
+    """Print the numbers of events of the taxels in which they differ."""
+    config = covering_config(first.config, second.config)
+    counts = [count_per_taxel(recording.events, config) for recording in (first, second)]
+    print(f"\n{labels[0]} has {len(first.events)} events, {labels[1]} {len(second.events)}")
+    differing = np.argwhere(counts[0] != counts[1])
+    if not len(differing):
+        print("every taxel has the same number of events in both")
+        return
+    print(f"the number of events differs in {len(differing)} of {config.taxels} taxels")
+    table = new_table(("row", "column", *labels, "difference"), left=(), overflow="fold")
+    for row, column in differing[:_MOST_LINES]:
+        n, m = (int(c[row, column]) for c in counts)
+        table.add_row(str(row), str(column), str(n), str(m), f"{m - n:+d}")
+    if len(differing) > _MOST_LINES:
+        table.caption = f"and {len(differing) - _MOST_LINES} more"
+    show(table)

@@ -1,0 +1,168 @@
+"""The commands encode and decode (docs/guide/files.md)."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, get_args
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+
+from app.cli import printable
+from app.commands.signals.recordings import PREPARATION, print_notes, print_set, quality_text, warn
+from app.options import with_config, with_fields
+from app.worker_options import Scheduler, Workers, open_pool
+from base.errors import InputError
+from base.files import check_writable
+from base.progress import bar
+from model.config import ReadoutConfig
+from model.events.compare import count_per_taxel
+from model.events.recording import Recording, check_event_path
+from skin.encode import IMAGE_SUFFIXES, Encoded, Model, encode_image, encode_samples
+from skin.recordings.options import Preparation
+from skin.samples import ARRAY_SUFFIXES, check_samples_path, write_samples
+
+if TYPE_CHECKING:
+    from base.workers.pool import WorkerPool
+
+# -- encode ------------------------------------------------------------------------------------------
+
+
+@with_config
+@with_fields(Preparation, PREPARATION, "prepared", {"baseline": "first of a folder, none of a file"})
+def encode(
+    config: ReadoutConfig,
+    given: frozenset[str],
+    prepared: dict[str, Any],
+    source: Annotated[
+        Path,
+        typer.Argument(metavar="INPUT", help="image, samples as .npy, .npz, .csv, or folder of class folders"),
+    ],
+    out: Annotated[
+        Path, typer.Option("-o", "--out", help="event file to write, .npz; of a folder, a folder", metavar="OUT")
+    ],
+    preset: Annotated[str | None, typer.Option(help="scan of an image [physical]", metavar="physical|paper")] = None,
+    start_row: Annotated[
+        float | None, typer.Option(help="image row of the array's top edge [0]", metavar="PIXELS")
+    ] = None,
+    model: Annotated[
+        str, typer.Option(help="with contention and link, or without", metavar="|".join(get_args(Model)))
+    ] = "cycle",
+    name: Annotated[str | None, typer.Option(help="name kept in the file [that of the input]", metavar="TEXT")] = None,
+    label: Annotated[
+        str | None, typer.Option("--class", "--label", help="class kept in the file", metavar="TEXT")
+    ] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+) -> None:
+    """Encode an image, your own samples or a folder of them into address events."""
+    if model not in get_args(Model):
+        raise InputError(f"--model must be one of {', '.join(get_args(Model))}, not {model!r}")
+    if source.is_dir():
+        own = {"--preset": preset, "--start-row": start_row, "--name": name, "--class": label}
+        own["--model functional"] = None if model == "cycle" else model
+        if unused := [option for option, value in own.items() if value is not None]:
+            raise InputError(f"{unused[0]} belongs to one input; a folder gives each recording its name and class")
+        with open_pool(workers, scheduler, threads=True) as pool:
+            _encode_folder(source, out, Preparation(**({"baseline": "first"} | prepared)), config, given, pool)
+        return
+    if workers is not None or scheduler is not None:
+        option = "--workers" if scheduler is None else "--scheduler"
+        raise InputError(f"{option} is for the recordings of a folder; {source} is one input, leave it out")
+    check_event_path(out)
+    check_writable(out)
+    kind = source.suffix.lower()
+    if kind in IMAGE_SUFFIXES:
+        if prepared:
+            option = "--" + next(iter(prepared)).removesuffix("_hz").replace("_", "-")
+            raise InputError(f"{option} belongs to samples; the scale of an image is part of its preset")
+        made = encode_image(source, config, preset or "physical", start_row or 0.0, model)
+    elif kind in ARRAY_SUFFIXES:
+        if preset is not None or start_row is not None:
+            raise InputError("--preset and --start-row belong to images; samples are taken as they are")
+        made = encode_samples(source, config, given, prepared, model)
+    else:
+        raise InputError(
+            f"{source} is of unknown kind; give an image ({', '.join(IMAGE_SUFFIXES)}) "
+            f"or samples ({', '.join(ARRAY_SUFFIXES)})"
+        )
+    said = ({"name": name} if name else {}) | ({"class": label} if label else {})
+    recording = dataclasses.replace(made.recording, metadata=made.recording.metadata | said)
+    recording.save(out)
+    print_notes(made.notes)
+    _print_summary(recording, made, out)
+    if kind in ARRAY_SUFFIXES and model == "cycle":
+        quality = made.quality()
+        print(quality_text(quality))
+        warn(made.all_warnings(quality))
+
+
+def _encode_folder(
+    source: Path, out: Path, options: Preparation, config: ReadoutConfig, given: frozenset[str], pool: WorkerPool
+) -> None:
+    """Write an event file for every recording of a folder of class folders, and say how well they render it."""
+    from skin.recordings.folder import read_set, write_folder
+
+    if out.exists() and not out.is_dir():
+        raise InputError(f"cannot write {out}: it is a file; give a folder for the event files")
+    with bar("reading recordings") as progress:
+        recordings = read_set(source, options, config, given, progress)
+    with bar("encoding recordings", len(recordings.sources)) as progress:
+        quality, warnings = write_folder(recordings, out, pool, progress)
+    print_set(recordings)
+    print(
+        printable(f"{out}: {len(recordings.sources)} event files, {quality.events} events in {quality.seconds:.6g} s")
+    )
+    print(quality_text(quality))
+    warn((*recordings.warnings, *warnings))
+
+
+def _print_summary(recording: Recording, data: Encoded, out: Path) -> None:
+    config, full_scale = recording.config, recording.config.full_scale
+    counts = count_per_taxel(recording.events, config)
+    rate = f"{recording.rate_hz:.6g} events/s"
+    print(printable(f"{out}: {len(recording.events)} events in {recording.duration_s:.6g} s, {rate}"))
+    print(
+        f"{config.encoding} {config.resolution} b, {config.rows} x {config.columns} taxels, "
+        f"{len(data.codes)} samples at {config.sample_rate_hz:g} Hz, clock {config.clock_hz:g} Hz"
+    )
+    low, high = int(data.codes.min()) / full_scale, int(data.codes.max()) / full_scale
+    clipped = f"{data.clipped} of {data.codes.size} clipped" if data.clipped else "none clipped"
+    print(f"samples {low:+.4f}..{high:+.4f} of full scale, {clipped}")
+    print(f"events per taxel: {_at(counts, int(counts.argmin()))} to {_at(counts, int(counts.argmax()))}")
+
+
+def _at(counts: NDArray[np.int64], index: int) -> str:
+    row, column = divmod(index, counts.shape[1])
+    return f"{counts[row, column]} (row {row}, column {column})"
+
+
+# -- decode ------------------------------------------------------------------------------------------
+
+
+def decode(
+    source: Annotated[Path, typer.Argument(metavar="EVENTS", help="event file")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="signals: .npz, .npy or .csv", metavar="FILE")],
+    plot: Annotated[Path | None, typer.Option(help="picture of signals and events", metavar="FILE")] = None,
+) -> None:
+    """Rebuild the signals of all taxels from an event file alone."""
+    from skin.recordings.quality import decode_recording
+
+    check_samples_path(out)
+    if plot is not None:
+        from base.figures.style import check_picture_path
+        from skin.figures.raster import plot_signals
+
+        check_picture_path(plot)
+    recording = Recording.load(source)
+    config = recording.config
+    signals = decode_recording(recording)
+    write_samples(out, signals, config.sample_rate_hz)
+    if plot is not None:
+        title = f"{recording.metadata.get('name', source.stem)}: {config.encoding} {config.resolution} b"
+        plot_signals(recording.events, signals, config, plot, title, "reconstruction", recording.duration_clocks)
+    low, high = (float(signals.min()), float(signals.max())) if signals.size else (0.0, 0.0)
+    print(printable(f"{out}: {signals.shape[0]} ticks of {signals.shape[1]} taxels at {config.sample_rate_hz:g} Hz"))
+    print(f"from {len(recording.events)} events, {low:+.4f}..{high:+.4f} of full scale")

@@ -1,0 +1,104 @@
+"""The command ``frames``: what spiking readouts and frame readout send, on the same scans (docs/reference/frame.md)."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Annotated, Any
+
+import typer
+
+from app.options import LEAKY, with_config, with_fields
+from app.tables import new_table, show
+from app.worker_options import Scheduler, Workers, open_pool
+from base.errors import InputError
+from base.progress import bar
+from model.config import ReadoutConfig
+from model.encoders import registry
+from model.frame_config import FrameConfig
+from skin.textures.dataset import open_dataset
+from skin.textures.presets import preset
+from skin.textures.rates import PAPER_TAU_S
+from skin.textures.traffic import compare_traffic
+
+
+@with_config(fields=("resolution", "rows", "columns"))
+@with_fields(FrameConfig, ("word_bits",), "own")
+def frames(
+    config: ReadoutConfig,
+    given: frozenset[str],
+    own: dict[str, Any],
+    stored: dict[str, Any],
+    frame_rate: Annotated[
+        float | None, typer.Option(metavar="HZ", help=f"frames per second [{ReadoutConfig().sample_rate_hz:g}]")
+    ] = None,
+    tau: Annotated[
+        float | None, typer.Option(metavar="SECONDS", help=f"{', '.join(LEAKY)}: time constant [{PAPER_TAU_S}]")
+    ] = None,
+    dataset: Annotated[
+        str | None,
+        typer.Option(metavar="DIR|embedded", help="textures [$ESKIN_DATA, data/kylberg, else embedded]"),
+    ] = None,
+    preset_name: Annotated[
+        str, typer.Option("--preset", metavar="paper|physical", help="constants of the texture scan")
+    ] = "paper",
+    limit: Annotated[int | None, typer.Option(metavar="K", help="only K images, evenly spread")] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
+) -> None:
+    """Compare events and frames on the same scans: bits per second and activity."""
+    scan = preset(preset_name)
+    if frame_rate is not None and not (math.isfinite(frame_rate) and frame_rate > 0):
+        raise InputError(f"--frame-rate must be a positive number of hertz, not {frame_rate!r}")
+    readout = config if frame_rate is None else config.replace(sample_rate_hz=frame_rate)
+    frame = FrameConfig(readout=readout, **(stored | own))
+    if tau is None and not given & {"leak_shift", "leak_period"}:
+        tau = PAPER_TAU_S
+    textures = open_dataset(dataset)
+    if limit is not None:
+        textures = textures.limit(limit)
+    with (
+        open_pool(workers, scheduler, threads=True) as pool,
+        bar("scanning textures", len(registry.NAMES) * len(textures)) as progress,
+    ):
+        report = compare_traffic(textures, scan, config, frame, tau, pool, progress)
+    if as_json:
+        print(json.dumps(report))
+    else:
+        _print_table(report)
+
+
+def _print_table(report: dict[str, Any]) -> None:
+    """Print a report as a table on standard output, a line for each readout."""
+    frame = report["frame"]
+    title = (
+        f"{report['rows']} x {report['columns']} taxels, {report['resolution']} b, tau {report['tau_s']:.3g} s, "
+        f"{report['dataset']} ({report['preset']}), {report['images']} images"
+    )
+    table = new_table(("readout", "sent/s", "bits each", "bits/s", "to frame", "taxel/s", "frames/s"), title)
+    for encoder in registry.ENCODERS:
+        r = report[encoder.name]
+        table.add_row(
+            encoder.title,
+            f"{r['events_per_s']:,.0f}",
+            f"{r['bits_per_event']}",
+            f"{r['bits_per_s']:,.0f}",
+            f"{r['ratio_to_frame']:.3g}",
+            f"{r['events_per_taxel_per_s']:,.0f}",
+            f"{r['equal_frame_rate_hz']:,.1f}",
+        )
+    table.add_row(
+        "frame",
+        f"{frame['words_per_s']:,.0f}",
+        f"{frame['bits_per_word']}",
+        f"{frame['bits_per_s']:,.0f}",
+        "1",
+        f"{frame['conversions_per_taxel_per_s']:,.0f}",
+        f"{frame['frame_rate_hz']:,.1f}",
+    )
+    show(table)
+    print(
+        "sent: events or words; taxel: events or samples of one taxel; "
+        "frames: the frame rate at which frames need as many bits"
+    )

@@ -1,0 +1,94 @@
+"""The command rates."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import Annotated, Any
+
+import typer
+
+from app.options import LEAKY, with_config
+from app.tables import show_facts
+from app.worker_options import Scheduler, Workers, open_pool
+from base.progress import bar
+from model.config import ReadoutConfig
+from skin.textures.dataset import open_dataset
+from skin.textures.presets import preset
+from skin.textures.rates import PAPER_TAU_S, measure_rates, published_rate_hz
+
+
+@with_config(fields=("encoding", "resolution", "rows", "columns"))
+def rates(
+    config: ReadoutConfig,
+    given: frozenset[str],
+    preset_name: Annotated[
+        str, typer.Option("--preset", metavar="paper|physical", help="constants of the texture scan")
+    ] = "paper",
+    tau: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", help=f"{', '.join(LEAKY)}: time constant [{PAPER_TAU_S}], else ignored"),
+    ] = None,
+    dataset: Annotated[
+        str | None,
+        typer.Option(metavar="DIR|embedded", help="textures [$ESKIN_DATA, data/kylberg, else embedded]"),
+    ] = None,
+    limit: Annotated[int | None, typer.Option(metavar="K", help="only K images, evenly spread")] = None,
+    start_row: Annotated[
+        list[float] | None, typer.Option(metavar="PIXELS", help="physical: start row, repeatable [0]")
+    ] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
+) -> None:
+    """Measure the mean event rate of the whole array over a dataset."""
+    scan = preset(preset_name)
+    if tau is not None and not config.encoder.leaks and not as_json:  # the JSON says so by its tau_s
+        print(
+            f"--tau is ignored: it is the leak of encoding {' or '.join(LEAKY)}, and {config.encoding} has none",
+            file=sys.stderr,
+        )
+    if tau is None and not given & {"leak_shift", "leak_period"}:
+        tau = PAPER_TAU_S
+    config = scan.configure(config, tau)
+    textures = open_dataset(dataset)
+    if limit is not None:
+        textures = textures.limit(limit)
+    with (
+        open_pool(workers, scheduler, threads=True) as pool,
+        bar("scanning textures", len(textures)) as progress,
+    ):
+        result = measure_rates(textures, scan, config, start_row or [0.0], pool, progress)
+    report = {
+        "preset": scan.name,
+        "encoding": config.encoding,
+        "resolution": config.resolution,
+        "rows": config.rows,
+        "columns": config.columns,
+        "sample_bits": config.sample_bits,
+        "sample_rate_hz": config.sample_rate_hz,
+        "dataset": textures.name,
+        **vars(result),
+        "published_rate_hz": published_rate_hz(textures, scan, config),
+    }
+    if as_json:
+        print(json.dumps(report))
+    else:
+        _print_table(report)
+
+
+def _print_table(report: dict[str, Any]) -> None:
+    """Print a report as a table on standard output."""
+    rate, published, tau_s = (report[k] for k in ("population_rate_hz", "published_rate_hz", "tau_s"))
+    rows = {
+        "readout": f"{report['encoding']} {report['resolution']} b"
+        + (f", tau {tau_s:.4g} s" if tau_s is not None else ""),
+        "array": f"{report['rows']} x {report['columns']} taxels",
+        "scan": f"{report['preset']}, {report['scan_s']:.4g} s, {report['sample_rate_hz']:.6g} samples/s",
+        "dataset": f"{report['dataset']}, {report['images']} images, {report['scans']} scans",
+        "clipped samples": f"{report['clipped_samples']:,}",
+        "population rate": f"{rate:,.1f} events/s (standard deviation {report['rate_std_hz']:,.1f})",
+    }
+    if published is not None:
+        rows["published"] = f"{published:,.1f} events/s (here {rate / published - 1:+.2%})"
+    show_facts(rows)

@@ -1,0 +1,125 @@
+"""Options and words that all commands on a user's own recordings share."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from collections.abc import Callable, Collection, Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from app.cli import printable
+from app.options import with_fields
+from base.errors import InputError
+from base.progress import bar
+from model.config import ReadoutConfig, option_of
+from skin.recordings.options import Preparation
+
+if TYPE_CHECKING:
+    from skin.recordings.folder import RecordingSet
+    from skin.recordings.quality import Quality
+
+PREPARATION = tuple(field.name for field in dataclasses.fields(Preparation))
+"""Fields of Preparation, all of which are options."""
+
+OwnData = Annotated[
+    Path | None,
+    typer.Option("--data", metavar="DIR", help="class folders of your own recordings, in place of textures"),
+]
+
+
+def with_preparation(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Replace the parameter ``prepared`` of a command by options for how own recordings are read and scaled."""
+    return with_fields(Preparation, PREPARATION, "prepared", {"baseline": "first"})(command)
+
+
+def check_alone(data: Path | None, prepared: Mapping[str, Any], others: Mapping[str, object]) -> None:
+    """Refuse what belongs to textures beside own recordings, and what belongs to own recordings without them."""
+    if data is None and prepared:
+        raise InputError(f"{option_named(next(iter(prepared)))} is for your own recordings; add --data DIR")
+    if data is not None and (idle := [option for option, value in others.items() if value is not None]):
+        raise InputError(f"{idle[0]} is for textures, --data plays your own recordings; leave one of the two out")
+
+
+def option_named(field: str) -> str:
+    """Return the option of a field of Preparation."""
+    return option_of(next(f for f in dataclasses.fields(Preparation) if f.name == field))
+
+
+def preparation(prepared: Mapping[str, Any]) -> Preparation:
+    """Return how the recordings of a folder are read: with the first value as baseline, unless a user says else."""
+    return Preparation(**({"baseline": "first"} | dict(prepared)))
+
+
+def own_recordings(
+    place: Path, prepared: Mapping[str, Any], config: ReadoutConfig, given: Collection[str], again: bool = False
+) -> RecordingSet:
+    """Return a user's recordings with the configuration that suits them, and say what they are, but not ``again``."""
+    from skin.recordings.folder import read_set
+
+    if not place.exists():
+        raise InputError(f"{place} does not exist; give a folder of class folders, or a recording")
+    with bar("reading recordings") as progress:
+        found = read_set(place, preparation(prepared), config, given, progress)
+    print_set(found, again)
+    warn(() if again else found.warnings)
+    return found
+
+
+def events_of(
+    place: Path, prepared: Mapping[str, Any], config: ReadoutConfig, given: Collection[str], flat: bool = False
+) -> Path:
+    """Return the folder of event files of a user's own recordings, made unless they are kept.
+
+    ``flat`` takes recordings without a class too: a file, or a folder of files.
+    """
+    from base.workers.pool import Local
+    from skin.recordings.event_files import kept_events
+
+    if not place.is_dir() and not (flat and place.is_file()):
+        raise InputError(f"{place} is not a folder; give one with a folder for each class")
+    with Local(threads=True) as pool, bar("encoding recordings") as step:
+        folder, warnings = kept_events(place, preparation(prepared), config, given, step, pool=pool, flat=flat)
+    warn(warnings)
+    print(printable(f"event files of {place}: {folder}"))
+    return folder
+
+
+def print_notes(notes: Iterable[str]) -> None:
+    """Print what was taken for what."""
+    for note in notes:
+        print(printable(f"note: {note}"))
+
+
+def warn(warnings: Iterable[str]) -> None:
+    """Print warnings on standard error."""
+    for warning in warnings:
+        print(printable(f"warning: {warning}"), file=sys.stderr)
+
+
+def print_set(recordings: RecordingSet, again: bool = False) -> None:
+    """Print what a set of recordings is, but not ``again``, and the configuration that suits it."""
+    config = recordings.config
+    print_notes(() if again else recordings.notes)
+    classes = sorted({source.class_name for source in recordings.sources if source.class_name is not None})
+    of = (
+        f" of {len(classes)} classes ({', '.join(classes[:8])}{', ...' if len(classes) > 8 else ''})" if classes else ""
+    )
+    if not again:
+        print(printable(f"{recordings.name}: {len(recordings.sources)} recordings{of}"))
+    print(
+        f"{config.encoding} {config.resolution} b, {config.rows} x {config.columns} taxels at "
+        f"{config.sample_rate_hz:g} samples/s, {config.clocks_per_sample} clocks per sample, "
+        f"clock {config.clock_hz:g} Hz, scale {recordings.scale:.4g}"
+    )
+
+
+def quality_text(quality: Quality) -> str:
+    """Return load, late and merged decisions, SNR and bound in one line."""
+    bound = "holds" if quality.bound_holds else "does not hold"
+    return (
+        f"link busy {quality.load:.2%}, {quality.peak_load:.0%} at most; {quality.late} events late, "
+        f"{quality.merged} decisions merged; reconstruction {quality.snr_db:.1f} dB, the decoder's bound {bound}"
+    )

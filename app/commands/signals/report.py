@@ -1,0 +1,56 @@
+"""The command report (docs/guide/report.md)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.cli import printable
+from app.commands.signals.options import SynthesisOption
+from app.report.page import ACCURACY, BENCHMARKS, REPLAY, SIM, page, runs_in
+from base.errors import InputError
+
+
+def report(
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="FILE", help="page to write, .html, or the folder of runs and page")
+    ] = Path("out/report.html"),
+    sim: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="runs of make sim: event files of RTL and model [out/sim]")
+    ] = None,
+    replay: Annotated[Path | None, typer.Option(metavar="DIR", help="what make replay left [out/replay]")] = None,
+    benchmarks: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="benchmark results [benchmarks/results]")
+    ] = None,
+    accuracy: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="accuracy and data rates of Fig. 9 [app/report/fig9.json]")
+    ] = None,
+    synthesis: SynthesisOption = None,
+) -> None:
+    """Write all figures of the project into one HTML file that needs no server and no network."""
+    from app.report.data import report_data
+    from base.files import atomic_write, check_writable
+
+    if out.is_dir() and out.suffix.lower() not in (".html", ".htm"):
+        found = runs_in(out)
+        sim, replay, out = sim or found[0], replay or found[1], out / "report.html"
+    if out.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"the report is a page; its name ends in .html, {out.name} does not; rename the output")
+    for folder in (sim, replay, benchmarks):
+        if folder is not None and not folder.is_dir():
+            raise InputError(f"{folder} is not a folder; give one, or leave the option out")
+    if accuracy is not None and not accuracy.is_file():
+        raise InputError(f"cannot read the accuracy results {accuracy}: there is no such file")
+    check_writable(out)
+    data, runs = report_data(
+        sim or SIM, replay or REPLAY, benchmarks or BENCHMARKS, accuracy or ACCURACY, list(synthesis or [])
+    )
+    text = page(data, runs).encode()
+    with atomic_write(out) as file:
+        file.write(text)
+    print(printable(f"wrote {out} ({len(text) / 1e6:.1f} MB); open it in a browser"))
+    for sentences in data["missing"].values():
+        for sentence in sentences:
+            print(f"note: {sentence}")

@@ -1,0 +1,73 @@
+"""The command study (docs/guide/recordings.md)."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from app.cli import asked_for, printable
+from app.commands.signals.options import JsonOption, OutOption
+from app.tables import new_table, show
+from app.worker_options import Scheduler, Workers, open_pool
+from base.errors import InputError
+from base.figures.files import DEFAULT_OUT, write_results
+from base.progress import bar
+from model.encoders import registry
+
+_WIDTH = 92  # of the table
+
+
+def study(
+    data: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="class folders of your own recordings [generated slow signals]")
+    ] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    out: OutOption = DEFAULT_OUT,
+    as_json: JsonOption = False,
+) -> None:
+    """Show SNR at what data rate each encoder gives on slow signals, beside uniform sampling at the same rate."""
+    from skin.figures.study import plot_study
+    from skin.recordings.study import RESOLUTIONS, study_data
+
+    if data is not None and not data.exists():
+        raise InputError(f"{data} does not exist; give a folder of class folders, or leave --data out")
+    points = len(registry.NAMES) * len(RESOLUTIONS)
+    with open_pool(workers, scheduler, threads=True) as pool, bar("encoding", points) as progress:
+        found = study_data(data, pool, progress)
+    written = write_results(out, "study", found, plot_study, command=asked_for())
+    if as_json:
+        print(json.dumps(found))
+        return
+    print(printable(written))
+    _print(found)
+
+
+def _print(found: dict[str, Any]) -> None:
+    """Print the study as a table."""
+    title = (
+        f"{found['source']}: {found['recordings']} recordings, {found['rows']} x {found['columns']} taxels, "
+        f"{found['rate_hz']:g} samples/s"
+    )
+    table = new_table(
+        ("encoder", "N", "events/s", "kbit/s", "SNR dB", "uniform dB", "its bits", "its rate/s", "clock kHz"), title
+    )
+    for point in found["points"]:
+        same = point["uniform"]
+        table.add_row(
+            registry.named(point["encoding"]).title,
+            str(point["resolution"]),
+            f"{point['events_per_s']:,.0f}",
+            f"{point['data_rate_bps'] / 1e3:.3g}",
+            f"{point['snr_db']:.1f}",
+            *(
+                ("", "", "")
+                if same is None
+                else (f"{same['snr_db']:.1f}", str(same["bits"]), f"{same['frame_rate_hz']:.3g}")
+            ),
+            f"{point['clock_hz'] / 1e3:.3g}",
+        )
+    show(table, _WIDTH)

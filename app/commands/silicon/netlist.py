@@ -1,0 +1,193 @@
+"""The commands gatesim, asic, asic-scale and power (docs/guide/verilog.md, docs/guide/power.md)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from app.commands.outcome import check_name, conclude
+from app.options import with_config, with_fields
+from base.errors import InputError
+from flow.wire import FARAD_PER_UM, OHM_PER_UM, PITCH_UM, Wire, check_pitch
+from model.config import ReadoutConfig
+from model.frame_config import OWN_FIELDS, FrameConfig
+
+SIZES = "4x4,8x8,12x16,16x16,32x32,64x64"
+
+
+@with_config
+def gatesim(
+    config: ReadoutConfig,
+    lib: Annotated[Path, typer.Option(help="cell library (.lib) of the netlist")],
+    simulator: Annotated[str, typer.Option("--sim", help="icarus or verilator")] = "icarus",
+    waves: Annotated[bool, typer.Option(help="leave a waveform")] = False,
+    seed: Annotated[int, typer.Option(help="seed of the scenarios")] = 0,
+    textures: Annotated[int, typer.Option(help="scans of the encoding, one class after the other")] = 1,
+    only: Annotated[str | None, typer.Option(help="one texture, by its name, and no scenarios")] = None,
+    ticks: Annotated[int | None, typer.Option(help="sample ticks of a scan at most [all]")] = None,
+    dataset: Annotated[str | None, typer.Option(help="texture folder, or 'embedded'")] = None,
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder for netlist, pictures, events")] = Path("out/gates"),
+) -> None:
+    """Hold the gated netlist to the model, as make sim does the RTL; exit code 1 if they differ or reset leaves X."""
+    from cocotb_tests.runner import sim as session
+    from cocotb_tests.runner.process import MismatchFound
+    from flow.gatesim.sim import play, prepare
+
+    plan = session.plan(simulator, waves, seed, textures, only, ticks, dataset, out)
+    gates = prepare(config, lib, out)
+    print(gates.netlist, gates.cells, sep="\n")
+    unknown = gates.unknown
+    if not unknown.clean:
+        left = [*unknown.in_reset, *unknown.after, *unknown.outputs]
+        print(f"UNKNOWN after reset with all inputs unknown: {len(left)} of {unknown.flops} flops, {left[:3]}")
+        raise typer.Exit(1)
+    print(f"known from reset on, all inputs unknown: {unknown.flops} flops")
+    try:
+        tally = play(plan, gates, config, f"GATES=1 LIB={lib}", lambda stage: print(f"{config.encoding}: {stage}"))
+    except MismatchFound as mismatch:
+        print(f"{mismatch}\nMISMATCH; log: {plan.running(config)}")
+        raise typer.Exit(1) from None
+    if not tally.events or not tally.drained:
+        print(f"FAILED: {tally.events} events were compared, {tally.drained} runs left nothing outstanding")
+        raise typer.Exit(1)
+    print(f"bit-exact: {tally.runs} runs, {tally.clocks} clocks, {tally.events} events, 0 mismatches")
+
+
+@with_config
+@with_fields(FrameConfig, OWN_FIELDS, "own")
+def asic(
+    config: ReadoutConfig,
+    own: dict[str, Any],
+    stored: dict[str, Any],
+    lib: Annotated[Path, typer.Option(help="cell library (.lib) at the typical corner")],
+    slow: Annotated[Path | None, typer.Option(help="the same cells at the slow corner")] = None,
+    fast: Annotated[Path | None, typer.Option(help="the same cells at the fast corner")] = None,
+    readout: Annotated[str, typer.Option(metavar="spiking|frame", help="which readout")] = "spiking",
+    name: Annotated[str, typer.Option(help="of the run and its folder [made of the configuration]")] = "",
+    power: Annotated[bool, typer.Option(help="idle power and energies too, by simulation of the netlist")] = True,
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder of the run's folder")] = Path("out/asic"),
+) -> None:
+    """Make a gated netlist of a cell library, prove and check it, and say what it costs; exit code 1 if a check fails.
+
+    OUT/NAME gets the netlist, its constraints (.sdc) and report.json.
+    """
+    from flow import report
+    from flow.power.measure import APART
+
+    if readout not in ("spiking", "frame"):
+        raise InputError(f"--readout must be one of spiking, frame, not {readout!r}")
+    own = stored | own
+    if own and readout != "frame":
+        raise InputError(f"--{next(iter(own)).replace('_', '-')} belongs to the frame readout; add --readout frame")
+    check_name(name)
+    chosen = FrameConfig(readout=config, **own) if readout == "frame" else config
+    corners = {"typical": lib} | {corner: at for corner, at in (("slow", slow), ("fast", fast)) if at}
+    found = report.run(chosen, corners, name, lambda stage: print(stage, flush=True), power)
+    print(found.write(out, report.command_of(chosen, corners, power)))
+    proof = found.equivalence
+    print(f"equivalent to the RTL: {proof.proved} of {proof.of} points proved")
+    if apart := found.more.get("with_wires", {}).get(APART):
+        print(f"no power with wires: {apart}")
+    conclude(found.problems, found.closing_line())
+
+
+@with_config(fields=("encoding", "resolution", "frontend", "sample_bits"), file=False)
+def asic_scale(
+    config: ReadoutConfig,
+    lib: Annotated[Path, typer.Option(help="cell library (.lib)")],
+    sizes: Annotated[str, typer.Option(metavar="RxC,...", help="rows and columns of the arrays")] = SIZES,
+    tiles: Annotated[str, typer.Option(metavar="RxC,...", help="cut each array into tiles, with their merge")] = "",
+    relays: Annotated[str, typer.Option(metavar="N,...", help="relay stations between each tile and the merge")] = "",
+    pitch_um: Annotated[float, typer.Option("--pitch", metavar="UM", help="of the taxels")] = PITCH_UM,
+    ohm: Annotated[float, typer.Option(metavar="PER_UM", help="resistance of a wire")] = OHM_PER_UM,
+    farad: Annotated[float, typer.Option(metavar="PER_UM", help="capacitance of a wire")] = FARAD_PER_UM,
+    out: Annotated[Path, typer.Option("-o", "--out", help="file for the results, JSON")] = Path("out/asic/scale.json"),
+) -> None:
+    """Estimate area and highest clock as the array grows, with wires of its size and repeaters in them."""
+    from app.tables import new_table, show
+    from flow.liberty.library import read
+    from flow.scale.measure import designs_of, measure
+
+    check_pitch(pitch_um)
+    chosen, wire, library = designs_of(config, sizes, tiles, relays), Wire(ohm, farad), read(lib)
+    heads = (
+        "taxels",
+        "tiles",
+        "relays",
+        "um2 a taxel",
+        "with lines",
+        "MHz without wires",
+        "MHz with wires",
+        "repeaters",
+        "synthesis, s",
+    )
+    table = new_table(heads, "Area and highest clock as the array grows")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    measure(chosen, library, wire, pitch_um, out, lambda found: table.add_row(*_scale_row(found)))
+    show(table)
+    print(out)
+
+
+@with_config
+def gatepower(
+    config: ReadoutConfig,
+    lib: Annotated[list[Path], typer.Option(help="cell library (.lib), once for each")],
+    three: Annotated[bool, typer.Option("--three", help="analog LCS, N-LCS and frames of this array instead")] = False,
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder for the results, JSON")] = Path("out/gatepower"),
+) -> None:
+    """Power of gated netlists from what they do in simulation, without and with wires, computed in two ways."""
+    from app.tables import new_table, show
+    from base.files import origin
+    from cocotb_tests.runner.reproduce import variables
+    from flow.power.event_bench import Mismatch
+    from flow.power.measure import Disagreement
+    from flow.power.results import designs, write
+
+    chosen: dict[str, ReadoutConfig | FrameConfig] = {str(config.encoding): config}
+    if three:
+        chosen = designs(config)
+    words = [*(f"LIB={path.name}" for path in lib), *variables(config), *["THREE=1"] * three]
+    heads = ("readout", "library", "wires", "idle nW", "leakage nW", "pJ an event", "lone", "texture", "OpenSTA/tables")
+    table = new_table(heads, "Power of the logic: per taxel, and per event beside that")
+    said = origin(" ".join(["make gatepower", *words]))
+    try:
+        for path in lib:
+            write(chosen, path, out, said, lambda result: table.add_row(*_power_row(result)))
+    except (Disagreement, Mismatch) as wrong:
+        print(wrong)
+        raise typer.Exit(1) from None
+    show(table)
+
+
+def _scale_row(result: dict[str, Any]) -> list[str]:
+    """Return a line of the table of an array."""
+    without, wired = result["without_wires"], result["with_wires"]
+    tiles = f"{result['tile_rows']} x {result['tile_columns']}" if "relays" in result else ""
+    return [
+        f"{result['rows']} x {result['columns']}",
+        tiles,
+        f"{result.get('relays', '')}",
+        f"{result['cells_um2_per_taxel']:.0f}",
+        f"{wired['area_um2_per_taxel']:.0f}",
+        f"{without['fmax_hz'] / 1e6:.0f}",
+        f"{wired['fmax_hz'] / 1e6:.0f}",
+        f"{wired['repeaters']}",
+        f"{result['synthesis_s']:.1f}",
+    ]
+
+
+def _power_row(result: dict[str, Any]) -> list[str]:
+    """Return a line of the table of a result."""
+    energies = [result.get(f"energy_per_{name}event_j") for name in ("", "lone_", "texture_")]
+    ratios = [stretch["agreement"] for stretch in result["scenarios"].values()]
+    return [
+        f"{result['readout']} {result['frontend']}".strip(),
+        result["process"],
+        "estimated" if result["pitch_um"] else "none",
+        f"{1e9 * result['idle_w_per_taxel']:.1f}",
+        f"{1e9 * result['leakage_w_per_taxel']:.1f}",
+        *("" if energy is None else f"{1e12 * energy:.2f}" for energy in energies),
+        f"{min(ratios):.3f} to {max(ratios):.3f}",
+    ]

@@ -1,0 +1,82 @@
+"""The commands layout and fpga (docs/results/layout.md, docs/guide/board.md)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.commands.outcome import check_name, conclude
+from app.options import with_config
+from base.errors import InputError
+from model.config import ReadoutConfig
+
+
+@with_config
+def layout(
+    config: ReadoutConfig,
+    name: Annotated[str, typer.Option(help="of the run and its folder [made of the configuration]")] = "",
+    compare: Annotated[bool, typer.Option(help="compare the netlist in the layout with the cells' too")] = True,
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder of the run's folder")] = Path("out/layout"),
+) -> None:
+    """Lay a readout out in SkyWater 130 nm rules and check it; exit code 1 if a check fails.
+
+    OUT/NAME gets GDS, DEF, a picture and report.json. Needs KLayout and the packages that make layout installs.
+    """
+    from flow.layout import report, run
+    from flow.layout.cells import WrongCell
+    from flow.layout.environment import Crashed
+
+    check_name(name)
+    try:
+        found = run.run(config, name, out, compare, lambda stage: print(stage, flush=True))
+    except (WrongCell, Crashed) as wrong:
+        print(wrong)
+        raise typer.Exit(1) from None
+    print(report.write(found, out, report.command_of(config, compare)))
+    conclude(found.problems, found.closing_line())
+
+
+def fpga(
+    board: Annotated[
+        str, typer.Option(help="ulx3s (the one with 85 k LUTs), ulx3s-45f, ulx3s-25f, ulx3s-12f")
+    ] = "ulx3s",
+    weights: Annotated[
+        Path | None, typer.Option(help="integer network whose chip is built [the embedded textures', fold 0]")
+    ] = None,
+    receiver: Annotated[bool, typer.Option("--receiver", help="the receiver of a foreign chip's AER instead")] = False,
+    alone: Annotated[
+        int | None,
+        typer.Option(
+            metavar="BITS", min=2, max=8, help="only the classifier 128-256-6, weights of BITS, on an ECP5-25"
+        ),
+    ] = None,
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder of the board's folder")] = Path("out/fpga"),
+) -> None:
+    """Make a bitstream for a board, and say what it takes and how fast it is; exit code 1 below 50 MHz.
+
+    OUT/BOARD gets eskin_board.bit and report.json. The same design gives the same bytes.
+    """
+    from base.files import origin
+    from board.bitstream import report
+    from board.bitstream.build import build, build_classifier, design_of
+
+    if sum((receiver, weights is not None, alone is not None)) > 1:
+        raise InputError("--weights, --receiver and --alone each say what is built; give one of them")
+    if alone is not None:
+        name, built = f"classifier-{alone}b", build_classifier(report.plain_classifier(alone))
+        said = {"design": "classifier"} | origin(f"make fpga ALONE={alone}")
+        aims = report.classifier_aims(built, alone)
+    else:
+        config = design_of(weights, receiver)
+        name, built = board, build(config, board)
+        words = [f"BOARD={board}"] + ([f"WEIGHTS={weights.name}"] if weights else []) + ["RECEIVER=1"] * receiver
+        said = {"design": config.design, "identity": f"{config.identity:08x}"} | origin(" ".join(["make fpga", *words]))
+        aims = [report.clock_aim(built)]
+    print(report.write(out, name, built, said, aims))
+    for aim in aims:
+        print(aim)
+    print(report.closing_line(name, built))
+    if not aims[0].met:
+        raise typer.Exit(1)

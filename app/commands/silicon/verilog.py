@@ -1,0 +1,173 @@
+"""The commands verilog and gates: Verilog of the readout for a CMOS flow."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from app.options import with_config, with_fields
+from app.tables import new_table, show
+from base.errors import InputError
+from model.config import ReadoutConfig
+from model.encoders import registry
+from model.frame_config import OWN_FIELDS, FrameConfig
+from model.tiles.config import MergeConfig, skin_of
+
+if TYPE_CHECKING:
+    from rtl.verilog import Config
+
+READOUTS = ("spiking", "frame")
+
+
+@with_config
+@with_fields(FrameConfig, OWN_FIELDS, "own")
+def verilog(
+    config: ReadoutConfig,
+    given: frozenset[str],
+    own: dict[str, Any],
+    stored: dict[str, Any],
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder to write to, made if need be")],
+    readout: Annotated[str, typer.Option(metavar="|".join(READOUTS), help="which readout")] = "spiking",
+    classifier: Annotated[
+        Path | None, typer.Option(metavar="INTEGER.npz", help="the classifier of such a file instead, eskin_classifier")
+    ] = None,
+    chip: Annotated[
+        bool, typer.Option("--chip", help="the readout with that classifier behind it, eskin_chip")
+    ] = False,
+    tiles: Annotated[
+        str | None, typer.Option(metavar="RxC", help="a skin of such tiles and their merge instead, eskin_tiles")
+    ] = None,
+    merge: Annotated[
+        bool, typer.Option("--merge", help="the merge of those tiles alone, eskin_merge, each a chip of its own")
+    ] = False,
+    relays: Annotated[
+        int, typer.Option(metavar="N", help="relay stations on the line from each tile to the merge, for a large skin")
+    ] = 0,
+    report: Annotated[
+        Path | None, typer.Option(metavar="report.json", help="what make asic found, for the datasheet")
+    ] = None,
+    prove: Annotated[
+        bool, typer.Option("--prove", help="prove the Verilog equal to the RTLIL of make formal, before it is written")
+    ] = False,
+) -> None:
+    """Write eskin_readout.v or eskin_frame_readout.v, .sdc, .json (configuration and ports) and .core (FuseSoC).
+
+    With --registers spi also eskin_registers.h and eskin_registers.md; of all but a chip a datasheet.
+    """
+    if report is not None and (tiles is not None or classifier is not None):
+        raise InputError("--report is of the netlist of a readout, spiking or frame; leave it out")
+    if merge and tiles is None:
+        raise InputError("--merge needs to know how many tiles there are; add --tiles RxC")
+    if relays and (merge or tiles is None):
+        raise InputError(
+            "--relays belongs to the lines of a whole skin; add --tiles RxC without --merge, or leave it out"
+        )
+    if tiles is not None:
+        if classifier is not None or readout != "spiking" or own:
+            raise InputError("--tiles makes a skin of spiking readouts; leave --classifier, --readout and theirs out")
+        skin = skin_of(config, tiles, relays)
+        _deliver(MergeConfig(skin) if merge else skin, out, prove)
+        return
+    if chip and classifier is None:
+        raise InputError("--chip needs the classifier's weights; add --classifier INTEGER.npz")
+    if classifier is not None:
+        from model.classifier.chip_config import ChipConfig
+        from model.classifier.file import IntegerWeights
+
+        useless = {*own} if chip else {*given, *own} - {"reset"}
+        if idle := sorted(useless) or ["readout"] * (readout != "spiking"):
+            hint = "" if chip else " alone: add --chip, or"
+            raise InputError(
+                f"--{idle[0].replace('_', '-')} has no effect with --classifier{hint or ':'} leave one of the two out"
+            )
+        found = IntegerWeights.load(classifier).network.config.replace(reset=config.reset)
+        _deliver(ChipConfig(readout=config, classifier=found) if chip else found, out, prove)
+        return
+    if readout not in READOUTS:
+        raise InputError(f"--readout must be one of {', '.join(READOUTS)}, not {readout!r}")
+    own = stored | own
+    if own and readout != "frame":
+        raise InputError(f"--{next(iter(own)).replace('_', '-')} belongs to the frame readout; add --readout frame")
+    _deliver(FrameConfig(readout=config, **own) if readout == "frame" else config, out, prove, report)
+
+
+def _deliver(config: Config, out: Path, prove: bool, report: Path | None = None) -> None:
+    """Write a design and its datasheet into a folder and name the files; prove the Verilog first if so asked."""
+    from flow.datasheet.page import deliver
+
+    if prove:
+        from verify.proofs.delivered import prove_config
+
+        points = prove_config(config)
+        print(f"proved equal to the RTLIL: {sum(points.values())} points of {len(points)} modules")
+    for path in deliver(config, out, report):
+        print(path)
+
+
+@with_config
+def gates(
+    config: ReadoutConfig,
+    given: frozenset[str],
+    stored: dict[str, Any],
+    liberty: Annotated[Path | None, typer.Option(help="cell library (.lib): mapped to it, with its area")] = None,
+    classifier: Annotated[
+        Path | None,
+        typer.Option(metavar="INTEGER.npz", help="the classifier of such a file instead, memories left out"),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
+) -> None:
+    """Count gates and flops of both readouts, synthesised for the same array, or of a classifier."""
+    import json
+
+    from flow.gate_count import count_gates
+
+    if classifier is not None:
+        if given:
+            raise InputError(
+                f"--{min(given).replace('_', '-')} has no effect with --classifier: leave one of the two out"
+            )
+        _count_classifier(classifier, liberty, as_json)
+        return
+    designs: dict[str, ReadoutConfig | FrameConfig] = {
+        encoding: config.replace(encoding=encoding) for encoding in registry.NAMES
+    }
+    designs["frame"] = FrameConfig(readout=config.replace(registers="none"), **stored)
+    counted = {name: count_gates(design, config.taxels, liberty).to_dict() for name, design in designs.items()}
+    if as_json:
+        print(json.dumps({"liberty": liberty.name if liberty else None, "readouts": counted}, indent=2))
+        return
+    unit = f"cells of {liberty.name}" if liberty else "two-input gates"
+    title = f"{config.rows} x {config.columns} taxels, {config.resolution} b, {config.frontend}: {unit}"
+    table = new_table(("readout", "flops", "gates", "per taxel", "um2 per taxel"), title)
+    for name, numbers in counted.items():
+        area = numbers["area_um2_per_taxel"]
+        table.add_row(
+            name,
+            f"{numbers['flops']:.0f}",
+            f"{numbers['gates']:.0f}",
+            f"{numbers['flops_per_taxel']:.1f} + {numbers['gates_per_taxel']:.1f}",
+            "" if area is None else f"{area:.0f}",
+        )
+    show(table)
+
+
+def _count_classifier(path: Path, liberty: Path | None, as_json: bool) -> None:
+    """Count gates and flops of the classifier of a file, and print them."""
+    import json
+
+    from flow.gate_count import count_gates
+    from model.classifier.file import IntegerWeights
+
+    config = IntegerWeights.load(path).network.config
+    found = count_gates(config, 1, liberty)
+    if as_json:
+        numbers = {"flops": found.flops, "gates": found.gates, "area_um2": found.area_um2}
+        numbers["memory_bits"] = config.memory_bits
+        said = {"liberty": liberty.name if liberty else None, "configuration": config.to_dict(), "classifier": numbers}
+        print(json.dumps(said, indent=2))
+        return
+    area = "" if found.area_um2 is None else f", {found.area_um2 / 1e6:.3f} mm2 of cells of {liberty and liberty.name}"
+    size = f"{config.inputs}-{config.hidden}-{config.classes}, {config.lanes} lanes"
+    print(f"{size}: {found.flops} flops, {found.gates} gates{area}, beside {config.memory_bits} bits of memory")

@@ -1,0 +1,105 @@
+"""The command replay: a whole dataset, or all recordings of a user, through RTL and model."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from app.cli import asked_for, printable
+from app.commands.signals.recordings import OwnData, check_alone, own_recordings, with_preparation
+from app.options import with_config
+from app.worker_options import Scheduler, Workers, open_pool
+from base.files import origin, read_json, write_json
+from base.progress import bars
+from model.config import ReadoutConfig
+
+if TYPE_CHECKING:
+    from cocotb_tests.runner.replay import Plan
+
+
+@with_config
+@with_preparation
+def replay(
+    config: ReadoutConfig,
+    given: frozenset[str],
+    prepared: dict[str, Any],
+    dataset: Annotated[
+        str | None, typer.Option(help="texture folder, or 'embedded' [$ESKIN_DATA, data/kylberg, ...]")
+    ] = None,
+    data: OwnData = None,
+    preset: Annotated[str | None, typer.Option(help="physical or paper [physical]")] = None,
+    start_row: Annotated[float | None, typer.Option(help="image row where the array starts (physical) [0]")] = None,
+    limit: Annotated[int | None, typer.Option(help="only so many textures or recordings, evenly spread")] = None,
+    only: Annotated[str | None, typer.Option(help="only one texture or recording, by its name")] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    keep: Annotated[Path | None, typer.Option(help="file of JSON that gets the sums, beside other encoders'")] = None,
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder for the event files")] = Path("out/replay"),
+) -> None:
+    """Drive a whole dataset, or your recordings, through RTL and model, compare every event, keep the RTL's events.
+
+    Can be stopped and started again: what has its events already, for the same configuration, is done.
+    """
+    from cocotb_tests.runner import replay as session
+    from cocotb_tests.runner.process import MismatchFound
+
+    check_alone(data, prepared, {"--dataset": dataset, "--preset": preset, "--start-row": start_row})
+    with open_pool(workers, scheduler, session.NEEDS, threads=True) as pool, bars() as show:
+        if data is not None:
+            plan = _plan_own(data, prepared, config, given, limit, only, out)
+        else:
+            plan = session.plan_textures(config, dataset, preset or "physical", start_row or 0.0, limit, only, out)
+        print(f"building {plan.array} for Verilator", file=sys.stderr)
+        missing = plan.missing()
+        started = time.monotonic()
+        step, _ = show(f"{plan.material.name}, {plan.config.encoding} {plan.config.resolution} b", len(missing))
+        try:
+            total = session.play(plan, missing, pool, step)
+        except MismatchFound as mismatch:
+            print(f"{mismatch}\nMISMATCH")
+            raise typer.Exit(1) from None
+    now = {"clocks": total.clocks, "seconds": round(time.monotonic() - started, 1), "workers": pool.workers}
+    _conclude(plan, len(missing), now, keep)
+
+
+def _plan_own(
+    place: Path,
+    prepared: dict[str, Any],
+    config: ReadoutConfig,
+    given: frozenset[str],
+    limit: int | None,
+    only: str | None,
+    out: Path,
+) -> Plan:
+    """Return the plan for a user's own recordings."""
+    from cocotb_tests.runner.inputs import Own, chosen
+    from cocotb_tests.runner.replay import Plan
+    from cocotb_tests.runner.simulator import require_programs
+
+    require_programs("verilator")
+    material = Own(own_recordings(place, prepared, config, given), place)
+    return Plan(material.recordings.config, material, chosen(material, limit, only), out)
+
+
+def _conclude(plan: Plan, played: int, now: dict[str, Any], keep: Path | None) -> None:
+    """Write and print what all recordings hold together; fail where some are missing or none has an event."""
+    from cocotb_tests.runner.replay import summarise
+
+    summary, count = summarise(plan), len(plan.names)
+    if (absent := summary.pop("missing")) or not summary["events"]:
+        print(f"FAILED: {absent} of {count} recordings are missing, {summary['events']} events")
+        raise typer.Exit(1)
+    noun = "images" if plan.material.preset else "recordings"
+    summary["played_now"] = {noun: played} | now
+    summary["configuration"] = plan.config.to_dict()
+    write_json(plan.folder / "summary.json", summary)
+    if keep is not None:
+        kept = read_json(keep, "the kept sums", dict)["runs"] if keep.exists() else []
+        runs = {run["configuration"]["encoding"]: run for run in [*kept, origin(asked_for()) | summary]}
+        write_json(keep, {"runs": list(runs.values())})
+    print(printable(f"events per {noun[:-1]}: {plan.events}; played now: {played} {noun} in {now['seconds']:.0f} s"))
+    print(f"bit-exact: {count} runs, {summary['clocks']} clocks, {summary['events']} events, 0 mismatches")

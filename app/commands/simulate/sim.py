@@ -1,0 +1,130 @@
+"""The command sim: scenarios and texture scans, or a user's own recordings, through RTL and model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from app.cli import asked_for, printable
+from app.commands.signals.recordings import OwnData, check_alone, own_recordings, with_preparation
+from app.options import with_config
+from base.errors import InputError
+from base.files import origin, write_json
+from base.progress import bar, bars
+from model.config import ReadoutConfig
+from model.encoders import registry
+
+if TYPE_CHECKING:
+    from cocotb_tests.runner.process import Tally
+
+
+@with_config
+@with_preparation
+def sim(
+    config: ReadoutConfig,
+    given: frozenset[str],
+    prepared: dict[str, Any],
+    simulator: Annotated[str, typer.Option("--sim", help="verilator or icarus")] = "verilator",
+    waves: Annotated[bool, typer.Option(help="leave a waveform")] = False,
+    seed: Annotated[int, typer.Option(help="seed of the scenarios")] = 0,
+    textures: Annotated[int, typer.Option(help="scans or recordings of each encoding, one class after the other")] = 3,
+    only: Annotated[str | None, typer.Option(help="one texture or recording, by its name, and no scenarios")] = None,
+    ticks: Annotated[int | None, typer.Option(help="sample ticks of a scan at most [all]")] = None,
+    dataset: Annotated[str | None, typer.Option(help="texture folder, or 'embedded'")] = None,
+    data: OwnData = None,
+    netlist: Annotated[
+        Path | None, typer.Option(help="Verilog netlist to hold to the model instead of the RTL")
+    ] = None,
+    cells: Annotated[Path | None, typer.Option(help="Verilog of the cells of the netlist")] = None,
+    keep: Annotated[Path | None, typer.Option(help="file for the sums, JSON")] = None,
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder for pictures and event files")] = Path("out/sim"),
+) -> None:
+    """Hold the RTL to the model on scenarios and texture scans, or your recordings; exit code 1 if they differ."""
+    from cocotb_tests.runner.process import Tally
+
+    check_alone(data, prepared, {"--dataset": dataset, "--netlist": netlist, "--cells": cells})
+    if (netlist is None) != (cells is None):
+        raise InputError("--netlist and --cells belong together: the netlist, and the Verilog of its cells")
+    alone = "encoding" in given or netlist is not None
+    encodings: list[str] = [config.encoding] if alone else [*registry.NAMES]
+    total = Tally()
+    if data is not None:
+        for encoding in encodings:
+            wanted = config.replace(encoding=encoding)
+            _play_own(data, wanted, given, prepared, (simulator, waves, textures, only, ticks, out), total)
+    else:
+        asked = (simulator, waves, seed, textures, only, ticks, dataset, out)
+        _play_textures(config, encodings, asked, (netlist, cells), total)
+    if not total.events or not total.drained:
+        print(f"FAILED: {total.events} events were compared, {total.drained} runs left nothing outstanding")
+        raise typer.Exit(1)
+    result = f"bit-exact: {total.runs} runs, {total.clocks} clocks, {total.events} events, 0 mismatches"
+    if keep is not None:
+        write_json(keep, origin(asked_for()) | {"result": result})
+    print(result)
+
+
+def _play_textures(
+    config: ReadoutConfig,
+    encodings: list[str],
+    asked: tuple[Any, ...],
+    gates: tuple[Path | None, Path | None],
+    total: Tally,
+) -> None:
+    """Play scenarios and scans with each encoding, on the RTL or on a netlist and its cells."""
+    from cocotb_tests.runner import sim as session
+    from cocotb_tests.runner.process import MismatchFound
+
+    plan = session.plan(*asked)
+    if gates[0] is not None and gates[1] is not None:
+        plan = session.with_netlist(plan, gates[0], gates[1])
+    with bars() as show:
+        for encoding in encodings:
+            chosen = config.replace(encoding=encoding)
+            step, say = show(encoding, plan.runs(chosen))
+            try:
+                total += session.play(
+                    plan,
+                    chosen,
+                    lambda _, step=step: step(),  # type: ignore[misc]
+                    lambda stage, say=say, encoding=encoding: say(f"{encoding}: {stage}"),  # type: ignore[misc]
+                )
+            except MismatchFound as mismatch:
+                _differ(mismatch, total, f"; log: {plan.running(chosen)}")
+            if plan.waves:
+                wave = plan.waveform(chosen)
+                print(printable(f"waveform: {wave}; open it with: gtkwave {wave}"))
+    print(printable(f"pictures and event files: {plan.out}"))
+
+
+def _play_own(
+    place: Path,
+    config: ReadoutConfig,
+    given: frozenset[str],
+    prepared: dict[str, Any],
+    asked: tuple[str, bool, int, str | None, int | None, Path],
+    total: Tally,
+) -> None:
+    """Play a user's own recordings through RTL and model."""
+    from cocotb_tests.runner import recordings as session
+    from cocotb_tests.runner.inputs import Own, named
+    from cocotb_tests.runner.process import MismatchFound
+
+    simulator, waves, count, only, ticks, out = asked
+    session.check(simulator, count, ticks)
+    material = Own(own_recordings(place, prepared, config, given, again=total.runs > 0), place)
+    names = material.one_class_after_the_other(count) if only is None else [named(material, only)]
+    plan = session.OwnPlan(material, names, simulator, waves, ticks, out)  # type: ignore[arg-type]
+    with bar(f"{config.encoding}: RTL against model", len(names)) as progress:
+        try:
+            total += session.play(plan, lambda _: progress())
+        except MismatchFound as mismatch:
+            _differ(mismatch, total)
+    print(printable(f"pictures and event files: {out / plan.folder}"))
+
+
+def _differ(mismatch: Exception, total: Tally, log: str = "") -> None:
+    print(f"{mismatch}\nMISMATCH after {total.runs} bit-exact runs{log}")
+    raise typer.Exit(1) from None

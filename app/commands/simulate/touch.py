@@ -1,0 +1,85 @@
+"""The command touch: textures or recordings through the chip, from samples to the class."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from app.cli import printable
+from app.commands.signals.recordings import OwnData, check_alone
+from app.worker_options import Scheduler, Workers, open_pool
+from base.files import atomic_write, origin
+from base.progress import bars
+from skin.textures.dataset import EMBEDDED
+
+if TYPE_CHECKING:
+    from cocotb_tests.touch.plan import Plan
+
+
+def touch(
+    weights: Annotated[
+        Path | None,
+        typer.Option(help="integer network, or a folder of them, one for each fold [the project's own]"),
+    ] = None,
+    dataset: Annotated[str | None, typer.Option(help="texture folder, or 'embedded' [embedded]")] = None,
+    data: OwnData = None,
+    limit: Annotated[int | None, typer.Option(min=1, help="only so many, evenly spread")] = None,
+    only: Annotated[str | None, typer.Option(help="only one texture or recording, by its name")] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder for results and picture")] = Path("out/touch"),
+) -> None:
+    """Play textures, or your recordings, through readout and classifier as one chip, and hold it to the models.
+
+    Every image goes through the network that has not learned it. Can be stopped and started again.
+    """
+    from cocotb_tests.runner import replay
+    from cocotb_tests.runner.process import MismatchFound
+    from cocotb_tests.touch import plan as session
+
+    check_alone(data, {}, {"--dataset": dataset})
+    plan = session.plan(weights, data, dataset or EMBEDDED, limit, only, out)
+    with open_pool(workers, scheduler, replay.NEEDS, threads=True) as pool, bars() as show:
+        print("building the chip for Verilator", file=sys.stderr)
+        missing = [name for name in plan.names if plan.finished(name) is None]
+        started = time.monotonic()
+        step, _ = show(f"{plan.material.name}: samples to class", len(missing))
+        try:
+            session.play(plan, pool, step)
+        except MismatchFound as mismatch:
+            print(f"{mismatch}\nMISMATCH")
+            raise typer.Exit(1) from None
+    now = {"images": len(missing), "seconds": round(time.monotonic() - started, 1), "workers": pool.workers}
+    _conclude(plan, now)
+
+
+def _conclude(plan: Plan, now: dict[str, Any]) -> None:
+    """Write and print what all results say together; fail where some are missing or none has an event."""
+    from cocotb_tests.touch.picture import draw
+    from cocotb_tests.touch.plan import summarise
+
+    summary = summarise(plan)
+    if summary["missing"] or not summary["events"]:
+        print(f"FAILED: {summary['missing']} results are missing, {summary['events']} events")
+        raise typer.Exit(1)
+    summary = origin(plan.again) | summary | {"played_now": now}
+    with atomic_write(plan.folder / "summary.json") as file:
+        file.write((json.dumps(summary, indent=1) + "\n").encode())
+    picture = draw(plan, summary, plan.folder / "touch.png")
+    if summary["float_known"]:
+        print(f"the float networks: {summary['right_float']} of {summary['float_known']} right")
+    print(
+        f"{summary['as_ideal_bins']} of {summary['images']} classes as without waiting; "
+        f"{summary['stalls']} clocks waited, {summary['overruns']} scans with an overrun; "
+        f"bin end to class at most {summary['latency_clocks']} clocks"
+    )
+    print(printable(f"answers: {plan.folder / 'summary.json'}" + (f"; picture: {picture}" if picture else "")))
+    print(
+        f"touch to class: {summary['images']} images, {summary['events']} events, {summary['mismatches']} mismatches, "
+        f"{summary['right']} right"
+    )

@@ -1,0 +1,202 @@
+"""The commands formal, faults, coverage, properties, crosscheck and crossproof (docs/design/verification.md)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from app.options import with_config
+from base.errors import InputError
+from base.files import Pieces, atomic_write, pieces_of
+from model.config import ReadoutConfig
+
+if TYPE_CHECKING:
+    from verify.proofs.plan import Proof
+
+
+def formal(
+    block: Annotated[
+        str,
+        typer.Option(
+            help="only this block: arbiter, link, merge, relay, window, taxel, frame_readout, readout, spi, registers, "
+            "pattern"
+        ),
+    ] = "",
+    small: Annotated[bool, typer.Option(help="only one small configuration of each block")] = False,
+    mutants: Annotated[bool, typer.Option(help="search generated mutants too, and see the properties fail")] = False,
+    limit: Annotated[int, typer.Option(min=1, metavar="SECONDS", help="most that one proof may take")] = 300,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON")] = None,
+) -> None:
+    """Prove the properties of every block; the last line reports how many hold.
+
+    With --mutants and --out the search of mutants goes on where it was stopped. With --block the file keeps its
+    results of other blocks.
+    """
+    from verify.proofs.engine import solve
+    from verify.proofs.report import YOSYS, write
+    from verify.proofs.run import Hunt, closing_line, hunts, judge, mutants_line, outcomes
+
+    chosen, verdicts = _chosen(block, small), []
+    for proof in chosen:
+        verdicts.append((proof, solve(proof.checker(proof.config), proof.depth, limit)))
+        said = verdicts[-1][1]
+        print(f"{proof.block:<15}{proof.size:<28}{len(said.proved):>3} proved{said.seconds:>7.1f} s", flush=True)
+    results = outcomes(verdicts, whole=not small)
+    pieces, found = Pieces(out, YOSYS), list[Hunt]()
+    for name in sorted({proof.block for proof in chosen}) if mutants else []:
+        of_block = []
+        for one in hunts(name, _chosen(name, small=False), pieces):
+            print(f"{name:<15}{one.size:<28}{one.killed:>3} of {len(one.mutants)} mutants killed", flush=True)
+            of_block.append(one)
+        judge([outcome for outcome in results if outcome.block == name], of_block)
+        found += of_block
+    if out:
+        write(results, found, out, _command("make formal", block, small, mutants), block)
+        pieces_of(out).unlink(missing_ok=True)
+    for outcome in results:
+        for problem in outcome.problems:
+            print(f"{outcome.block}: {outcome.property.name}: {problem}")
+    if mutants:
+        print(mutants_line(results, found))
+    print(closing_line([outcome.problems for outcome in results]))
+    if any(outcome.problems for outcome in results):
+        raise typer.Exit(1)
+
+
+def faults(
+    small: Annotated[bool, typer.Option(help="only a few readouts, and few upsets of each flop")] = False,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON")] = None,
+) -> None:
+    """Turn every flop over, one at a time, and meet hostile surroundings; with --out it goes on where it was stopped.
+
+    Exit code 1 if more breaks than is stated.
+    """
+    from verify.faults.run import campaign, closing_line, write
+
+    done = campaign(small, out, lambda line: print(line, flush=True))
+    for problem in done.problems:
+        print(problem)
+    if out:
+        write(out, f"make faults{' SMALL=1' if small else ''}", done)
+    print(closing_line(done))
+    if done.problems or any(line["as stated"] < line["runs"] for line in done.cases):
+        raise typer.Exit(1)
+
+
+def coverage(
+    small: Annotated[bool, typer.Option(help="only a few runs")] = False,
+    only: Annotated[str, typer.Option(help="runs whose names begin so")] = "",
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder for what is found")] = Path("out/coverage"),
+) -> None:
+    """Count what runs that are held to the models reach, of Verilog and specification; goes on where it was stopped."""
+    from verify.coverage.plan import runs
+    from verify.coverage.run import closing_line, judge, play, write
+    from verify.coverage.waivers import waivers
+
+    chosen = [run for run in runs() if (run.small or not small) and run.name.startswith(only)]
+    if not chosen:
+        raise InputError(f"no run begins with {only!r}; one of them is {runs()[0].name!r}")
+
+    def tell(name: str, total: int, hit: int) -> None:
+        print(f"{name:<45}{hit:>6} of {total:<6} constructs", flush=True)
+
+    reached = play(chosen, out, tell)
+    verdict = judge(reached, waivers(), whole=not (small or only))
+    for problem in verdict.problems:
+        print(problem)
+    command = " ".join(["make coverage", *["SMALL=1"] * small, *([f"ONLY={only!r}"] if only else [])])
+    write(out / "coverage.json", command, reached, verdict)
+    print(closing_line(reached, verdict))
+    if verdict.problems:
+        raise typer.Exit(1)
+
+
+@with_config
+def properties(
+    config: ReadoutConfig,
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder to write to, made if need be")],
+) -> None:
+    """Write eskin_readout_properties.sv: the properties as assertions, bound to the modules of eskin_readout.v."""
+    from verify.proofs.bind import properties as text
+
+    out.mkdir(parents=True, exist_ok=True)
+    path = out / "eskin_readout_properties.sv"
+    with atomic_write(path) as file:
+        file.write(text(config).encode())
+    print(path)
+
+
+@with_config
+def crosscheck(
+    config: ReadoutConfig,
+    texture: Annotated[int, typer.Option(min=0, help="number of the embedded texture")] = 0,
+    ticks: Annotated[int | None, typer.Option(min=1, help="sample ticks of the scan at most [all]")] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON")] = None,
+) -> None:
+    """Play the delivered Verilog in CXXRTL, a third simulator, against the model, and lint all texts with slang."""
+    from dataclasses import asdict
+
+    from base.files import origin, write_json
+    from verify.crosscheck.check import Mismatch, play, texts
+
+    try:
+        played = play(config, texture, ticks)
+    except Mismatch as wrong:
+        print(wrong)
+        raise typer.Exit(1) from None
+    said = [problem for problems in texts(config).values() for problem in problems]
+    for problem in said:
+        print(problem)
+    if out:
+        command = f"make crosscheck ROWS={config.rows} COLUMNS={config.columns} ENCODING={config.encoding}"
+        write_json(out, {**origin(command), "config": config.to_dict(), **asdict(played), "slang": said})
+    print(
+        f"crosscheck: {played.runs} runs, {played.clocks} clocks, {played.events} events in CXXRTL as in the model, "
+        f"{played.of_texture} of a texture; slang: {len(said)} problems"
+    )
+    if said:
+        raise typer.Exit(1)
+
+
+def crossproof(
+    block: Annotated[str, typer.Option(help="only this block, as of make formal")] = "",
+    small: Annotated[bool, typer.Option(help="only one small configuration of each block")] = False,
+    mutants: Annotated[bool, typer.Option(help="compare generated mutants too")] = False,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON")] = None,
+) -> None:
+    """Search with z3 what make formal proved: each first clock, of failures too, must be that of the first solver.
+
+    With --out it goes on where it was stopped.
+    """
+    from verify.crosscheck.prove import campaign, closing_line, write
+
+    chosen, found = _chosen(block, small), []
+    grounds = [proof for proof in _chosen(block, False) if proof.hunts] if mutants else []
+    for one in campaign(chosen, grounds, out):
+        found.append(one)
+        what = f"{one.block:<15}{one.size:<28}{one.mutant:<80}"
+        print(f"{what.rstrip():<45}{one.properties:>3} properties{one.seconds:>7.1f} s", flush=True)
+        for problem in one.problems:
+            print(f"PROBLEM: {problem}")
+    if out:
+        write(found, out, _command("make crossproof", block, small, mutants))
+    print(closing_line(found))
+    if any(one.problems for one in found):
+        raise typer.Exit(1)
+
+
+def _chosen(block: str, small: bool) -> list[Proof]:
+    """Return the proofs of a block, or of all, without those of large configurations if so asked."""
+    from verify.proofs.plan import proofs
+
+    known = sorted({proof.block for proof in proofs()})
+    if block and block not in known:
+        raise InputError(f"--block must be one of {', '.join(known)}, not {block!r}")
+    return [p for p in proofs() if (not block or p.block == block) and (not small or p.small)]
+
+
+def _command(make: str, block: str, small: bool, mutants: bool) -> str:
+    """Return the command that makes a result."""
+    return " ".join([make, *[f"BLOCK={block}"] * bool(block), *["SMALL=1"] * small, *["MUTANTS=1"] * mutants])

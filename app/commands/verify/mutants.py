@@ -1,0 +1,53 @@
+"""The command mutants (docs/design/verification.md)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from app.worker_options import Scheduler, Workers, open_pool
+from base.errors import InputError
+
+if TYPE_CHECKING:
+    from verify.mutants.campaign import Finding
+
+
+def mutants(
+    model: Annotated[bool, typer.Option(help="mutate the model and the network instead of the RTL")] = False,
+    block: Annotated[str, typer.Option(help="only this block or room: arbiter, link, taxel, classifier, ...")] = "",
+    share: Annotated[
+        float | None, typer.Option(min=0.0, max=1.0, help="share of all places that is tried [0.3, of the model 0.07]")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="of the edits that are drawn")] = 1,
+    again: Annotated[bool, typer.Option(help="judge anew what is alive: tests are new")] = False,
+    limit: Annotated[int | None, typer.Option(min=1, help="mutants at most [all]")] = None,
+    judging: Annotated[bool, typer.Option("--judge/--no-judge", help="judge, or report what was found")] = True,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder for what is found")] = Path("out/mutants"),
+) -> None:
+    """Mutate the source, and see which mutants the tests and proofs kill; goes on where it was stopped."""
+    from verify.mutants.campaign import MODEL, NEEDS, OF_MODEL, RTL, Plan, closing_line, run, write
+    from verify.mutants.questions import mutated_files
+
+    packages = MODEL if model else RTL
+    share = share if share is not None else 0.07 if model else 0.3
+    known = sorted({Path(file).with_suffix("").parts[1] for file in mutated_files(packages)})
+    if block and block not in known:
+        raise InputError(f"--block must be one of {', '.join(known)}, not {block!r}")
+
+    def tell(finding: Finding) -> None:
+        print(f"{finding.verdict:<11}{finding.name}{f' by {finding.by}' if finding.by else ''}", flush=True)
+
+    with open_pool(workers, scheduler, NEEDS) as pool:
+        done = run(Plan(packages, share, seed, block, limit), out, pool if judging else None, again, tell)
+    options = [f"{name}={value}" for name, value in (("MODEL", 1 if model else ""), ("BLOCK", block)) if value]
+    command = " ".join(["make mutants", *options, f"SHARE={share:g}", f"SEED={seed}"])
+    write(out / "mutants.json", command, done, OF_MODEL if model else "")
+    for test in sorted(done.skipped):
+        print(f"fails without a mutant: {test}")
+    print(closing_line(done))
+    if done.skipped or len(done.findings) < done.planned or any(one.verdict == "alive" for one in done.findings):
+        raise typer.Exit(1)

@@ -1,0 +1,98 @@
+"""The command soak: random configurations through RTL and model, for as long as one likes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from base.errors import InputError
+
+
+def soak(
+    hours: Annotated[float, typer.Option(help="begin no further configuration after so many hours")] = 0.1,
+    seed: Annotated[int, typer.Option(help="of the first configuration; the next has the next")] = 0,
+    clocks: Annotated[int, typer.Option(help="clocks of each configuration, or of the one run")] = 20_000_000,
+    simulator: Annotated[str, typer.Option("--sim", help="verilator or icarus")] = "verilator",
+    only: Annotated[
+        int | None, typer.Option(metavar="SEED", help="play one run of this seed, as a failure says")
+    ] = None,
+    run: Annotated[int, typer.Option(help="number of that run")] = 0,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="part of that run, not drawn; repeatable")
+    ] = None,
+    keep: Annotated[Path | None, typer.Option(help="file for the sums of all that was soaked in --out, JSON")] = None,
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder of what is done; started again, it goes on")] = Path(
+        "out/soak"
+    ),
+) -> None:
+    """Hold the RTL to the model on random configurations; a failure is shrunk to one command; exit code 1 then.
+
+    Several may run side by side with the same --out.
+    """
+    from cocotb_tests.runner.simulator import require_programs
+    from verify.soak import campaign
+
+    require_programs(simulator)  # type: ignore[arg-type]
+    if min(seed, run, only or 0) < 0 or clocks < 1 or not 0 <= hours < 10_000:
+        raise InputError(
+            f"seed, run and hours must be at least 0 and clocks at least 1, not {seed}, {run}, {hours}, {clocks}"
+        )
+    if only is not None:
+        _one(only, run, clocks, _parts(set_ or []), simulator)
+        return
+    if set_ or run:
+        raise InputError("--set and --run belong to one run; add --only SEED")
+    plan = campaign.Plan(3600 * hours, seed, clocks, simulator, out)  # type: ignore[arg-type]
+    try:
+        campaign.soak(plan, _tell)
+    except campaign.SoakFailed as failed:
+        print(f"{failed}\nMISMATCH")
+        raise typer.Exit(1) from None
+    found = campaign.summary(out)
+    if keep is not None:
+        from base.files import origin, write_json
+
+        spent = found["seconds"] / 3600  # in all, however often it was stopped
+        begun = f" SEED={seed}" if seed else ""
+        write_json(keep, origin(f"make soak HOURS={spent:.2f}{begun} CLOCKS={clocks}") | found)
+    print(found["result"])
+
+
+def _tell(piece: dict[str, Any]) -> None:
+    """Print a line for a configuration that is done."""
+    fields = piece["configuration"]
+    what = f"{fields['rows']}x{fields['columns']} {fields['encoding']} {fields['sample_bits']}b/{fields['resolution']}b"
+    what += f" {fields['link']} {fields['frontend']} {fields['decide_every']}"
+    done = f"{piece['clocks']:,} clocks, {piece['events']:,} events, {piece['seconds']} s"
+    print(f"seed {piece['seed']}: {what}: {done}", flush=True)
+
+
+def _parts(words: list[str]) -> dict[str, Any]:
+    """Return the parts that are set, whole numbers as such."""
+    from cocotb_tests.bench.draw import FIELDS, PARTS
+
+    parts: dict[str, Any] = {}
+    for word in words:
+        name, separator, value = word.partition("=")
+        if not separator or name not in FIELDS | set(PARTS):
+            raise InputError(
+                f"--set takes NAME=VALUE, a field of the configuration or {', '.join(PARTS)}, not {word!r}"
+            )
+        parts[name] = int(value) if value.removeprefix("-").isdecimal() else value
+    return parts
+
+
+def _one(seed: int, run: int, clocks: int, parts: dict[str, Any], simulator: Any) -> None:
+    """Play one run, and say what came of it."""
+    from cocotb_tests.bench.draw import Draw
+    from cocotb_tests.runner.process import MismatchFound
+    from verify.soak.play import play
+
+    try:
+        tally = play([Draw(seed, clocks, run, parts)], simulator)
+    except MismatchFound as found:
+        print(f"{found}\nMISMATCH")
+        raise typer.Exit(1) from None
+    print(f"bit-exact: {tally.runs} runs, {tally.clocks} clocks, {tally.events} events, 0 mismatches")

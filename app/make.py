@@ -1,0 +1,274 @@
+"""``python -m app.make TARGET``: run a command of ``eskin``, or the steps of a target, for the Makefile.
+
+The variables of a target are the options of its command: ROWS=12 is ``--rows 12``. They come in MAKEFLAGS, as make
+hands them on: no shell reads them, and no exported variable is mistaken for one. Only the standard library is imported
+before the packages are installed.
+"""
+
+from __future__ import annotations
+
+import difflib
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from typing import Any, NoReturn
+
+from app.catalogue import COMMANDS, MODULES, summary
+from app.setup import BASE, SetupError, groups, install, install_apart, missing, python
+
+EXIT_INPUT_ERROR = 2
+YES, NO = ("1", "yes", "true"), ("", "0", "no", "false")
+
+NEEDS = {
+    "sim": "sim replay touch soak gatesim asic gatepower coverage mutants crosscheck",
+    "snn": "train crossval predict sweep counts quantise export import convert cache mutants fig8 robustness "
+    "noise-power merits precision",
+    "asic": "gatesim asic asic-scale gatepower layout",
+    "board": "play listen load rescue",
+    "fpga": "fpga",
+    "dev": "coverage mutants",
+    "registers": "coverage",
+    "lint": "crosscheck",
+    "proof": "crossproof",
+    "mutants": "mutants",
+}
+"""Commands that need each group of packages beside ``base``."""
+
+SWITCHES = {("sim", "GATES"): "gatesim", ("asic", "SCALE"): "asic-scale"}
+"""Command that runs instead where a user sets a variable to 1."""
+
+DEFAULTS = {
+    "verilog": {"OUT": "out/verilog"},
+    "properties": {"OUT": "out/verilog"},
+    "layout": {"ROWS": "2", "COLUMNS": "2"},
+    "predict": {"WEIGHTS": "out/train/weights.npz", "EVENTS": "out/replay"},
+}
+"""Variables that a target sets where the user does not."""
+
+APART = ("layout",)
+"""Commands with an environment of their own, of the same name."""
+
+LINT = ("-m ruff format --check .", "-m ruff check .", "-m mypy")
+STEPS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "setup": ("make the virtual environment with all pinned packages (every target installs what it needs)", ()),
+    "docs": (
+        "build the site of documents and reference pages, out/site/index.html",
+        (
+            "-m docs.tables",
+            "docs/figures/architecture.py",
+            "docs/tutorial_page.py",
+            "-m mkdocs build --quiet",
+            "-c 'print(\"out/site/index.html\")'",
+        ),
+    ),
+    "bench": (
+        "measure speed against peers and limits; JSON in benchmarks/results",
+        tuple(f"benchmarks/{n}.py --json benchmarks/results/{n}.json" for n in ("encoder", "cosim", "network")),
+    ),
+    "check": (
+        "run in a minute lint, types, layers, and a test of every block and command",
+        (*LINT, "-m pytest -q -m quick -n 2 --dist worksteal"),
+    ),
+    "test": ('run all tests [PYTEST="-k name"]', ("-m pytest -n auto --dist worksteal $PYTEST",)),
+    "lint": ("check format, lint and types", LINT),
+    "format": ("format the code", ("-m ruff format .", "-m ruff check --fix .")),
+}
+"""Help and command lines of the targets that are no command, each line behind the interpreter."""
+
+OWN = {"help": "list the targets", "clean": "remove builds and cached scans; .venv and out/ stay"}
+ENDING = """\
+A variable is an option of the target's command: ROWS=12 is --rows 12, WAVES=1 is --waves. A wrong name is refused.
+eskin COMMAND --help lists the options. make sim GATES=1 runs gatesim, make asic SCALE=1 asic-scale.
+Example: make sim ROWS=12 COLUMNS=16 ENCODING=nlcs RESOLUTION=6 SIM=icarus WAVES=1"""
+
+TARGETS = [*OWN, *STEPS, *MODULES]
+BUILT = ("build", ".pytest_cache", ".mypy_cache", ".ruff_cache", ".hypothesis")
+INSIDE = "--inside"
+"""Argument of the launcher when it continues in the environment's interpreter."""
+
+
+def typed_variables(flags: str) -> dict[str, str]:
+    r"""Return the variables of a command line of make, from its MAKEFLAGS, where they stand behind ``--``.
+
+    A space is written ``\ `` there, a backslash ``\\`` and a dollar ``$$``.
+
+    Examples
+    --------
+    >>> typed_variables(r"k -- OUT=it's\ $$HOME ROWS=3")
+    {'OUT': "it's $HOME", 'ROWS': '3'}
+    """
+    _, separator, text = f" {flags}".partition(" -- ")
+    found = {}
+    for word in re.findall(r"(?:\\.|[^\\ ])+", text if separator else "", re.DOTALL):
+        plain = re.sub(r"\\(.)", r"\1", word, flags=re.DOTALL).replace("$$", "$")
+        if parts := re.fullmatch(r"([^\s=]+?)(?:::?:?|[+?!])?=(.*)", plain, re.DOTALL):
+            found[parts[1]] = parts[2]
+    return {name: found[name] for name in sorted(found)}
+
+
+def options_of(target: str) -> dict[str, Any]:
+    """Return the parameters of a target by the name of their variable."""
+    if target not in MODULES:
+        return {name: None for step in STEPS[target][1] for name in re.findall(r"\$(\w+)", step)}
+    from app.cli import Commands
+
+    found = {}
+    for parameter in Commands()[target].params:
+        words = [word for word in parameter.opts if word.startswith("--")] or [str(parameter.name)]
+        found[words[0].lstrip("-").replace("-", "_").upper()] = parameter
+    return {name: parameter for name, parameter in found.items() if name != "HELP"}
+
+
+def needs_of(target: str, variables: dict[str, str]) -> list[str]:
+    """Return the groups of packages of a target."""
+    if target in ("setup", "test"):
+        return groups()
+    if target not in MODULES:
+        return [BASE, "sim", "snn", "dev", *(["docs"] if target == "docs" else [])]
+    spi = ["registers"] if variables.get("REGISTERS") == "spi" else []
+    return list(dict.fromkeys([BASE, *(group for group, names in NEEDS.items() if target in names.split()), *spi]))
+
+
+def command_lines(target: str, parameters: dict[str, Any], variables: dict[str, str]) -> list[list[str]]:
+    """Return the command lines of a target, each behind the interpreter of the environment."""
+    if target in MODULES:
+        default = DEFAULTS.get(target, {})
+        if target == "predict" and "DATA" in variables:  # own recordings stand in place of a replay's events
+            default = {"WEIGHTS": default["WEIGHTS"]}
+        return [[python(), "-m", "app", target, *_arguments(parameters, default | variables)]]
+    lines = []
+    for step in STEPS[target][1]:
+        words: list[str] = [python()]
+        for word in shlex.split(step):
+            words += shlex.split(variables.get(word[1:], "")) if word.startswith("$") else [word]
+        lines.append(words)
+    return lines
+
+
+def _arguments(parameters: dict[str, Any], variables: dict[str, str]) -> list[str]:
+    """Return the words behind a command that its variables stand for; those of a repeatable ``--set`` are split."""
+    options: list[str] = []
+    positional: list[str] = []
+    for name, parameter in parameters.items():
+        if name not in variables:
+            continue
+        value = variables[name]
+        if parameter.param_type_name == "argument":
+            positional.append(value)
+            continue
+        option = next(word for word in parameter.opts if word.startswith("--"))
+        if parameter.is_flag:
+            off = parameter.secondary_opts if parameter.default is True else []
+            options += [option] if _is_yes(name, value) else off
+        else:
+            options += [f"{option}={word}" for word in (value.split() if name == "SET" else [value])]
+    return [*options, *(["--", *positional] if positional else [])]
+
+
+def _is_yes(name: str, value: str) -> bool:
+    if value not in YES + NO:
+        _fail(f"{name} is 1 or 0, not {value!r}")
+    return value in YES
+
+
+def main() -> None:
+    """Run a target."""
+    flags, name = os.environ.get("MAKEFLAGS", ""), sys.argv[1]
+    first = flags.split(" ")[0]  # the one-letter flags of make
+    if name not in TARGETS:
+        _fail(f"there is no target {name}{_nearest(name, TARGETS)}")
+    try:
+        _make(name, typed_variables(flags), "n" in first and not first.startswith("-") and "=" not in first)
+    except SetupError as error:
+        _fail(str(error))
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+def _make(name: str, variables: dict[str, str], dry: bool) -> None:
+    """Check the variables as early as the packages allow, install what is missing, and run the target."""
+    target, switches = name, [switch for owner, switch in SWITCHES if owner == name]
+    for switch in switches:
+        target = SWITCHES[name, switch] if _is_yes(switch, variables.pop(switch, "")) else target
+    if target in OWN:
+        _check(name, variables, [])
+        print_help() if target == "help" else _clean(dry)
+        return
+    wanted = needs_of(target, variables)
+    if target in MODULES:
+        if missing([BASE]) and not dry:
+            install(wanted)
+        if os.path.exists(python()) and INSIDE not in sys.argv:
+            os.execv(python(), [python(), "-m", "app.make", name, INSIDE])
+    parameters = options_of(target)
+    _check(name, variables, [*parameters, *switches])
+    lines = command_lines(target, parameters, variables)
+    if dry:
+        print("\n".join(shlex.join(line) for line in lines))
+        return
+    install(wanted)
+    if target in APART:
+        install_apart(target)
+    for line in lines:
+        _call(line)
+
+
+def _check(name: str, variables: dict[str, str], known: list[str]) -> None:
+    """Refuse the first variable that a target does not take, with the nearest one that it takes."""
+    for variable in variables:
+        if variable not in known and variable != "PYTHON":  # which make itself uses
+            _fail(f"make {name} does not take {variable}{_nearest(variable, known)}")
+
+
+def _call(line: list[str]) -> None:
+    """Run a command line without what make has put into the environment; leave with its exit code if it fails."""
+    outer = {k: v for k, v in os.environ.items() if k not in ("MAKEFLAGS", "MFLAGS", "MAKEOVERRIDES", "MAKELEVEL")}
+    process = subprocess.Popen(line, env=outer | {"NO_MKDOCS_2_WARNING": "1"})
+    while True:
+        try:
+            code = process.wait()
+            break
+        except KeyboardInterrupt:  # the command hears it too, and ends in its own way
+            continue
+    if code:
+        sys.exit(code if code > 0 else 128 - code)
+
+
+def print_help() -> None:
+    """Print the targets, and how to give a command its options."""
+    width = max(map(len, TARGETS)) + 2
+    project = OWN | {name: text for name, (text, _) in STEPS.items()}
+    listed = {"Project": project} | {heading: {n: summary(n) for n in names} for heading, names in COMMANDS.items()}
+    lines = ["make TARGET [VARIABLE=value ...]"]
+    for heading, names in listed.items():
+        lines += ["", f"{heading}:", *(f"  {name:<{width}}{text}" for name, text in names.items())]
+    print("\n".join([*lines, "", ENDING]))
+
+
+def _clean(dry: bool) -> None:
+    """Remove builds and the recorded scans that trainings cache."""
+    clear = [python(), "-m", "app", "cache", "--clear"]
+    if dry:
+        print(shlex.join(clear), shlex.join(["rm", "-r", *BUILT]), sep="\n")
+        return
+    if os.path.exists(python()):
+        subprocess.run(clear, check=False)
+    for folder in BUILT:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _nearest(word: str, known: list[str]) -> str:
+    """Return the question for the known word that is most like another."""
+    return f"; did you mean {difflib.get_close_matches(word, known, 1, 0)[0]}?" if known else "; it takes no variable"
+
+
+def _fail(sentence: str) -> NoReturn:
+    print(f"error: {sentence}", file=sys.stderr)
+    sys.exit(EXIT_INPUT_ERROR)
+
+
+if __name__ == "__main__":
+    main()

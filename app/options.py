@@ -1,0 +1,233 @@
+"""Bind the fields of a dataclass to options of a command: name, help, unit and default come from the field itself.
+
+Every value arrives as text, and the class refuses a wrong one in its own sentence.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import inspect
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, get_args, get_type_hints
+
+import typer
+
+from base.errors import InputError
+from model.config import ReadoutConfig, option_of
+from model.encoders import registry
+from model.frame_config import OWN_FIELDS
+
+Command = Callable[..., Any]
+
+
+# -- fields of any dataclass -------------------------------------------------------------------------
+
+
+def option(name: str, hint: Any, text: str, metavar: str, flag: str) -> inspect.Parameter:
+    """Return an optional keyword parameter with an option; None stands for "not given"."""
+    info = typer.Option(flag, help=text, metavar=metavar, show_default=False)
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[hint, info])
+
+
+def field_options(
+    cls: type, names: Iterable[str] | None = None, defaults: Mapping[str, object] | None = None
+) -> list[inspect.Parameter]:
+    """Return one option for each field.
+
+    Parameters
+    ----------
+    cls : dataclass
+        Its fields are made by ``model.config.parameter``.
+    names : iterable of str, optional
+        Fields that become options; all by default.
+    defaults : mapping of str to object, optional
+        Default in the help, by field, where a command has another than the class.
+    """
+    hints, fields = get_type_hints(cls), {field.name: field for field in dataclasses.fields(cls)}
+    options = []
+    for name in fields if names is None else names:
+        field, hint = fields[name], hints[name]
+        default = (defaults or {}).get(name, field.default)
+        text = field.metadata["meaning"] + ("" if default in (None, "") else f" [{default}]")
+        unit = {"s": "SECONDS", "": "NUMBER"}.get(field.metadata["unit"], field.metadata["unit"].upper())
+        metavar = (unit if hint is float else "N") if _numeric(hint) else "|".join(get_args(hint)) or "TEXT"
+        options.append(option(name, str | None, text, metavar, option_of(field)))
+    return options
+
+
+def parse_fields(cls: type, texts: Mapping[str, str | None]) -> dict[str, Any]:
+    """Return the values of the fields whose option was given, by name."""
+    hints, fields = get_type_hints(cls), {field.name: field for field in dataclasses.fields(cls)}
+    return {n: parse_number(option_of(fields[n]), hints[n], v) for n, v in texts.items() if v is not None}
+
+
+def parse_number(name: str, hint: Any, text: str) -> Any:
+    """Return the number that the text of an option stands for; texts of other kinds stay as they are."""
+    kind = _numeric(hint)
+    if kind is None:
+        return text
+    try:
+        value = kind(text)
+    except ValueError:
+        noun = "a whole number" if kind is int else "a number"
+        raise InputError(f"{name} takes {noun}, not {text!r}") from None
+    if not math.isfinite(value):
+        raise InputError(f"{name} takes a finite number, not {text!r}")
+    return value
+
+
+def _numeric(hint: Any) -> type | None:
+    """Return int or float where a type hint is that, or that or None; None for other hints."""
+    return next((kind for kind in (get_args(hint) or (hint,)) if kind in (int, float)), None)
+
+
+def replace_parameters(
+    command: Command,
+    names: Sequence[str],
+    options: Sequence[inspect.Parameter],
+    build: Callable[[dict[str, Any]], dict[str, Any]],
+    last: bool = False,
+) -> Command:
+    """Return a command that has options in the place of some of its parameters.
+
+    Parameters
+    ----------
+    command : callable
+    names : sequence of str
+        The parameters that go; names that the command does not have are ignored.
+    options : sequence of inspect.Parameter
+        The options that the user sees instead.
+    build : callable
+        Returns the arguments of the command for ``names`` from the values of the options by name.
+    last : bool
+        The options stand behind all others in the help, else where the first of ``names`` stood.
+    """
+    signature = inspect.signature(command, eval_str=True)
+    own = list(signature.parameters.values())
+    kept = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in own if p.name not in names]
+    at = len(kept) if last else next(number for number, p in enumerate(own) if p.name in names)
+    parameters = [*kept[:at], *options, *kept[at:]]
+
+    @functools.wraps(command)
+    def wrapper(**arguments: Any) -> Any:
+        values = {option.name: arguments.pop(option.name) for option in options}
+        return command(**arguments, **build(values))
+
+    wrapper.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    wrapper.__annotations__ = {p.name: p.annotation for p in parameters}
+    return wrapper
+
+
+def with_fields(
+    cls: type, names: Sequence[str], into: str, defaults: Mapping[str, object] | None = None
+) -> Callable[[Command], Command]:
+    """Replace the parameter ``into`` of a command, a dict of the fields that the user set, by options for them."""
+    options = field_options(cls, names, defaults)
+    return lambda command: replace_parameters(command, [into], options, lambda t: {into: parse_fields(cls, t)})
+
+
+# -- the configuration of the readout ----------------------------------------------------------------
+
+CONFIG_FILE = option("config_file", Path | None, "JSON configuration", "FILE", "--config")
+LEAKY = tuple(encoder.name for encoder in registry.ENCODERS if encoder.leaks)
+"""Encoders that ``--tau`` is for."""
+
+_TAU_HELP = f"{', '.join(LEAKY)}: time constant, sets leak-shift and leak-period"
+TAU = option("tau", str | None, _TAU_HELP, "SECONDS", "--tau")
+
+
+def check_leaks(config: ReadoutConfig) -> None:
+    """Refuse ``--tau`` for an encoder whose reference does not leak."""
+    if not config.encoder.leaks:
+        first, named = LEAKY[0], " or ".join(LEAKY)
+        raise InputError(f"--tau is the leak of encoding {named}, not of {config.encoding}; add --encoding {first}")
+
+
+def option_name(field: str) -> str:
+    """Return the command-line option of a field of ReadoutConfig."""
+    return option_of(ReadoutConfig.__dataclass_fields__[field])
+
+
+def with_config(command: Command | None = None, *, fields: Sequence[str] | None = None, file: bool = True) -> Any:
+    """Replace the parameter ``config`` of a command by one option per field of ReadoutConfig.
+
+    ``--config FILE`` loads a JSON configuration, which explicit options override. With all fields, ``--tau`` chooses
+    the leak of an N-LCS taxel by its time constant. A parameter ``given`` of the command receives the names of the
+    fields that the user set, as a frozenset of str; a parameter ``stored`` the fields of a frame readout in the file,
+    which other commands refuse.
+
+    Parameters
+    ----------
+    command : callable, optional
+        Left out where the decorator is called with the others.
+    fields : sequence of str, optional
+        The fields that become options, all by default.
+    file : bool
+        False leaves ``--config`` out.
+    """
+    if command is None:
+        return lambda function: with_config(function, fields=fields, file=file)
+    wanted = inspect.signature(command).parameters
+    options = [*field_options(ReadoutConfig, fields), *([TAU] if fields is None else []), *([CONFIG_FILE] * file)]
+
+    def build(texts: dict[str, Any]) -> dict[str, Any]:
+        path, tau = texts.pop("config_file", None), texts.pop("tau", None)
+        tau_s = None if tau is None else parse_number("--tau", float, tau)
+        stored: dict[str, Any] | None = {} if "stored" in wanted else None
+        config, given = build_config(parse_fields(ReadoutConfig, texts), tau_s, path, stored)
+        made = {"config": config, "given": given, "stored": stored}
+        return {name: value for name, value in made.items() if name in wanted}
+
+    return replace_parameters(command, ("config", "given", "stored"), options, build, last=True)
+
+
+def build_config(
+    explicit: dict[str, Any],
+    tau_s: float | None = None,
+    file: Path | None = None,
+    stored: dict[str, Any] | None = None,
+) -> tuple[ReadoutConfig, frozenset[str]]:
+    """Return a configuration from a file, explicit fields and a time constant, in rising priority.
+
+    Parameters
+    ----------
+    explicit : dict
+        Fields of ReadoutConfig that the user set.
+    tau_s : float, optional
+        Time constant of the N-LCS leak in seconds.
+    file : Path, optional
+        JSON configuration; its absent fields take their defaults.
+    stored : dict, optional
+        Takes the fields of a frame readout in the file; without it they are refused.
+
+    Returns
+    -------
+    (ReadoutConfig, frozenset of str)
+        The configuration, and the fields that the user, the file or the time constant set.
+    """
+    given = set(explicit)
+    fields = dict(explicit)
+    if file is not None:
+        found, named = ReadoutConfig.of_file(file, OWN_FIELDS)
+        own = {name: named[name] for name in OWN_FIELDS if name in named}
+        if own and stored is None:
+            raise InputError(
+                f"the configuration {file} is that of a frame readout ({', '.join(own)}); leave these out, or give it "
+                f"to eskin frames, or to eskin verilog --readout frame"
+            )
+        if stored is not None:
+            stored |= own
+        fields = found.to_dict() | explicit
+        given |= set(named) - set(own)
+    config = ReadoutConfig.from_dict(fields)
+    if tau_s is None:
+        return config, frozenset(given)
+    if clash := [name for name in ("leak_shift", "leak_period") if name in explicit]:
+        raise InputError(f"--tau sets {clash[0]} itself; give --tau or {option_name(clash[0])}, not both")
+    check_leaks(config)
+    leak = ReadoutConfig.from_tau(tau_s, 1.0 / config.sample_rate_hz)
+    config = config.replace(leak_shift=leak.leak_shift, leak_period=leak.leak_period)
+    return config, frozenset(given | {"leak_shift", "leak_period"})

@@ -1,0 +1,46 @@
+"""Who does the work of a command, as options: processes or threads of this machine, or a Dask cluster."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from base.errors import InputError
+
+if TYPE_CHECKING:
+    from base.workers.cluster import Needs
+    from base.workers.pool import WorkerPool
+
+Workers = Annotated[
+    int | None, typer.Option(metavar="N", help="pieces of work side by side on this machine [one per usable core]")
+]
+Scheduler = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler, tcp://HOST:8786, instead of this machine")
+]
+
+
+def open_pool(
+    workers: int | None, scheduler: str | None, needs: Needs | None = None, *, threads: bool = False
+) -> WorkerPool:
+    """Return the pool that a user asked for.
+
+    Parameters
+    ----------
+    workers : int or None
+    scheduler : str or None
+        Address of a Dask scheduler.
+    needs : Needs, optional
+        What its workers must have the same of; the model by default.
+    threads : bool
+        On this machine: threads and not processes, for work that lets go of the interpreter.
+    """
+    if scheduler is None:
+        from base.workers.pool import Local
+
+        return Local(workers, threads)
+    if workers is not None:
+        raise InputError("--workers counts processes of this machine, --scheduler takes those of a cluster; give one")
+    from base.workers.cluster import Cluster, Needs
+
+    return Cluster(scheduler, needs or Needs())

@@ -1,0 +1,45 @@
+"""Data and picture of a figure in files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from base.errors import InputError
+from base.files import origin, write_json
+
+DEFAULT_OUT = Path("out")
+
+
+def write_results(
+    out: Path,
+    name: str,
+    data: dict[str, Any],
+    plot: Callable[[dict[str, Any], Path], None],
+    data_out: Path | None = None,
+    command: str = "",
+) -> str:
+    """Write the data as ``name``.json, then the picture that is made from them as ``name``.png.
+
+    Parameters
+    ----------
+    out, data_out : Path
+        Folders of the picture and of the data; made if they are not there.
+    command : str
+        What was typed; the data say it, with commit and date.
+
+    Returns
+    -------
+    str
+        What was written, for the user.
+    """
+    data_out = data_out or out
+    for folder in (out, data_out):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot make the folder {folder}: {error.strerror}; choose another --out") from None
+    write_json(data_out / f"{name}.json", origin(command) | data)
+    plot(data, out / f"{name}.png")
+    return f"wrote {data_out / name}.json and {out / name}.png"

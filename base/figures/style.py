@@ -1,0 +1,72 @@
+"""The look of the figures: one style and one palette."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from base.errors import InputError
+from base.files import atomic_write, check_writable
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+PALETTE = {
+    "black": "#000000",
+    "orange": "#e69f00",
+    "sky": "#56b4e9",
+    "green": "#009e73",
+    "blue": "#0072b2",
+    "vermilion": "#d55e00",
+    "purple": "#cc79a7",
+    "grey": "#999999",
+}
+"""The colours of all pictures: those of M. Okabe and K. Ito but yellow, and a grey; told apart by colour-blind eyes."""
+
+GREY = "#555555"
+"""Remarks, and what is no data."""
+
+PART_COLOURS = {"afe": PALETTE["blue"], "converter": PALETTE["orange"], "io": PALETTE["green"]}
+TAU_COLOURS = (PALETTE["vermilion"], PALETTE["orange"], PALETTE["purple"])
+ON_COLOUR, OFF_COLOUR, UNMATCHED_COLOUR = PALETTE["blue"], PALETTE["orange"], PALETTE["black"]
+
+FORMATS = (".png", ".pdf", ".svg")
+DPI = 160
+
+
+def check_picture_path(path: Path) -> None:
+    """Refuse a picture of unknown format, or in a folder that does not exist, before any work is done."""
+    if path.suffix.lower() not in FORMATS:
+        raise InputError(f"pictures end in {', '.join(FORMATS)}, {path.name} does not; rename the output")
+    check_writable(path)
+
+
+def new_figure(width_in: float, height_in: float, title: str) -> Figure:
+    """Return an empty figure with a title."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
+    return figure
+
+
+def dress(panel: Axes, title: str = "") -> None:
+    """Give a panel the look of all pictures: a title on the left, thin grid lines, two spines."""
+    panel.spines[["top", "right"]].set_visible(False)
+    panel.tick_params(labelsize=8, length=3)
+    panel.grid(axis="y", color="#e5e5e5", lw=0.6)
+    panel.set_axisbelow(True)
+    panel.set_title(title, loc="left", fontsize=9.5, fontweight="bold", pad=4)
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a figure; the same data give the same bytes."""
+    import matplotlib
+
+    check_picture_path(path)
+    undated: dict[str, Any] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}[path.suffix.lower()]
+    with matplotlib.rc_context({"svg.hashsalt": "figure"}), atomic_write(path) as file:
+        figure.savefig(file, format=path.suffix[1:].lower(), dpi=DPI, metadata=undated)

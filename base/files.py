@@ -1,0 +1,332 @@
+"""Files are written whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import datetime
+import io
+import json
+import math
+import os
+import shutil
+import subprocess
+import tempfile
+import zipfile
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+from base.errors import InputError
+
+if TYPE_CHECKING:  # the launcher of make runs where NumPy is not installed yet
+    from numpy.typing import NDArray
+
+OUT = Path("out")
+"""Folder of what commands write unless told otherwise."""
+
+PROBE_BYTES = 2**17
+"""What can be written to a disk that is not full."""
+
+
+@contextlib.contextmanager
+def atomic_write(path: Path) -> Iterator[IO[bytes]]:
+    """Open a binary file that takes the name ``path`` only when everything has been written.
+
+    The bytes go to a temporary file in the same folder, which replaces ``path`` at the end and is removed if
+    anything fails, so an interrupted command leaves the old file, or none.
+
+    Raises
+    ------
+    InputError
+        If the folder does not exist or the file cannot be written.
+    """
+    folder = path.parent
+    check_writable(path)
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=folder)
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}") from None
+    try:
+        with os.fdopen(handle, "wb") as file:
+            yield file
+        os.chmod(name, 0o666 & ~_umask())
+        os.replace(name, path)
+    except OSError as error:
+        os.unlink(name)
+        raise InputError(f"cannot write {path}: {error.strerror}") from None
+    except BaseException:
+        os.unlink(name)
+        raise
+
+
+def make_folder(root: Path, inside: str | Path, empty: bool = False) -> Path:
+    """Make a folder of the program's own inside one that the user named, and return it.
+
+    Parameters
+    ----------
+    root : Path
+        The user's folder, made if need be; it may be a link.
+    inside : str or Path
+        The way from there. A link on it is not followed, since whoever planted it would choose what is overwritten.
+    empty : bool
+        Remove what the folder holds.
+
+    Raises
+    ------
+    InputError
+        If there is a link on the way.
+    """
+    root.mkdir(parents=True, exist_ok=True)
+    folder = root
+    for part in Path(inside).parts:
+        folder /= part
+        if folder.is_symlink():
+            raise InputError(f"cannot write to {folder}: it is a link to another place; remove it")
+        folder.mkdir(exist_ok=True)
+    if empty:
+        shutil.rmtree(folder)
+        folder.mkdir()
+    return folder
+
+
+@contextlib.contextmanager
+def refusing_a_full_disk(folder: Path) -> Iterator[None]:
+    """Say so in one sentence if the work within fails and nothing more can be written to a folder."""
+    try:
+        yield
+    except Exception:
+        try:
+            with tempfile.TemporaryFile(dir=folder) as probe:
+                probe.write(bytes(PROBE_BYTES))
+        except OSError as error:
+            raise InputError(f"cannot write to {folder}: {error.strerror}") from None
+        raise
+
+
+def check_writable(path: Path) -> None:
+    """Refuse an output path whose folder does not exist, or that is a folder: before any work is done.
+
+    The folder ``out`` of the current one is the place of all defaults, and is made.
+    """
+    if path.parent == OUT:
+        try:
+            OUT.mkdir(exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot make the folder {OUT}: {error.strerror}; choose another --out") from None
+    if not path.parent.is_dir():
+        raise InputError(f"cannot write {path}: the folder {path.parent} does not exist; create it first")
+    if path.is_dir():
+        raise InputError(f"cannot write {path}: it is a folder; give the name of a file")
+
+
+def write_json(path: Path, content: dict[str, Any]) -> None:
+    """Write a JSON file, whole or not at all; floats that are no finite numbers become texts."""
+    with atomic_write(path) as file:
+        file.write((json.dumps(plain(content), indent=1, allow_nan=False) + "\n").encode())
+
+
+def keep_line(path: Path, content: Any) -> None:
+    """Add a line of JSON to a file; behind a line that was cut off it begins a new one."""
+    with path.open("ab+") as file:
+        if file.seek(0, os.SEEK_END):
+            file.seek(-1, os.SEEK_END)
+            if file.read(1) != b"\n":
+                file.write(b"\n")
+        file.write((json.dumps(content) + "\n").encode())
+
+
+def kept_lines(path: Path) -> Iterator[Any]:
+    """Yield what the lines of JSON of a file hold, nothing if there is none; a line that was cut off is left out."""
+    for line in path.read_text(errors="replace").splitlines() if path.exists() else ():
+        with contextlib.suppress(ValueError):
+            yield json.loads(line)
+
+
+class Pieces:
+    """Results of a long run, kept as they come, so that one that was stopped goes on behind them.
+
+    Parameters
+    ----------
+    out : Path or None
+        File of the whole result, beside which they are kept; None keeps nothing.
+    code : str
+        Of what computes: pieces of another one are computed anew.
+    """
+
+    def __init__(self, out: Path | None, code: str) -> None:
+        self.path, self.code = out and pieces_of(out), code
+        if out:
+            check_writable(out)
+        lines = kept_lines(self.path) if self.path else ()
+        self._known = {piece["name"]: piece for piece in lines if piece["code"] == code}
+
+    def of(self, name: str, job: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+        """Return a piece by its name, computed if it is not known."""
+        return self.known(name) or self.add(name, job())
+
+    def known(self, name: str) -> dict[str, Any] | None:
+        """Return a piece by its name, None if it is not known."""
+        return self._known.get(name)
+
+    def add(self, name: str, result: dict[str, Any]) -> dict[str, Any]:
+        """Keep what a piece came to, instead of what was kept of it before, and return the piece."""
+        piece = self._known[name] = {"name": name, "code": self.code, **result}
+        if self.path:
+            keep_line(self.path, piece)
+        return piece
+
+
+def pieces_of(out: Path) -> Path:
+    """Return where the pieces of a result are kept; to be removed when it is written."""
+    return out.with_name(f".{out.name}.pieces")
+
+
+def origin(command: str) -> dict[str, str]:
+    """Return what says where a kept result comes from: the command, the commit of these files, and the date."""
+    describe = ["git", "describe", "--always", "--dirty"]
+    commit = subprocess.run(describe, cwd=Path(__file__).parent, capture_output=True, text=True).stdout.strip()
+    return {"command": command, "commit": commit, "date": datetime.date.today().isoformat()}
+
+
+MOST_TEXT_BYTES = 2**28
+"""Size of a text file beyond which it is refused: a device that never ends, for one."""
+
+
+def read_bytes(path: Path, what: str) -> bytes:
+    """Return the content of a text file of at most ``MOST_TEXT_BYTES``, or raise InputError or OSError."""
+    with path.open("rb") as file:
+        content = file.read(MOST_TEXT_BYTES + 1)
+    if len(content) > MOST_TEXT_BYTES:
+        raise InputError(f"{what} {path} has more than {MOST_TEXT_BYTES >> 20} MiB; give a smaller file")
+    return content
+
+
+def read_json(path: Path, what: str, kind: type | None = None) -> Any:
+    """Return what a JSON file holds.
+
+    Parameters
+    ----------
+    path : Path
+    what : str
+        What the file is to the user, as in "the sweep".
+    kind : type, optional
+        ``dict`` or ``list``: what it must be.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, is not JSON, is nested too deeply, or is of another kind; the sentence names the file.
+    """
+    try:
+        content = json.loads(read_bytes(path, what), parse_int=_whole)
+    except InputError:
+        raise
+    except OSError as error:
+        raise InputError(f"cannot read {what} {path}: {error.strerror}") from None
+    except ValueError as error:  # a character that is no text is one too
+        raise InputError(f"{what} {path} is not JSON: {error}") from None
+    except RecursionError:
+        raise InputError(f"{what} {path} is not JSON that can be read: it is nested too deeply") from None
+    if kind is not None and not isinstance(content, kind):
+        noun = "object" if kind is dict else "list"
+        raise InputError(f"{what} {path} must be a JSON {noun}, not {type(content).__name__}")
+    return content
+
+
+def _whole(text: str) -> int:
+    """Return a whole number that a float can stand for: what is beyond fits no unit."""
+    if len(text) > 308:
+        raise ValueError(f"a number of {len(text)} digits stands in it")
+    return int(text)
+
+
+MOST_UNPACKED = 2**30
+"""Bytes that the content of a compressed file may have; a few kilobytes can claim any number."""
+
+
+def check_unpacked(archive: zipfile.ZipFile) -> None:
+    """Refuse an archive that claims more than ``MOST_UNPACKED`` bytes; what is read is never more than is claimed."""
+    size = sum(member.file_size for member in archive.infolist())
+    if size > MOST_UNPACKED:
+        raise InputError(f"claims {size / 2**20:.0f} MiB of data, more than {MOST_UNPACKED // 2**20}; it is not read")
+
+
+def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], compressed: bool = False) -> None:
+    """Write an ``.npz`` archive, whole or not at all; equal arrays give equal bytes, for every member has one date."""
+    from numpy.lib.format import write_array
+
+    with atomic_write(path) as file, zipfile.ZipFile(file, "w") as archive:
+        for name, values in arrays.items():
+            data = io.BytesIO()
+            write_array(data, values, allow_pickle=False)
+            member = zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0))
+            member.compress_type = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
+            archive.writestr(member, data.getvalue())
+
+
+def read_arrays(path: Path, kind: str, remedy: str) -> dict[str, NDArray[Any]]:
+    """Return the arrays of an ``.npz`` archive.
+
+    Parameters
+    ----------
+    path : Path
+    kind : str
+        What the file should be, as in "a weight file".
+    remedy : str
+        What to do about a damaged one, as in "train again".
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is damaged, or claims too much.
+    """
+    import numpy as np
+
+    try:
+        with zipfile.ZipFile(path) as archive:
+            check_unpacked(archive)
+        with np.load(path, allow_pickle=False) as file:
+            return {name: file[name] for name in file.files}
+    except InputError as error:
+        raise InputError(f"{path} {error}") from None
+    except OSError as error:
+        if error.strerror:
+            raise InputError(f"cannot read {path}: {error.strerror}") from None
+        raise InputError(f"{path} is damaged or not {kind}; {remedy}") from None
+    except Exception:  # a damaged archive makes zipfile, zlib and NumPy raise almost any type
+        raise InputError(f"{path} is damaged or not {kind}; {remedy}") from None
+
+
+def plain(content: Any) -> Any:
+    """Return JSON content in which a float that is no finite number, which JSON has not, is a text such as "-inf"."""
+    if isinstance(content, dict):
+        return {name: plain(value) for name, value in content.items()}
+    if isinstance(content, (list, tuple)):
+        return [plain(value) for value in content]
+    return str(content) if isinstance(content, float) and not math.isfinite(content) else content
+
+
+def _umask() -> int:
+    """Return the permissions that a new file shall not have (mkstemp gives 0600)."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def forget_stale_kernels(module: Path, steps: Iterable[Path]) -> None:
+    """Remove the compiled kernels of a module that are older than the steps which they have in them.
+
+    Numba looks at the module's own file only: a step that was edited in another file would not be seen.
+
+    Parameters
+    ----------
+    module : Path
+        Source of the module with ``njit(cache=True)``.
+    steps : iterable of Path
+        Sources of the functions that it calls.
+    """
+    newest = max(path.stat().st_mtime for path in steps)
+    for kernel in (module.parent / "__pycache__").glob(f"{module.stem}.*.nb?"):
+        with contextlib.suppress(OSError):  # a folder that cannot be written is no checkout
+            if kernel.stat().st_mtime < newest:
+                kernel.unlink()

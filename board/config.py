@@ -1,0 +1,122 @@
+"""What is built into a board: its design and its serial line (docs/reference/board.md)."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from dataclasses import dataclass, field
+from typing import Literal
+
+from base.errors import InputError
+from model.classifier.chip_config import ChipConfig
+
+Design = Literal["player", "receiver"]
+
+DESIGNS: tuple[Design, ...] = ("player", "receiver")
+"""What a board holds, by its number, from 1 on: a chip that is played to, or a receiver for a foreign one."""
+
+ADDRESS_BITS = 12
+"""Bits of the address in an event's record, polarity among them."""
+
+MOST_CLASSES = 64
+MOST_WORDS = 1 << 16
+
+
+@dataclass(frozen=True, kw_only=True)
+class SerialConfig:
+    """The serial line of a board, 8 bits, no parity, one stop bit.
+
+    Parameters
+    ----------
+    clock_hz : int
+        Clock of the board.
+    clocks_per_bit : int
+        Four or more.
+    buffer_bytes : int
+        What the board can keep of frames that it has not carried out yet, a power of two; the host never has more
+        under way.
+    idle_bits : int
+        A frame that stops for so many bit times is a lost one.
+    records : int
+        Words that wait for the line at most, a power of two.
+    """
+
+    clock_hz: int = 50_000_000
+    clocks_per_bit: int = 25
+    buffer_bytes: int = 1024
+    idle_bits: int = 1 << 18
+    records: int = 1024
+
+    def __post_init__(self) -> None:
+        least = {"clock_hz": 1, "clocks_per_bit": 4, "buffer_bytes": 512, "idle_bits": 32, "records": 128}
+        for name, low in least.items():
+            if getattr(self, name) < low:
+                raise InputError(f"{name} of the serial line must be at least {low}, not {getattr(self, name)}")
+        for name in ("buffer_bytes", "records"):
+            if getattr(self, name) & (getattr(self, name) - 1):
+                raise InputError(f"{name} of the serial line must be a power of two, not {getattr(self, name)}")
+
+    @property
+    def baud(self) -> int:
+        """Bits a second."""
+        return round(self.clock_hz / self.clocks_per_bit)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoardConfig:
+    """All that is built into the FPGA of a board.
+
+    Parameters
+    ----------
+    chip : ChipConfig, optional
+        Readout (digital front end) and classifier of a player; none for the receiver of a foreign chip.
+    serial : SerialConfig
+
+    Raises
+    ------
+    InputError
+        If the chip has no samples to take, or more classes or addresses than a record holds.
+    """
+
+    chip: ChipConfig | None
+    serial: SerialConfig = field(default_factory=SerialConfig)
+
+    def __post_init__(self) -> None:
+        if self.chip is None:
+            return
+        readout = self.chip.readout
+        if readout.frontend != "digital" or readout.registers != "none" or readout.reset != "sync":
+            raise InputError(
+                f"a board takes samples: frontend digital, no registers, reset sync, not {readout.frontend}, "
+                f"{readout.registers}, {readout.reset}"
+            )
+        if self.chip.classifier.channel_bits > ADDRESS_BITS:
+            raise InputError(f"a board has at most {1 << ADDRESS_BITS} channels, not {self.chip.classifier.inputs}")
+        if readout.sample_bits > 16:
+            raise InputError(f"a board takes samples of at most 16 bits, not {readout.sample_bits}")
+        if max(self.chip.classifier.weight_words, self.chip.classifier.neuron_words) > MOST_WORDS:
+            raise InputError(
+                f"a board loads at most {MOST_WORDS} words of weights, not {self.chip.classifier.weight_words}"
+            )
+        if self.chip.classifier.classes > MOST_CLASSES:
+            raise InputError(f"a board has at most {MOST_CLASSES} classes, not {self.chip.classifier.classes}")
+
+    @property
+    def design(self) -> Design:
+        """What it holds."""
+        return "receiver" if self.chip is None else "player"
+
+    @property
+    def identity(self) -> int:
+        """A number of 32 bits that differs between designs: it is asked for before anything else.
+
+        It stands for the chip with all its constants (thresholds, shifts, widths), but not for weights, which are
+        loaded, and not for what only names a unit of time (sampling rate, seconds of a bin).
+        """
+        fields = {} if self.chip is None else self.chip.to_dict()
+        fields = {name: value for name, value in fields.items() if name not in UNITS}
+        return zlib.crc32(json.dumps([self.design, fields], sort_keys=True).encode())
+
+
+UNITS = ("sample_rate_hz", "classifier_bin_s")
+"""Fields that change nothing in the hardware once the clocks of a sample and of a bin are known."""

@@ -1,0 +1,76 @@
+"""The receiver of a foreign chip's four-phase AER link."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from amaranth.hdl import Module, Signal
+from amaranth.lib.cdc import FFSynchronizer
+from amaranth.lib.wiring import Component, In, Out
+
+from board.config import ADDRESS_BITS
+from board.gateware.recorder import CLOCK_BITS
+from board.records import VALUE_BITS
+
+
+class AerReceiver(Component):
+    """Takes the address when REQ is seen through two flops; the sender has set it before, and holds it until ACK falls.
+
+    ACK rises when the event is kept, or is lost because the memory is full: time is never bought by holding the foreign
+    chip back. A REQ that is high when reset ends is a new request. At most one event in 7 clocks, with a sender that
+    answers at once.
+
+    Attributes
+    ----------
+    aer_req, aer_ack, aer_addr : In(1), Out(1), In(ADDRESS_BITS)
+        Active high; REQ and address asynchronous, ACK a flop.
+    now : In(CLOCK_BITS)
+    full : In(1)
+        There is no place for an event.
+    valid, ready, address, time : Out, In, Out, Out
+        An event, and the clock in which its REQ was seen: two to three after it rose.
+    lost, lost_told : Out(VALUE_BITS), In(1)
+        Events that were lost since they were told last; stops at its end.
+    lost_now : Out(1)
+        One is lost in this clock.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(
+            {
+                "aer_req": In(1),
+                "aer_ack": Out(1),
+                "aer_addr": In(ADDRESS_BITS),
+                "now": In(CLOCK_BITS),
+                "full": In(1),
+                "valid": Out(1),
+                "ready": In(1),
+                "address": Out(ADDRESS_BITS),
+                "time": Out(CLOCK_BITS),
+                "lost": Out(VALUE_BITS),
+                "lost_told": In(1),
+                "lost_now": Out(1),
+            }
+        )
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        request = Signal()
+        m.submodules.synchroniser = FFSynchronizer(self.aer_req, request)
+        with m.If(self.lost_told):
+            m.d.sync += self.lost.eq(0)
+        with m.Elif(self.lost_now & ~self.lost.all()):
+            m.d.sync += self.lost.eq(self.lost + 1)
+        with m.FSM():
+            with m.State("REST"), m.If(request):
+                m.d.sync += [self.address.eq(self.aer_addr), self.time.eq(self.now)]
+                m.next = "KEEP"
+            with m.State("KEEP"):
+                m.d.comb += [self.valid.eq(~self.full), self.lost_now.eq(self.full)]
+                with m.If(self.full | self.ready):
+                    m.d.sync += self.aer_ack.eq(1)
+                    m.next = "ANSWER"
+            with m.State("ANSWER"), m.If(~request):
+                m.d.sync += self.aer_ack.eq(0)
+                m.next = "REST"
+        return m

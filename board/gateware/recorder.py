@@ -1,0 +1,194 @@
+"""What happens on a board becomes words for the host, in the order in which it happens (board/records.py)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from amaranth.hdl import Array, Cat, Const, Module, Mux, Signal, Value
+from amaranth.lib.fifo import SyncFIFOBuffered
+from amaranth.lib.wiring import Component, In, Out
+
+from board.config import ADDRESS_BITS, DESIGNS, BoardConfig
+from board.records import HELLO_WORDS, STATUS_WORDS, TIME_BITS, VALUE_BITS, VERSION, WORD_BITS, Tag
+
+CLOCK_BITS = VALUE_BITS + TIME_BITS
+"""Of the time: 4 days at 50 MHz."""
+
+RESERVE = 32
+"""Words that are kept free of events where these cannot wait: for what else is to be said."""
+
+
+def hello_values(config: BoardConfig) -> dict[str, int]:
+    """Return what a board says of itself."""
+    classifier = config.chip.classifier if config.chip else None
+    bits = 0
+    if classifier is not None:
+        bits = max(classifier.lanes * classifier.weight_bits, classifier.neuron_bits)
+    return {
+        "version": VERSION,
+        "design": DESIGNS.index(config.design) + 1,
+        "identity": config.identity,
+        "clock_hz": config.serial.clock_hz,
+        "buffer_bytes": config.serial.buffer_bytes,
+        "channels": classifier.inputs if classifier else 1 << ADDRESS_BITS,
+        "classes": classifier.classes if classifier else 0,
+        "word_bytes": -(-bits // 8),
+    }
+
+
+class Recorder(Component):
+    """Writes a word a clock into the memory that waits for the line.
+
+    Attributes
+    ----------
+    now : In(CLOCK_BITS)
+        The time.
+    idle : Out(1)
+        An event and a class may come in this clock.
+    event_valid, event_address : In
+        An event of this clock.
+    class_valid, class_index, class_overrun, evidence : In
+        A class of this clock; the evidence is held until all of it is written (player).
+    event_time : In(CLOCK_BITS)
+        When it was.
+    lost, lost_told : In, Out
+        Events that were lost since the last ones were told; they are told now.
+    ack_valid, ack_sequence, ack_ready, refused_valid, refused_word, refused_ready : In, In, Out
+    hello_valid, hello_ready, status_valid, status_words, status_ready : In, Out
+        What else is to be said; an event goes first.
+    level, word, take : Out, Out, In
+        To ``FrameSender``.
+    """
+
+    def __init__(self, config: BoardConfig) -> None:
+        self.config = config
+        classifier = config.chip.classifier if config.chip else None
+        self.classes = classifier.classes if classifier else 0
+        self.evidence_bits = classifier.evidence_bits if classifier else 0
+        ports: dict[str, Any] = {
+            "idle": Out(1),
+            "event_valid": In(1),
+            "event_address": In(ADDRESS_BITS),
+            "event_time": In(CLOCK_BITS),
+            "lost": In(VALUE_BITS),
+            "lost_told": Out(1),
+            "refused_word": In(VALUE_BITS),
+            "ack_sequence": In(8),
+            "status_words": In(WORD_BITS * len(STATUS_WORDS)),
+            "level": Out(range(config.serial.records + 1)),
+            "word": Out(WORD_BITS),
+            "take": In(1),
+        }
+        for name in ("ack", "refused", "hello", "status"):
+            ports |= {f"{name}_valid": In(1), f"{name}_ready": Out(1)}
+        if self.classes:
+            ports |= {
+                "class_valid": In(1),
+                "class_index": In(6),
+                "class_overrun": In(1),
+                "evidence": In(self.classes * self.evidence_bits),
+            }
+        super().__init__(ports)
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        m.submodules.memory = memory = SyncFIFOBuffered(width=WORD_BITS, depth=self.config.serial.records)
+        told = Signal(VALUE_BITS)  # high bits of the time, as the host has them
+        time, address = Signal(CLOCK_BITS), Signal(ADDRESS_BITS)
+        has_event = Signal()
+        index = Signal(range(max(self.classes, len(HELLO_WORDS), len(STATUS_WORDS)) + 1))
+        written = Signal()
+        m.d.comb += [
+            self.level.eq(memory.r_level),
+            self.word.eq(memory.r_data),
+            memory.r_en.eq(self.take),
+            written.eq(memory.w_en & memory.w_rdy),
+        ]
+        low, high = time[:TIME_BITS], time[TIME_BITS:]
+        classes = self.class_valid if self.classes else Const(0, 1)
+        with m.FSM():
+            with m.State("IDLE"):
+                m.d.comb += self.idle.eq(1)
+                m.d.sync += [index.eq(0), time.eq(self.event_time), has_event.eq(self.event_valid)]
+                with m.If(self.event_valid | classes):
+                    m.d.sync += address.eq(self.event_address)
+                    self._keep_class(m)
+                    m.next = "LOST"
+                with m.Elif(self.refused_valid):
+                    self._put(m, memory, Tag.REFUSED, self.refused_word)
+                    m.d.comb += self.refused_ready.eq(memory.w_rdy)
+                with m.Elif(self.ack_valid):
+                    self._put(m, memory, Tag.ACK, self.ack_sequence)
+                    m.d.comb += self.ack_ready.eq(memory.w_rdy)
+                with m.Elif(self.hello_valid):
+                    m.next = "HELLO"
+                with m.Elif(self.status_valid):
+                    m.next = "STATUS"
+            with m.State("LOST"):
+                with m.If(self.lost == 0):
+                    m.next = "TIME"
+                with m.Else():
+                    self._put(m, memory, Tag.LOST, self.lost)
+                    m.d.comb += self.lost_told.eq(written)
+            with m.State("TIME"):
+                with m.If(told == high):
+                    m.next = "EVENT"
+                with m.Else():
+                    self._put(m, memory, Tag.TIME, high)
+                    with m.If(written):
+                        m.d.sync += told.eq(high)
+            with m.State("EVENT"):
+                with m.If(has_event):
+                    self._put(m, memory, Tag.EVENT, Cat(low, address))
+                with m.If(written | ~has_event):
+                    m.next = "CLASS" if self.classes else "IDLE"
+            if self.classes:
+                self._classes(m, memory, low, index, written)
+            hello = hello_values(self.config)
+            self._words(m, memory, Tag.HELLO, [Const(hello[n], WORD_BITS) for n in HELLO_WORDS], index, written)
+            parts = [self.status_words.word_select(n, WORD_BITS) for n in range(len(STATUS_WORDS))]
+            self._words(m, memory, Tag.STATUS, parts, index, written)
+        return m
+
+    def _keep_class(self, m: Module) -> None:
+        """Keep what the chip says of a class in this clock; the evidence it holds itself."""
+        if not self.classes:
+            return
+        self.has_class, self.kept = Signal(), Signal(ADDRESS_BITS)
+        overrun = Cat(self.class_index, Const(0, ADDRESS_BITS - 7), self.class_overrun)
+        m.d.sync += [self.has_class.eq(self.class_valid), self.kept.eq(overrun)]
+
+    def _classes(self, m: Module, memory: Any, low: Value, index: Signal, written: Signal) -> None:
+        """Add the states that write a class and its evidence."""
+        with m.State("CLASS"):
+            with m.If(self.has_class):
+                self._put(m, memory, Tag.CLASS, Cat(low, self.kept))
+                with m.If(written):
+                    m.next = "EVIDENCE"
+            with m.Else():
+                m.next = "IDLE"
+        with m.State("EVIDENCE"):
+            value = self.evidence.word_select(index, self.evidence_bits).as_signed()
+            m.d.comb += [memory.w_en.eq(1), memory.w_data.eq(value)]
+            with m.If(written):
+                m.d.sync += index.eq(index + 1)
+                with m.If(index == self.classes - 1):
+                    m.next = "IDLE"
+
+    def _words(self, m: Module, memory: Any, tag: Tag, words: list[Value], index: Signal, written: Signal) -> None:
+        """Add the state that writes a record of some words."""
+        with m.State(tag.name):
+            first = Const(tag << VALUE_BITS | len(words), WORD_BITS)
+            m.d.comb += [memory.w_en.eq(1), memory.w_data.eq(Mux(index == 0, first, Array(words)[index - 1]))]
+            with m.If(written):
+                m.d.sync += index.eq(index + 1)
+                with m.If(index == len(words)):
+                    m.d.comb += getattr(self, f"{tag.name.lower()}_ready").eq(1)
+                    m.next = "IDLE"
+
+    def _put(self, m: Module, memory: Any, tag: Tag, value: Any) -> None:
+        """Write a record of one word."""
+        m.d.comb += [
+            memory.w_en.eq(1),
+            memory.w_data.eq(Cat(value, Const(0, WORD_BITS))[:VALUE_BITS] | tag << VALUE_BITS),
+        ]

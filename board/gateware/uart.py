@@ -1,0 +1,90 @@
+"""The serial line, 8 bits, no parity, one stop bit: bytes in, bytes out.
+
+Own code: the package of that name on the registry (amaranth-stdio) is an empty place.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from amaranth.hdl import Cat, Const, Module, Signal
+from amaranth.lib.cdc import FFSynchronizer
+from amaranth.lib.wiring import Component, In, Out
+
+from board.config import SerialConfig
+
+
+class UartReceiver(Component):
+    """Takes each bit in its middle; whether it was right is the CRC's to say.
+
+    Attributes
+    ----------
+    line : In(1)
+        Asynchronous; high at rest.
+    valid, data : Out(1), Out(8)
+        High for one clock with each byte.
+    """
+
+    def __init__(self, config: SerialConfig) -> None:
+        self.config = config
+        super().__init__({"line": In(1), "valid": Out(1), "data": Out(8)})
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        line = Signal(init=1)
+        m.submodules.synchroniser = FFSynchronizer(self.line, line, init=1)
+        width = self.config.clocks_per_bit
+        count, bit = Signal(range(width)), Signal(range(10))
+        m.d.sync += self.valid.eq(0)
+        with m.FSM():
+            with m.State("REST"), m.If(~line):
+                m.d.sync += [count.eq(width // 2 - 1), bit.eq(0)]
+                m.next = "BITS"
+            with m.State("BITS"):
+                m.d.sync += count.eq(count - 1)
+                with m.If(count == 0):
+                    m.d.sync += [count.eq(width - 1), bit.eq(bit + 1)]
+                    with m.If(bit == 0), m.If(line):  # no start bit, only noise
+                        m.next = "REST"
+                    with m.Elif(bit == 9):
+                        m.d.sync += self.valid.eq(1)
+                        m.next = "STOP"
+                    with m.Else():
+                        m.d.sync += self.data.eq(Cat(self.data[1:], line))
+            with m.State("STOP"), m.If(line):  # a line that stays low is no byte
+                m.next = "REST"
+        return m
+
+
+class UartSender(Component):
+    """Sends a byte in ten bit times, one behind the other.
+
+    Attributes
+    ----------
+    line : Out(1)
+    valid, ready, data : In(1), Out(1), In(8)
+        Stream of bytes.
+    """
+
+    def __init__(self, config: SerialConfig) -> None:
+        self.config = config
+        super().__init__({"line": Out(1, init=1), "valid": In(1), "ready": Out(1), "data": In(8)})
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        width = self.config.clocks_per_bit
+        count, left = Signal(range(width)), Signal(range(11))
+        bits = Signal(9)
+        m.d.comb += self.ready.eq(left == 0)
+        with m.If(self.ready & self.valid):
+            m.d.sync += [self.line.eq(0), bits.eq(Cat(self.data, Const(1, 1))), left.eq(10), count.eq(width - 1)]
+        with m.Elif(~self.ready & (count == 0)):
+            m.d.sync += [
+                self.line.eq(bits[0]),
+                bits.eq(Cat(bits[1:], Const(1, 1))),
+                left.eq(left - 1),
+                count.eq(width - 1),
+            ]
+        with m.Else():
+            m.d.sync += count.eq(count - 1)
+        return m

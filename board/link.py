@@ -1,0 +1,237 @@
+"""The host's end of the serial line: frames out as far as the board has room, records in (docs/reference/board.md)."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any
+
+from base.errors import InputError
+from board.config import DESIGNS, BoardConfig, Design
+from board.records import VALUE_BITS, VERSION, Ack, Reason, Record, RecordReader, Refused, Tag, Words
+from board.serial_frames import Damaged, Frame, FrameReader, Kind
+
+BAUD = 2_000_000
+POLL_S = 0.05
+WORD_BYTES = 4
+
+WHY = {
+    Reason.DAMAGED: "arrived damaged",
+    Reason.SEQUENCE: "came out of turn: one before it was lost",
+    Reason.OVERRUN: "found no room on the board",
+    Reason.UNKNOWN: "is none that the board knows; load its bitstream again",
+}
+
+
+class Link:
+    """A board that answers.
+
+    A thread of its own reads, so that no byte is lost while the program is busy.
+
+    Parameters
+    ----------
+    port : str
+        Name of the serial device.
+    sink : callable
+        Takes the records of every frame as it comes, in order.
+    baud : int
+    patience_s : float
+        How long a board may say nothing before it is missed.
+    """
+
+    def __init__(
+        self, port: str, sink: Callable[[list[Record]], object], baud: int = BAUD, patience_s: float = 3.0
+    ) -> None:
+        import serial
+
+        self.port, self.sink, self.patience_s = port, sink, patience_s
+        self.said: dict[str, int] = {}
+        self._frames, self._records = FrameReader(), RecordReader()
+        self._sequence, self._due, self._begun = 0, 0, False
+        self._waiting: deque[Frame] = deque()
+        self._came: queue.Queue[bytes | Exception] = queue.Queue()
+        self._closing = False
+        try:
+            self._line = serial.Serial(port, baud, timeout=POLL_S, write_timeout=patience_s, exclusive=True)
+            self._line.reset_input_buffer()
+        except (OSError, ValueError) as error:
+            reason = str(getattr(error, "strerror", None) or error)
+            raise InputError(
+                f"no board at {port}: {reason}; look for the name of its port, as in /dev/ttyUSB0"
+            ) from None
+        self._thread = threading.Thread(target=self._read, daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Link:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._closing = True
+        self._thread.join(timeout=1)
+        self._line.close()
+
+    # -- the session -----------------------------------------------------------------------------
+
+    def hello(self, design: Design, config: BoardConfig | None = None) -> dict[str, int]:
+        """Begin a session, and return what the board says of itself.
+
+        Raises
+        ------
+        InputError
+            If nothing answers, or the board holds another design than ``design``, or another chip than that of
+            ``config``.
+        """
+        self._frames, self._records = FrameReader(), RecordReader()
+        self._waiting.clear()
+        self._begun, self._due = False, 0
+        self._write(Frame(Kind.HELLO, 0, b""))
+        self._sequence = 1
+        ends = time.monotonic() + self.patience_s
+        while not self.said:
+            if time.monotonic() > ends:
+                raise InputError(
+                    f"nothing at {self.port} answers as a board does; load its bitstream (make fpga), and check the "
+                    f"cable and the baud rate"
+                )
+            for frame in self._frames.feed(self._take()):
+                self._begun = self._begun or self._begins(frame)
+                if self._begun:
+                    self._hand_on(frame)
+        self._check(design, config)
+        return self.said
+
+    def send(self, kind: Kind, payload: bytes = b"") -> None:
+        """Send a frame as soon as the board has room for it; records that come meanwhile go to the sink."""
+        frame = Frame(kind, self._sequence, payload)
+        self._sequence = (self._sequence + 1) % 256
+        while self._waiting and sum(f.cost for f in self._waiting) + frame.cost > self.said["buffer_bytes"]:
+            self.receive()
+        self._waiting.append(frame)
+        self._write(frame)
+        while not self._came.empty():
+            self._handle(self._take())
+
+    def receive(self) -> None:
+        """Wait for something to come, and hand it on.
+
+        Raises
+        ------
+        InputError
+            If the board says nothing though it should, is gone, refuses a frame, or what comes is damaged.
+        """
+        data = self._take()
+        ends = time.monotonic() + self.patience_s
+        while not data:
+            if time.monotonic() > ends:
+                raise InputError(
+                    f"the board at {self.port} has said nothing for {self.patience_s:g} s; check the cable"
+                )
+            data = self._take()
+        self._handle(data)
+
+    def wait(self) -> None:
+        """Wait until all frames have been carried out."""
+        while self._waiting:
+            self.receive()
+
+    def pause(self, seconds: float) -> None:
+        """Hand on what comes for some time."""
+        ends = time.monotonic() + seconds
+        while (left := ends - time.monotonic()) > 0:
+            self._handle(self._take(min(left, POLL_S)))
+
+    # -- bytes -----------------------------------------------------------------------------------
+
+    def _read(self) -> None:
+        """Put bytes into the queue as they come (the reader's thread)."""
+        try:
+            while not self._closing:
+                if data := self._line.read(max(1, self._line.in_waiting)):
+                    self._came.put(data)
+        except Exception as error:  # pyserial raises its own, the system's, and TypeError where it was closed
+            self._came.put(error)
+
+    def _take(self, seconds: float = POLL_S) -> bytes:
+        """Return what has come, empty if nothing does for a moment."""
+        try:
+            found = self._came.get(timeout=seconds)
+        except queue.Empty:
+            return b""
+        if isinstance(found, Exception):
+            raise InputError(f"the board at {self.port} is gone; check the cable") from None
+        return found
+
+    def _write(self, frame: Frame) -> None:
+        try:
+            self._line.write(frame.encode())
+        except OSError:  # pyserial's errors are of this kind
+            raise InputError(f"the board at {self.port} is gone; check the cable") from None
+
+    def _begins(self, frame: Frame | Damaged) -> bool:
+        """Return whether a frame begins a session; what an earlier one has left on the line is passed over."""
+        if (
+            isinstance(frame, Damaged)
+            or frame.kind != Kind.RECORDS
+            or frame.sequence
+            or len(frame.payload) < WORD_BYTES
+        ):
+            return False
+        return int.from_bytes(frame.payload[:WORD_BYTES], "little") >> VALUE_BITS == Tag.HELLO
+
+    def _handle(self, data: bytes) -> None:
+        for frame in self._frames.feed(data):
+            self._hand_on(frame)
+
+    def _hand_on(self, frame: Frame | Damaged) -> None:
+        """Give the records of a frame to the sink."""
+        if isinstance(frame, Damaged):
+            raise InputError(
+                f"a frame from the board arrived damaged ({frame.reason}); check cable and baud rate, again"
+            )
+        if frame.sequence != self._due:
+            missing = (frame.sequence - self._due) % 256
+            raise InputError(f"{missing} frames from the board were lost before number {frame.sequence}; play again")
+        self._due = (self._due + 1) % 256
+        if frame.kind != Kind.RECORDS:
+            raise InputError(f"the board sent a frame of the unknown kind {frame.kind}; load its bitstream again")
+        records: list[Record] = []
+        try:
+            for record in self._records.feed(frame.payload):
+                if isinstance(record, Ack):
+                    self._acknowledged(record.sequence)
+                elif isinstance(record, Refused):
+                    why = next((text for reason, text in WHY.items() if reason == record.reason), "was refused")
+                    raise InputError(f"frame {record.sequence} to the board {why} (it waits for {record.expected})")
+                elif isinstance(record, Words) and record.tag == Tag.HELLO:
+                    self.said = record.values
+                    self._records.classes = self.said["classes"]
+                else:
+                    records.append(record)
+        finally:
+            if records:
+                self.sink(records)
+
+    def _acknowledged(self, sequence: int) -> None:
+        if not self._waiting or self._waiting[0].sequence != sequence:
+            raise InputError(f"the board acknowledged frame {sequence}, which is not due; begin again")
+        self._waiting.popleft()
+
+    def _check(self, design: Design, config: BoardConfig | None) -> None:
+        """Refuse a board that holds something else."""
+        said: dict[str, Any] = self.said
+        if said["version"] != VERSION:
+            raise InputError(
+                f"the board speaks version {said['version']}, this program {VERSION}; load its bitstream again"
+            )
+        held = DESIGNS[said["design"] - 1] if 0 < said["design"] <= len(DESIGNS) else f"design {said['design']}"
+        if held != design:
+            raise InputError(f"the board holds the {held}, this needs the {design}; load that bitstream (make fpga)")
+        if config is not None and said["identity"] != config.identity:
+            raise InputError(
+                f"the bitstream of the board is of another network or array ({said['identity']:08x}, not "
+                f"{config.identity:08x}); load that of these weights (make fpga WEIGHTS=)"
+            )

@@ -1,0 +1,197 @@
+"""Records that a board sends: words of 32 bits with a tag, in order of time (docs/reference/board.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from enum import IntEnum
+
+from base.errors import InputError
+from board.config import ADDRESS_BITS
+
+TIME_BITS = 16
+"""Low bits of the time that stand in a record; those above come in a record of their own when they change."""
+
+WORD_BITS, TAG_BITS = 32, 4
+VALUE_BITS = WORD_BITS - TAG_BITS
+
+
+class Tag(IntEnum):
+    """The four highest bits of a record's first word."""
+
+    EVENT = 0
+    TIME = 1
+    LOST = 2
+    CLASS = 3
+    ACK = 4
+    REFUSED = 5
+    HELLO = 6
+    STATUS = 7
+
+
+class Reason(IntEnum):
+    """Why a board took a frame for no data."""
+
+    DAMAGED = 1
+    SEQUENCE = 2
+    OVERRUN = 3
+    UNKNOWN = 4
+
+
+VERSION = 1
+"""Of frames and records."""
+
+HELLO_WORDS = ("version", "design", "identity", "clock_hz", "buffer_bytes", "channels", "classes", "word_bytes")
+STATUS_WORDS = ("time_low", "time_high", "events", "bins", "taken", "refused", "lost", "stalls")
+"""Words behind the first of these records."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """An address event: clock, and channel of the chip or address of the foreign one."""
+
+    time: int
+    address: int
+
+
+@dataclass(frozen=True)
+class Class:
+    """A bin has ended: clock of ``class_valid``, class, whether the scan has had an overrun, evidence."""
+
+    time: int
+    winner: int
+    overrun: bool
+    evidence: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Lost:
+    """Events that found the memory full, before the event that follows."""
+
+    count: int
+
+
+@dataclass(frozen=True)
+class Ack:
+    """The frame of this sequence number has been carried out."""
+
+    sequence: int
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A frame was no data: its sequence number (as far as it can be trusted), and the one that was due."""
+
+    sequence: int
+    expected: int
+    reason: int
+
+
+@dataclass(frozen=True)
+class Words:
+    """What the board says of itself (``HELLO_WORDS``) or counts (``STATUS_WORDS``), by name."""
+
+    tag: Tag
+    values: dict[str, int]
+
+
+Record = Event | Class | Lost | Ack | Refused | Words
+
+
+class RecordReader:
+    """Takes words as they come and gives records; keeps the high bits of the time.
+
+    Parameters
+    ----------
+    classes : int
+        Words of evidence behind a class.
+    """
+
+    def __init__(self, classes: int = 0) -> None:
+        self.classes = classes
+        self._high = 0
+        self._begun: list[int] = []
+
+    def feed(self, payload: bytes) -> Iterator[Record]:
+        """Give the records that end within the payload of a frame.
+
+        Raises
+        ------
+        InputError
+            If a word has an unknown tag: then program and board do not speak the same language.
+        """
+        if len(payload) % 4:
+            raise InputError(
+                f"the board sent {len(payload)} bytes of records, no whole words; load its bitstream again"
+            )
+        for at in range(0, len(payload), 4):
+            self._begun.append(int.from_bytes(payload[at : at + 4], "little"))
+            if len(self._begun) > self._follow(self._begun[0]):
+                words, self._begun = self._begun, []
+                if (record := self._record(words)) is not None:
+                    yield record
+
+    def _follow(self, first: int) -> int:
+        """Return how many words stand behind the first one of a record."""
+        tag = first >> VALUE_BITS
+        if tag == Tag.CLASS:
+            return self.classes
+        return first & 0xFF if tag in (Tag.HELLO, Tag.STATUS) else 0
+
+    def _record(self, words: list[int]) -> Record | None:
+        tag, value = words[0] >> VALUE_BITS, words[0] & (1 << VALUE_BITS) - 1
+        time = self._high << TIME_BITS | value & (1 << TIME_BITS) - 1
+        above = value >> TIME_BITS
+        if tag == Tag.EVENT:
+            return Event(time, above)
+        if tag == Tag.TIME:
+            self._high = value
+            return None
+        if tag == Tag.LOST:
+            return Lost(value)
+        if tag == Tag.CLASS:
+            return Class(time, above & 0x3F, bool(above >> ADDRESS_BITS - 1), tuple(map(_signed, words[1:])))
+        if tag == Tag.ACK:
+            return Ack(value & 0xFF)
+        if tag == Tag.REFUSED:
+            return Refused(value & 0xFF, value >> 8 & 0xFF, above)
+        if tag in (Tag.HELLO, Tag.STATUS):
+            names = HELLO_WORDS if tag == Tag.HELLO else STATUS_WORDS
+            return Words(Tag(tag), dict(zip(names, words[1:], strict=False)))
+        raise InputError(f"the board sent a record with the unknown tag {tag}; load its bitstream again")
+
+
+def encode(records: Iterable[Record]) -> list[int]:
+    """Return the words of records, as the board makes them: times before events and classes where they change."""
+    words: list[int] = []
+    high = 0
+    for record in records:
+        if isinstance(record, Event | Class):
+            if record.time >> TIME_BITS != high:
+                high = record.time >> TIME_BITS
+                words.append(_word(Tag.TIME, high))
+            low = record.time & (1 << TIME_BITS) - 1
+            if isinstance(record, Event):
+                words.append(_word(Tag.EVENT, record.address << TIME_BITS | low))
+                continue
+            above = record.overrun << ADDRESS_BITS - 1 | record.winner
+            words.append(_word(Tag.CLASS, above << TIME_BITS | low))
+            words += [value & (1 << WORD_BITS) - 1 for value in record.evidence]
+        elif isinstance(record, Lost):
+            words.append(_word(Tag.LOST, record.count))
+        elif isinstance(record, Ack):
+            words.append(_word(Tag.ACK, record.sequence))
+        elif isinstance(record, Refused):
+            words.append(_word(Tag.REFUSED, record.reason << TIME_BITS | record.expected << 8 | record.sequence))
+        else:
+            names = HELLO_WORDS if record.tag == Tag.HELLO else STATUS_WORDS
+            words += [_word(record.tag, len(names)), *(record.values[name] for name in names)]
+    return words
+
+
+def _word(tag: Tag, value: int) -> int:
+    return tag << VALUE_BITS | value
+
+
+def _signed(word: int) -> int:
+    return word - (word >> WORD_BITS - 1 << WORD_BITS)

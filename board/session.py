@@ -1,0 +1,255 @@
+"""What a host does with a board: load weights, play samples and gather what comes, listen to a foreign chip."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from base.errors import InputError
+from board.config import BoardConfig
+from board.journal import Journal
+from board.link import Link
+from board.records import Class, Event, Lost, Record, Tag, Words
+from board.serial_frames import MOST_PAYLOAD, Kind
+from model.address_events import Events
+from model.classifier.chip import clocks_of, events_of, simulate_chip
+from model.classifier.chip_config import ChipConfig
+from model.classifier.file import IntegerWeights, neuron_image, weight_image
+from model.config import ReadoutConfig
+from model.events.compare import first_difference
+
+MOST_CLOCKS = 1 << 24
+"""Of one RUN: a board that runs says nothing unless something happens."""
+
+ASK_S = 0.5
+"""How often a board that listens is asked what it counts: whether it is still there."""
+
+
+@dataclass
+class Received:
+    """What has come from a board so far; a journal has the events, too.
+
+    Attributes
+    ----------
+    to_event : callable
+        Gives clock, column, row and polarity of an event.
+    journal : Journal, optional
+    watch : callable, optional
+        Sees all records.
+    keep : bool
+        Keep the events in memory, too: of a recording without an end only the journal has them.
+    observed : int
+        Clocks that were observed; known at the end.
+    """
+
+    to_event: Callable[[Event], tuple[int, int, int, bool]]
+    journal: Journal | None = None
+    watch: Callable[[list[Record]], object] | None = None
+    keep: bool = True
+    events: list[tuple[int, int, int, bool]] = field(default_factory=list)
+    classes: list[Class] = field(default_factory=list)
+    counts: dict[str, int] = field(default_factory=dict)
+    lost: int = 0
+    observed: int = 0
+    count: int = 0
+
+    def __call__(self, records: list[Record]) -> None:
+        """Take the records of a frame."""
+        events = []
+        try:
+            for record in records:
+                if isinstance(record, Event):
+                    events.append(self.to_event(record))
+                    self.count += 1
+                elif isinstance(record, Class):
+                    self.classes.append(record)
+                elif isinstance(record, Lost):
+                    self.lost += record.count
+                elif isinstance(record, Words) and record.tag == Tag.STATUS:
+                    self.counts = record.values
+        finally:
+            if self.journal:
+                self.journal.add(events)
+            if self.keep:
+                self.events += events
+        if self.watch:
+            self.watch(records)
+
+
+def player_events(config: ChipConfig) -> Callable[[Event], tuple[int, int, int, bool]]:
+    """Return what makes an event of a channel of a chip."""
+    channels = config.classifier.inputs
+    table = events_of(config, np.zeros(channels, np.int64), np.arange(channels)).tolist()
+
+    def to_event(event: Event) -> tuple[int, int, int, bool]:
+        _, column, row, polarity = table[event.address]
+        return event.time, column, row, polarity
+
+    return to_event
+
+
+def foreign_events(config: ReadoutConfig) -> Callable[[Event], tuple[int, int, int, bool]]:
+    """Return what makes an event of an address {polarity, row, column} of a foreign chip.
+
+    Raises
+    ------
+    InputError
+        By the function that is returned, for an address that the array does not have.
+    """
+
+    def to_event(event: Event) -> tuple[int, int, int, bool]:
+        column = event.address & (1 << config.column_bits) - 1
+        row = event.address >> config.column_bits & (1 << config.row_bits) - 1
+        above = event.address >> config.column_bits + config.row_bits
+        if row >= config.rows or column >= config.columns or above > config.has_polarity:
+            raise InputError(
+                f"an event has the address {event.address:#x}, which {config.rows} x {config.columns} taxels of "
+                f"{config.encoding} have not; give the rows, columns and encoding of the foreign chip"
+            )
+        return event.time, column, row, bool(above) or not config.has_polarity
+
+    return to_event
+
+
+@contextmanager
+def recording(path: Path, config: ReadoutConfig, metadata: dict[str, Any], received: Received) -> Iterator[None]:
+    """Write events to a file as they come; whatever happens, received events become a recording."""
+    journal = Journal(path, config, metadata)
+    received.journal = journal
+    try:
+        yield
+    except InputError as error:
+        if not journal.count:
+            journal.discard()
+            raise
+        journal.finish(None, lost=received.lost, stopped=str(error))
+        raise InputError(f"{error}; {journal.count} events that came before are in {path}") from None
+    except BaseException:
+        journal.finish(None, lost=received.lost, stopped="interrupted")
+        raise
+    journal.finish(received.observed, lost=received.counts.get("lost", received.lost))
+
+
+# -- weights and samples -----------------------------------------------------------------------------
+
+
+def weight_frames(weights: IntegerWeights, word_bytes: int) -> Iterator[bytes]:
+    """Give the payloads that load both memories: which one, the address of the first word, the words."""
+    network = weights.network
+    size = (MOST_PAYLOAD - 3) // word_bytes
+    for neurons, image in enumerate((weight_image(network), neuron_image(network))):
+        for at in range(0, len(image), size):
+            words = b"".join(word.to_bytes(word_bytes, "little") for word in image[at : at + size])
+            yield bytes([neurons]) + at.to_bytes(2, "little") + words
+
+
+def load(link: Link, weights: IntegerWeights, on_frame: Callable[[], object] = lambda: None) -> None:
+    """Write weights into a board; the chip is reset by it."""
+    for payload in weight_frames(weights, link.said["word_bytes"]):
+        link.send(Kind.WEIGHTS, payload)
+        on_frame()
+    link.wait()
+
+
+def play(link: Link, chip: ChipConfig, samples: NDArray[Any], on_tick: Callable[[], object] = lambda: None) -> int:
+    """Play samples, shape (ticks, taxels), to a board from the end of reset on; return the clocks of its chip."""
+    clocks = clocks_to_play(chip, len(samples))
+    link.send(Kind.RESTART)
+    most = MOST_PAYLOAD // 2
+    for codes in samples.astype("<i2"):
+        for at in range(0, len(codes), most):
+            link.send(Kind.SAMPLES, codes[at : at + most].tobytes())
+        on_tick()
+    left = clocks - len(samples) * chip.readout.clocks_per_sample
+    while left:
+        part = min(left, MOST_CLOCKS)
+        link.send(Kind.RUN, part.to_bytes(4, "little"))
+        left -= part
+    link.send(Kind.STATUS)
+    link.wait()
+    return clocks
+
+
+def clocks_to_play(chip: ChipConfig, ticks: int) -> int:
+    """Return the clocks until all samples are through, and the class of the last whole bin is there."""
+    return max(clocks_of(chip, ticks)[1], ticks * chip.readout.clocks_per_sample)
+
+
+def as_events(received: Iterable[tuple[int, int, int, bool]]) -> Events:
+    """Return events (clock, column, row, polarity) as an array."""
+    from model.address_events import EVENT_DTYPE
+
+    return np.array(list(received), EVENT_DTYPE)
+
+
+def difference(chip: ChipConfig, weights: IntegerWeights, samples: NDArray[Any], received: Received) -> str | None:
+    """Return where a board and the models first differ, in events or classes; None if they are equal."""
+    clocks = clocks_to_play(chip, len(samples))
+    model = simulate_chip(chip, weights.network, samples, clocks)
+    if (found := first_difference(model.events, as_events(received.events))) is not None:
+        return found.describe(("model", "board"))
+    late = min(model.classifier.overruns, default=clocks)
+    expected = [
+        Class(valid, one.winner, valid > late, tuple(one.evidence.tolist()))
+        for valid, one in zip(model.classifier.valid, model.classifier.bins, strict=True)
+        if valid < clocks
+    ]
+    for number, (wanted, got) in enumerate(zip(expected, received.classes, strict=False)):
+        if wanted != got:
+            return f"bin {number} differs: model {wanted}; board {got}"
+    if len(expected) != len(received.classes):
+        return f"the model has {len(expected)} bins, the board {len(received.classes)}"
+    return None
+
+
+# -- a foreign chip ----------------------------------------------------------------------------------
+
+
+def listen(link: Link, received: Received, seconds: float | None, on_look: Callable[[], object] = lambda: None) -> None:
+    """Record from a foreign chip, from clock 0 on, for some time or until Ctrl-C."""
+    link.send(Kind.RESTART)
+    ends = None if seconds is None else time.monotonic() + seconds
+    try:
+        while ends is None or time.monotonic() < ends:
+            link.pause(ASK_S if ends is None else min(ASK_S, max(ends - time.monotonic(), 0)))
+            link.wait()  # for what was asked before
+            link.send(Kind.STATUS)
+            on_look()
+    except KeyboardInterrupt:
+        pass
+    link.send(Kind.STATUS)
+    link.wait()
+
+
+def foreign_config(config: ReadoutConfig, clock_hz: float) -> ReadoutConfig:
+    """Return the configuration of a recording of a foreign chip, whose times are in clocks of the board."""
+    clocks = max(round(clock_hz / config.sample_rate_hz), 1)
+    return config.replace(link="four_phase", clocks_per_sample=clocks, sample_rate_hz=clock_hz / clocks)
+
+
+def observed_clocks(received: Received) -> int:
+    """Return the clocks that a receiver has counted since it began."""
+    return received.counts.get("time_high", 0) << 32 | received.counts.get("time_low", 0)
+
+
+def board_of(weights: IntegerWeights) -> BoardConfig:
+    """Return what a board holds that these weights are for."""
+    return BoardConfig(chip=chip_of(weights))
+
+
+def chip_of(weights: IntegerWeights, path: Path | None = None) -> ChipConfig:
+    """Return the chip that an integer network was trained for."""
+    training = weights.notes.get("training")
+    if not training:
+        raise InputError(
+            f"{path or 'the network'} does not say which readout it was trained for; quantise again, with result.json "
+            f"of the training beside its weights"
+        )
+    return ChipConfig(readout=ReadoutConfig.from_dict(training["readout"]), classifier=weights.network.config)

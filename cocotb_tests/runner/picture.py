@@ -1,0 +1,48 @@
+"""The picture that ``sim`` leaves: the RTL's events of one scan or recording over the model's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from base.files import atomic_write
+from cocotb_tests.bench.stimuli import settled
+from model.config import ReadoutConfig
+from model.events.recording import Recording
+from model.readout import simulate
+
+
+def draw(config: ReadoutConfig, name: str, samples: NDArray[Any], folder: Path, texture: Any = None) -> None:
+    """Draw ``events/NAME.npz`` of a folder over the model's events, and write both beside the picture.
+
+    Parameters
+    ----------
+    config : ReadoutConfig
+    name : str
+    samples : int array, shape (ticks, taxels)
+        Codes that were played.
+    folder : Path
+    texture : uint8 array, optional
+        The image that was scanned.
+    """
+    from skin.figures.raster import plot_comparison
+
+    recorded = folder / "events" / f"{name}.npz"
+    rtl = Recording.load(recorded)
+    model = simulate(config, settled(config, samples))
+    metadata = rtl.metadata | {"source": "model"}
+    Recording(model, config, rtl.duration_clocks, metadata=metadata).save(folder / "model.npz")
+    with atomic_write(folder / "rtl.npz") as file:
+        file.write(recorded.read_bytes())
+    plot_comparison(
+        (rtl.events, model),
+        config,
+        folder / "raster.png",
+        labels=("RTL", "model"),
+        title=f"{name}, {config.encoding} {config.resolution} b, {config.rows} x {config.columns} taxels",
+        signal=samples / config.full_scale,
+        texture=texture,
+        duration_clocks=rtl.duration_clocks,
+    )

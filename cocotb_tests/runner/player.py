@@ -1,0 +1,169 @@
+"""The one cocotb test that plays whole runs of the readout harness: scenarios and texture scans."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+from collections.abc import AsyncIterator, Iterator
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import cocotb
+
+from base.errors import InputError
+from base.files import make_folder
+from cocotb_tests.bench.readout import Bench, Mismatch, Prepared
+from model.config import ReadoutConfig
+
+if TYPE_CHECKING:  # what computes scenarios, scans and expected events takes longer to import than most runs last
+    from model.readout import Stimulus
+
+JOB = "ESKIN_JOB"
+"""Environment variable that names the file with the job."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a simulation shall play.
+
+    Attributes
+    ----------
+    config : dict
+        Fields of the ReadoutConfig.
+    reproduce : str
+        The command that shows a mismatch again.
+    seed : int or None
+        Play the scenarios of this seed, if any.
+    scenarios : list of dict
+        These, as they were prepared.
+    dataset, preset, start_row, ticks
+        Play scans: the name of the dataset, the preset (empty where samples are played as they are), the image row
+        where the array starts, and the most sample ticks of each (None for all).
+    played : dict of str to dict
+        The names of what is played, each with what its recording shall say of it: class, label, proof.
+    arrays : str
+        An .npz with an image, or with samples, for each name, under ``array/NAME``.
+    keep : str
+        Folder for the RTL's events, a file per scan; empty for none.
+    """
+
+    config: dict[str, Any]
+    reproduce: str
+    seed: int | None = None
+    scenarios: list[dict[str, Any]] = field(default_factory=list)
+    dataset: str = ""
+    preset: str = ""
+    start_row: float = 0.0
+    ticks: int | None = None
+    played: dict[str, dict[str, Any]] = field(default_factory=dict)
+    arrays: str = ""
+    keep: str = ""
+
+    def write(self, path: Path) -> None:
+        """Write the job as JSON."""
+        path.write_text(json.dumps(asdict(self)))
+
+
+@dataclass(frozen=True)
+class Scan:
+    """The scan of a texture: what to play, what waits at its end, and where to keep the events."""
+
+    name: str
+    stimulus: Stimulus
+    outstanding: int
+    keep: Path
+    metadata: dict[str, Any]
+
+
+def _scans(job: Job, config: ReadoutConfig) -> Iterator[Scan]:
+    """Yield the scans or recordings of a job."""
+    if not job.played:
+        return
+    import numpy as np
+
+    from cocotb_tests.bench.stimuli import outstanding, settled
+
+    with np.load(job.arrays) as arrays:
+        for name, said in job.played.items():
+            array = arrays[f"array/{name}"]
+            samples, of_scan = _samples_of(job, config, array) if job.preset else (array, {})
+            stimulus = settled(config, samples[: job.ticks])
+            own = {key: value for key, value in said.items() if key != "proof"}
+            metadata = {"name": name} | own | {"dataset": job.dataset} | of_scan
+            metadata |= {"ticks": len(stimulus.samples), "proof": said["proof"], "source": "rtl"}
+            yield Scan(name, stimulus, outstanding(config, stimulus), Path(job.keep) / f"{name}.npz", metadata)
+
+
+def _samples_of(job: Job, config: ReadoutConfig, image: Any) -> tuple[Any, dict[str, Any]]:
+    """Return the samples of the scan of an image, and what its recording shall say of it."""
+    from cocotb_tests.bench.textures import large_enough
+    from skin.textures.presets import preset
+
+    if job.dataset == "embedded":
+        image = large_enough(image, config)
+    samples, clipped = preset(job.preset).samples(config, image, job.start_row)
+    return samples, {"preset": job.preset, "start_row": job.start_row, "clipped_samples": clipped}
+
+
+@contextlib.contextmanager
+def told_to_the_caller() -> Iterator[None]:
+    """Leave the text of a mismatch in mismatch.txt, and that of bad input in refused.txt."""
+    try:
+        yield
+    except Mismatch as mismatch:
+        Path("mismatch.txt").write_text(str(mismatch))
+        raise
+    except InputError as refused:
+        Path("refused.txt").write_text(str(refused))
+        raise
+
+
+async def _play_scenarios(bench: Bench, job: Job, config: ReadoutConfig) -> AsyncIterator[dict[str, Any]]:
+    """Play the scenarios of a job; yield what is to be told of each."""
+    for number, prepared in enumerate(job.scenarios):
+        run = Prepared(**prepared)
+        bench.scoreboard.reproduce = run.reproduce or job.reproduce
+
+        def again(number: int = number, draw: dict[str, Any] | None = run.draw) -> Stimulus:
+            from cocotb_tests.bench.draw import Draw
+            from cocotb_tests.bench.stimuli import scenarios
+
+            if draw is not None:
+                return Draw(**draw).stimulus
+            assert job.seed is not None
+            return list(scenarios(config, job.seed))[number].stimulus
+
+        events = await bench.check_prepared(run, again)
+        if not len(events) and run.draw is None:
+            raise Mismatch(f"{run.name}: no event at all, so nothing was compared; reproduce: {job.reproduce}")
+        yield {"name": run.name, "clocks": run.clocks, "events": len(events), "outstanding": run.outstanding}
+
+
+async def _play_scans(bench: Bench, job: Job, config: ReadoutConfig) -> AsyncIterator[dict[str, Any]]:
+    """Play the scans of a job and keep the RTL's events; yield what is to be told of each."""
+    from model.events.recording import Recording
+
+    for scan in _scans(job, config):
+        bench.scoreboard.reproduce = f"{job.reproduce} ONLY={scan.name}"
+        events = await bench.check(f"scan of {scan.name}", scan.stimulus)
+        make_folder(Path(job.keep), Path(scan.name).parent)
+        Recording(events, config, scan.stimulus.clocks, metadata=scan.metadata).save(scan.keep)
+        told = {"name": f"scan of {scan.name}", "clocks": scan.stimulus.clocks, "events": len(events)}
+        yield told | {"outstanding": scan.outstanding}
+
+
+@cocotb.test()
+async def play(dut: Any) -> None:
+    """Play all runs of a job against the model, a line of progress.jsonl for each."""
+    job = Job(**json.loads(Path(os.environ[JOB]).read_text()))
+    config = ReadoutConfig.from_dict(job.config)
+    bench = Bench(dut, config, Path.cwd())
+    parent = os.getppid()
+    with Path("progress.jsonl").open("w", buffering=1) as progress, told_to_the_caller():
+        for played in (_play_scenarios, _play_scans):
+            async for told in played(bench, job, config):
+                progress.write(json.dumps(told) + "\n")
+                if os.getppid() != parent:  # who asked for this was killed
+                    raise SystemExit(1)

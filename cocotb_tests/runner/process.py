@@ -1,0 +1,158 @@
+"""Runs a job in a simulator from outside, and follows it."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import shutil
+import threading
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from base.errors import InputError
+from base.files import refusing_a_full_disk
+from cocotb_tests.bench.readout import Prepared, StimulusDriver
+from cocotb_tests.runner.player import JOB, Job
+from cocotb_tests.runner.simulator import Build
+from model.config import ReadoutConfig
+
+POLL_S = 0.2
+
+
+class MismatchFound(Exception):  # the outcome that is looked for, not a defect of the program
+    """RTL and model differ; the text is the scoreboard's."""
+
+
+@dataclass
+class Tally:
+    """What has been compared.
+
+    Attributes
+    ----------
+    runs, clocks, events : int
+        Runs, their clocks and events.
+    drained, cut : int
+        Runs that ended with nothing outstanding, and runs cut off while requests waited.
+    """
+
+    runs: int = 0
+    clocks: int = 0
+    events: int = 0
+    drained: int = 0
+    cut: int = 0
+
+    def __iadd__(self, other: Tally) -> Tally:
+        for field in dataclasses.fields(self):
+            setattr(self, field.name, getattr(self, field.name) + getattr(other, field.name))
+        return self
+
+
+def run_job(program: Build, job: Job, folder: Path, on_run: Callable[[dict[str, Any]], None] | None = None) -> Tally:
+    """Play a job in a simulator and return what was compared.
+
+    Parameters
+    ----------
+    program : Build
+    job : Job
+    folder : Path
+        Where the simulation runs and leaves its log.
+    on_run : callable, optional
+        Called with each finished run: its name, clocks, events, outstanding.
+
+    Raises
+    ------
+    MismatchFound
+        If RTL and model differ.
+    InputError
+        If the job's textures or numbers are refused.
+    AssertionError
+        If the simulation failed for another reason; the text is the end of its log.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with refusing_a_full_disk(folder):
+        return _follow(program, job, folder, on_run or (lambda run: None))
+
+
+def _follow(program: Build, job: Job, folder: Path, on_run: Callable[[dict[str, Any]], None]) -> Tally:
+    """Start a job, tell of each run as it is done, and return what was compared."""
+    if job.seed is not None:
+        job = dataclasses.replace(job, scenarios=_prepare(job, folder / "scenarios"))
+    job.write(folder / "job.json")
+    environment = {JOB: str((folder / "job.json").resolve())}
+    try:
+        return follow(program, "cocotb_tests.runner.player", environment, folder, on_run)
+    finally:
+        shutil.rmtree(folder / "scenarios", ignore_errors=True)
+
+
+def follow(
+    program: Build,
+    module: str,
+    environment: dict[str, str],
+    folder: Path,
+    on_run: Callable[[dict[str, Any]], None] = lambda run: None,
+) -> Tally:
+    """Start the player ``module`` in a folder, tell of each run as it is done, and return what was compared.
+
+    Raises
+    ------
+    MismatchFound, InputError, AssertionError
+        As ``run_job`` does.
+    """
+    progress, mismatch, refused = folder / "progress.jsonl", folder / "mismatch.txt", folder / "refused.txt"
+    for old in (progress, mismatch, refused):
+        old.unlink(missing_ok=True)
+    failure: list[BaseException] = []
+
+    def simulate() -> None:
+        try:
+            program.test(module, folder, "play", environment)
+        except BaseException as error:
+            failure.append(error)
+
+    thread = threading.Thread(target=simulate, daemon=True)
+    thread.start()
+    tally = Tally()
+    position = 0
+    while True:
+        alive = thread.is_alive()
+        if progress.exists():
+            with progress.open() as file:
+                file.seek(position)
+                while (line := file.readline()).endswith("\n"):
+                    position = file.tell()
+                    run = json.loads(line)
+                    drained = not run.get("outstanding")
+                    tally += Tally(1, run["clocks"], run["events"], int(drained), int(not drained))
+                    on_run(run)
+        if not alive:
+            break
+        thread.join(POLL_S)
+    if mismatch.exists():
+        raise MismatchFound(mismatch.read_text())
+    if refused.exists():
+        raise InputError(refused.read_text())
+    if failure:
+        raise failure[0]
+    return tally
+
+
+def _prepare(job: Job, folder: Path) -> list[dict[str, Any]]:
+    """Write stimulus and expected events of a job's scenarios into a folder each; return what the player must know."""
+    from cocotb_tests.bench.stimuli import scenarios
+    from model.readout import simulate
+
+    assert job.seed is not None
+    config = ReadoutConfig.from_dict(job.config)
+    prepared = []
+    for number, scenario in enumerate(scenarios(config, job.seed)):
+        place = (folder / str(number)).resolve()
+        place.mkdir(parents=True, exist_ok=True)
+        StimulusDriver(config, place).write(scenario.stimulus)
+        np.save(place / "expected.npy", simulate(config, scenario.stimulus))
+        prepared.append(asdict(Prepared(scenario.name, scenario.stimulus.clocks, scenario.outstanding, str(place))))
+    return prepared

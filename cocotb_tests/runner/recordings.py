@@ -1,0 +1,84 @@
+"""What ``sim --data`` does: a user's own recordings through RTL and model."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from base.errors import InputError
+from base.files import make_folder
+from cocotb_tests.runner.chunk import job_of, play_here
+from cocotb_tests.runner.cocotb_runners import Simulator
+from cocotb_tests.runner.inputs import Own
+from cocotb_tests.runner.picture import draw
+from cocotb_tests.runner.process import Tally
+from cocotb_tests.runner.reproduce import variables
+from cocotb_tests.runner.simulator import build, require_programs
+from model.config import ReadoutConfig
+
+
+@dataclass(frozen=True)
+class OwnPlan:
+    """Which recordings are played.
+
+    Attributes
+    ----------
+    material : Own
+        The recordings, with the configuration that suits them.
+    names : list of str
+        Of those that are played.
+    simulator : "verilator" or "icarus"
+    waves : bool
+    ticks : int or None
+        Samples of each at most.
+    out : Path
+    """
+
+    material: Own
+    names: list[str]
+    simulator: Simulator
+    waves: bool
+    ticks: int | None
+    out: Path
+
+    @property
+    def config(self) -> ReadoutConfig:
+        """The configuration that suits the recordings."""
+        return self.material.recordings.config
+
+    @property
+    def folder(self) -> str:
+        """Name of the folder in ``out``."""
+        config = self.config
+        return f"{self.material.name}-{config.rows}x{config.columns}-{config.encoding}-{config.resolution}b"
+
+
+def check(simulator: str, count: int, ticks: int | None) -> None:
+    """Refuse what no plan could be made of, before the recordings are read."""
+    require_programs(simulator)  # type: ignore[arg-type]
+    if count < 1 or (ticks is not None and ticks < 1):
+        raise InputError(f"textures and ticks must be at least 1 with --data, not {count}, {ticks}")
+
+
+def play(plan: OwnPlan, on_run: Callable[[Any], None]) -> Tally:
+    """Play the recordings of a plan, keep the RTL's events, and draw those of the first over the model's.
+
+    Raises
+    ------
+    MismatchFound
+        If RTL and model differ.
+    """
+    program = build(plan.config, plan.simulator, waves=plan.waves)
+    codes = plan.material.arrays(plan.names)
+    again = ["make sim", *variables(plan.config), *plan.material.again, f"TICKS={plan.ticks or 10**6}"]
+    job = dataclasses.replace(
+        job_of(plan.material, plan.names, plan.config, program, " ".join(again)),
+        ticks=plan.ticks,
+        keep=str(make_folder(plan.out, f"{plan.folder}/events").resolve()),
+    )
+    tally = play_here(program, job, codes, make_folder(plan.out, f"{plan.folder}/run", empty=True), on_run)
+    draw(plan.config, plan.names[0], codes[plan.names[0]][: plan.ticks], plan.out / plan.folder)
+    return tally

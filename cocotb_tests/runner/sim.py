@@ -1,0 +1,167 @@
+"""What the command sim does: scenarios and texture scans of one configuration after the other."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from base.errors import InputError
+from base.files import make_folder
+from cocotb_tests.bench.stimuli import scenario_count
+from cocotb_tests.bench.textures import large_enough
+from cocotb_tests.runner.chunk import job_of, play_here
+from cocotb_tests.runner.cocotb_runners import Simulator
+from cocotb_tests.runner.inputs import Textures, named
+from cocotb_tests.runner.picture import draw
+from cocotb_tests.runner.process import Tally
+from cocotb_tests.runner.reproduce import reproduce
+from cocotb_tests.runner.simulator import build, require_programs
+from model.config import ReadoutConfig
+from skin.textures.dataset import open_dataset
+from skin.textures.physical import PhysicalScan
+
+ALL_TICKS = 10**6  # more than any scan has: WAVES=1 alone would cut the scan short of the mismatch
+WAVE_TICKS = 200
+"""Sample ticks of a scan when a waveform is left, and in the slow simulator, unless told otherwise."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is played of every configuration.
+
+    Attributes
+    ----------
+    simulator : "verilator" or "icarus"
+    waves : bool
+        Whether a waveform is left.
+    seed : int
+        Of the scenarios.
+    scenarios : bool
+        Whether the scenarios are played.
+    material : Textures
+        The dataset.
+    textures : list of str
+        Names of those that are played.
+    ticks : int or None
+        Sample ticks of a scan at most.
+    out : Path
+        Folder for pictures and event files.
+    text : str
+        Verilog to play instead of the configuration's own: a netlist and its cells.
+    netlist : str
+        What a user writes behind make for that text; empty without one.
+    """
+
+    simulator: Simulator
+    waves: bool
+    seed: int
+    scenarios: bool
+    material: Textures
+    textures: list[str]
+    ticks: int | None
+    out: Path
+    text: str = ""
+    netlist: str = ""
+
+    def runs(self, config: ReadoutConfig) -> int:
+        """Return how many runs a configuration has."""
+        return (scenario_count(config) if self.scenarios else 0) + len(self.textures)
+
+    def place(self, config: ReadoutConfig) -> str:
+        """Return the name of the folder of a configuration in ``out``."""
+        return f"{config.rows}x{config.columns}-{config.encoding}-{config.resolution}b"
+
+    def running(self, config: ReadoutConfig) -> Path:
+        """Return the folder in which the simulation runs and leaves its log."""
+        return self.out / self.place(config) / "run"
+
+    def waveform(self, config: ReadoutConfig) -> Path:
+        """Return the waveform of a configuration."""
+        return self.running(config) / ("waves.vcd" if self.simulator == "verilator" else "waves.fst")
+
+
+def plan(
+    simulator: str,
+    waves: bool,
+    seed: int,
+    textures: int,
+    only: str | None,
+    ticks: int | None,
+    dataset: str | None,
+    out: Path,
+) -> Plan:
+    """Return the plan that a user asked for; ``textures`` is their number, ``only`` the name of a single one."""
+    require_programs(simulator)  # type: ignore[arg-type]
+    if textures < 0 or seed < 0 or (ticks is not None and ticks < 1):
+        raise InputError(f"textures and seed must be at least 0 and ticks at least 1, not {textures}, {seed}, {ticks}")
+    data = open_dataset(dataset or "embedded")
+    material = Textures(data, dataset or "embedded")
+    picked = [data[number].name for number in _one_of_each_class(data.labels, textures)]
+    if only is not None:
+        picked = [named(material, only)]
+    if ticks is None and (waves or simulator == "icarus"):
+        ticks = WAVE_TICKS
+    return Plan(simulator, waves, seed, only is None, material, picked, ticks, out)  # type: ignore[arg-type]
+
+
+def with_netlist(plan: Plan, netlist: Path, cells: Path) -> Plan:
+    """Return a plan that plays a netlist, made of cells, in place of the RTL."""
+    texts = []
+    for path, what in ((netlist, "netlist"), (cells, "cells")):
+        try:
+            texts.append(path.read_text(errors="replace"))
+        except OSError as error:
+            raise InputError(f"cannot read the {what} {path}: {error.strerror}") from None
+        if "endmodule" not in texts[-1]:
+            raise InputError(f"{path} holds no Verilog module; give the {what} as Verilog")
+    return dataclasses.replace(plan, text="\n".join(texts), netlist=f"NETLIST={netlist} CELLS={cells}")
+
+
+def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_stage: Callable[[str], None]) -> Tally:
+    """Play all runs of a configuration and return what was compared.
+
+    Parameters
+    ----------
+    plan : Plan
+    config : ReadoutConfig
+    on_run : callable
+        Called with each finished run.
+    on_stage : callable
+        Called with what begins.
+
+    Raises
+    ------
+    MismatchFound
+        If RTL and model differ.
+    """
+    on_stage(f"building for {plan.simulator}")
+    program = build(config, plan.simulator, waves=plan.waves, text=plan.text)
+    place, material = plan.place(config), plan.material
+    again = " ".join([reproduce(config, plan.simulator, plan.seed), *filter(None, [plan.netlist])])
+    if plan.textures:
+        again = f"{again.replace(' TEXTURES=0', '')} DATASET={material.place} TICKS={plan.ticks or ALL_TICKS}"
+    job = dataclasses.replace(
+        job_of(material, plan.textures, config, program, again),
+        seed=plan.seed if plan.scenarios else None,
+        ticks=plan.ticks,
+        keep=str(make_folder(plan.out, f"{place}/events").resolve()),
+    )
+    on_stage("RTL against model")
+    images = material.arrays(plan.textures)
+    tally = play_here(program, job, images, make_folder(plan.out, f"{place}/run", empty=True), on_run)
+    if plan.textures:
+        on_stage("picture")
+        name = plan.textures[0]
+        image = large_enough(images[name], config) if material.name == "embedded" else images[name]
+        draw(config, name, PhysicalScan().samples(config, image)[0][: plan.ticks], plan.out / place, image)
+    on_stage("done")
+    return tally
+
+
+def _one_of_each_class(labels: Any, count: int) -> list[int]:
+    """Return the numbers of some textures: the first of each class, then the second of each, and so on."""
+    order = sorted(range(len(labels)), key=lambda i: (sum(labels[:i] == labels[i]), labels[i]))
+    return order[:count]

@@ -1,0 +1,337 @@
+"""Builds the readout with its harness for a simulator, and runs cocotb tests in it."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from pathlib import Path
+from typing import get_args
+
+from cocotb_tools.runner import get_results
+
+from base.errors import InputError
+from base.files import refusing_a_full_disk
+from cocotb_tests.runner import cocotb_runners as runners
+from cocotb_tests.runner.build_cache import BUILD, digest, scratch_folder, trim, verilog_text, versions
+from cocotb_tests.runner.cocotb_runners import (
+    HIERARCHY,
+    PORTS,
+    VERILATOR_FLAGS,
+    Simulator,
+    build_environment,
+    runner,
+    version_of,
+)
+from model.classifier.chip_config import ChipConfig
+from model.classifier.config import ClassifierConfig
+from model.config import ReadoutConfig
+from model.frame_config import FrameConfig
+from model.tiles.config import MergeConfig
+from rtl.classifier.core import Classifier
+from rtl.verilog import Config
+
+HARNESS = Path(__file__).parents[1] / "bench" / "harness.v"
+TEST_ENABLE = "input test_enable;"
+"""A port that only netlists have: it holds all clock gates open for a test of the chip."""
+ENVIRONMENT = {
+    "COCOTB_ANSI_OUTPUT": "0",
+    # To rewrite assertions cocotb would load pytest with all its plugins, a quarter of what most runs take; its checks
+    # say what they found themselves.
+    "COCOTB_REWRITE_ASSERTION_FILES": "",
+}
+
+
+HIERARCHICAL_FROM = 512
+"""Taxels from which on Verilator gets the array row by row: flat, 64 x 64 would not be built within ten minutes."""
+
+CHIP_WIDTHS = {
+    "CHANNEL_BITS": "event_channel",
+    "HIDDEN_BITS": "hidden_index",
+    "CLASS_BITS": "class_index",
+    "MEMBRANE_BITS": "hidden_potential",
+    "OUTPUT_BITS": "output_potential",
+    "EVIDENCE_BITS": "evidence",
+    "ADDRESS_BITS": "load_address",
+    "WORD_BITS": "load_data",
+}
+"""Parameters of the harness, and the ports of the classifier that are so wide."""
+
+
+class SimulationDied(AssertionError):  # it may be done again
+    """Raised where a simulation was killed, or fell over, before it could say how its tests went."""
+
+
+class Build:
+    """A simulation program.
+
+    Attributes
+    ----------
+    folder : Path
+        Where it lies; one per top, configuration and simulator, reused while its sources are the same.
+    top : str
+        Top module.
+    simulator : "verilator" or "icarus"
+    waves : bool
+        Whether it leaves a waveform.
+    on_tested : callable, optional
+        Called with the program and the folder of every run that passed.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        top: str,
+        simulator: Simulator,
+        waves: bool,
+        on_tested: Callable[[Build, Path], None] | None = None,
+    ) -> None:
+        self.folder, self.top, self.simulator, self.waves = folder, top, simulator, waves
+        self.on_tested = on_tested
+
+    def test(self, module: str, folder: Path, testcase: str | None = None, env: dict[str, str] | None = None) -> None:
+        """Run the cocotb tests of a module.
+
+        Raises
+        ------
+        AssertionError
+            If one fails or none ran, with the end of the log; SimulationDied if the program left no results at all.
+        """
+        folder = folder.resolve()
+        folder.mkdir(parents=True, exist_ok=True)
+        log = folder / "simulation.log"
+        results = folder / "results.xml"
+        results.unlink(missing_ok=True)
+        try:
+            runner(self.simulator).test(
+                hdl_toplevel=self.top,
+                hdl_toplevel_lang="verilog",
+                test_module=module,
+                testcase=testcase,
+                build_dir=self.folder,
+                test_dir=folder,
+                results_xml=str(results),
+                waves=self.waves and self.simulator == "icarus",
+                log_file=log,
+                extra_env=ENVIRONMENT | (env or {}),
+            )
+            ran, failed = get_results(results) if results.exists() else (0, 0)
+        except (SystemExit, RuntimeError):  # how the runner says, within pytest, that a test failed
+            ran, failed = 1, 1
+        if failed or not ran:
+            tail = log.read_text(errors="replace")[-4000:] if log.exists() else "(no log)"
+            kind = AssertionError if results.exists() else SimulationDied
+            raise kind(f"{failed} of {ran} tests failed in {module} on {self.simulator}:\n{tail}")
+        if self.on_tested:
+            self.on_tested(self, folder)
+
+
+@dataclass(frozen=True)
+class Instruments:
+    """Instruments that Verilator's programs are built with: counters of what a run reaches.
+
+    Attributes
+    ----------
+    flags : tuple of str
+        Flags of Verilator, instead of ``VERILATOR_FLAGS``.
+    text : callable
+        Returns the Verilog of a configuration.
+    harness : str
+        Text in front of the harness.
+    on_tested : callable
+        Called with the program and the folder of every run that passed.
+    """
+
+    flags: tuple[str, ...]
+    text: Callable[[Config], str]
+    harness: str
+    on_tested: Callable[[Build, Path], None]
+
+
+_instruments: ContextVar[Instruments | None] = ContextVar("instruments", default=None)
+
+
+@contextmanager
+def instrumented(instruments: Instruments) -> Iterator[None]:
+    """Build with instruments within; the C++ is not optimised, as compiling would take longer than the runs."""
+    token = _instruments.set(instruments)
+    try:
+        yield
+    finally:
+        _instruments.reset(token)
+
+
+def build(
+    config: Config,
+    simulator: Simulator,
+    *,
+    top: str = "harness",
+    waves: bool = False,
+    bare: bool = False,
+    hierarchical: bool | None = None,
+    text: str = "",
+) -> Build:
+    """Return the simulation program of a configuration, built if need be.
+
+    Parameters
+    ----------
+    config : ReadoutConfig, FrameConfig, ClassifierConfig, ChipConfig or MergeConfig
+    simulator : "verilator" or "icarus"
+    top : str
+        ``harness`` (of the spiking readout), or a block of the readout, whose ports cocotb then drives itself.
+    waves : bool
+        Whether it can leave a waveform.
+    bare : bool
+        Leave all signals of the design public and driven from Python: slow, for benchmarks.
+    hierarchical : bool, optional
+        Whether Verilator compiles one row of taxels as a library and places it, instead of the whole array flat; if not
+        said, from ``HIERARCHICAL_FROM`` taxels on. A waveform then shows the rows from outside.
+    text : str
+        Verilog to simulate instead of the configuration's own: its netlist, with the cells that it is made of.
+    """
+    require_programs(simulator)
+    tools = _instruments.get()
+    given, text = bool(text), text or (tools.text if tools else verilog_text)(config)
+    harness = (tools.harness if tools else "") + HARNESS.read_text() if top == "harness" else ""
+    verilator_flags = list(tools.flags) if tools else VERILATOR_FLAGS
+    optimise = "-O0" if tools else runners.OPTIMISE
+    defines, parameters = shape(config) if harness else ({}, {})
+    if hierarchical is None:
+        hierarchical = isinstance(config, ReadoutConfig) and config.taxels >= HIERARCHICAL_FROM
+    hierarchical = hierarchical and simulator == "verilator" and top == "harness" and not given
+    if waves:
+        defines["WAVES"] = "1"
+    if given and TEST_ENABLE in text:
+        defines["TEST_ENABLE"] = "1"
+    control = _control(simulator, top, hierarchical, bare)
+    tool = versions("verilator") if simulator == "verilator" else version_of("iverilog", "-V")
+    options = [waves, bare, [*verilator_flags, optimise], sorted(defines), sorted(parameters.items()), control]
+    recipe = [text, harness, top, [simulator, tool, versions("cocotb")], *options]
+    folder = BUILD / "sim" / f"{simulator}-{top}-{_name(config)}-{digest(recipe)}"
+    program = Build(folder, top, simulator, waves, tools.on_tested if tools else None)
+    if (folder / "built").exists():
+        (folder / "built").touch()
+        return program
+    # Built beside its place and moved there whole, so that an interrupted build leaves nothing half done and two
+    # processes may build the same.
+    with scratch_folder(folder.parent, folder.name) as draft, refusing_a_full_disk(draft):
+        sources = _write_sources(draft, text, harness, control)
+        flags = ["--hierarchical"] * hierarchical + verilator_flags if simulator == "verilator" else []
+        try:
+            with build_environment(optimise):
+                runner(simulator, fast=not bare).build(
+                    sources=sources,
+                    hdl_toplevel=top,
+                    build_dir=draft,
+                    build_args=flags,
+                    defines=defines,
+                    parameters=parameters,
+                    waves=waves and simulator == "verilator",  # the harness itself asks for the waveform
+                    always=True,
+                    log_file=draft / "build.log",
+                    timescale=None if harness else ("1ns", "1ps"),
+                )
+        except (SystemExit, RuntimeError) as error:
+            raise _failure(draft / "build.log", f"{simulator} could not build {folder.name}: {error}", given) from None
+        (draft / "built").touch()
+        try:
+            draft.rename(folder)
+        except OSError:  # another process was quicker
+            if not (folder / "built").exists():
+                raise
+    trim(folder.parent)
+    return program
+
+
+def _control(simulator: Simulator, top: str, hierarchical: bool, bare: bool) -> str:
+    """Return what Verilator is told about a design; the harness says itself what is seen of it."""
+    if hierarchical:
+        return HIERARCHY
+    return PORTS.format(top) if simulator == "verilator" and top != "harness" and not bare else ""
+
+
+def _write_sources(folder: Path, text: str, harness: str, control: str) -> list[Path]:
+    """Write what a program is made of into a folder and return the files; empty texts give none."""
+    texts = {"control.vlt": control, "eskin_readout.v": text, "harness.v": harness}
+    for name, content in texts.items():
+        if content:
+            (folder / name).write_text(content)
+    return [folder / name for name, content in texts.items() if content]
+
+
+def _failure(log: Path, what: str, given: bool) -> Exception:
+    """Return what to raise for a build that failed: a user's mistake where the Verilog was given."""
+    tail = log.read_text(errors="replace")[-4000:] if log.exists() else ""
+    if not given:
+        return RuntimeError(f"{what}\n{tail}")
+    lines = tail.strip().splitlines() or ["no word"]
+    first = next((line for line in lines if "error" in line.lower()), lines[-1]).strip()
+    return InputError(
+        f"the netlist cannot be built: {first}; give the configuration that it was made of, and all its cells"
+    )
+
+
+def _name(config: Config) -> str:
+    """Return what a person needs of a configuration to find its folder."""
+    if isinstance(config, ClassifierConfig):
+        return f"{config.inputs}-{config.hidden}-{config.classes}-{config.lanes}l"
+    if isinstance(config, ChipConfig):
+        return f"{_name(config.readout)}-{_name(config.classifier)}"
+    if isinstance(config, MergeConfig):
+        return f"{config.skin.tiles}-{_name(config.skin.tile)}"
+    if isinstance(config, FrameConfig):
+        return f"{config.rows}x{config.columns}-{config.resolution}b-{config.word_bits}b"
+    return f"{config.rows}x{config.columns}-{config.encoding}-{config.resolution}b-{config.link}-{config.frontend}"
+
+
+class MissingProgram(InputError):  # the sentence a user reads
+    """Raised where a system program that a simulator needs is not installed."""
+
+
+def require_programs(simulator: Simulator) -> None:
+    """Refuse to go on without the system programs that a simulator needs, in one sentence with the remedy."""
+    if simulator not in get_args(Simulator):
+        raise InputError(f"SIM must be one of {', '.join(get_args(Simulator))}, not {simulator!r}")
+    needed = ["iverilog"] if simulator == "icarus" else ["g++", "make", "perl"]
+    if missing := [program for program in needed if shutil.which(program) is None]:
+        raise MissingProgram(f"{', '.join(missing)} not found; install with: apt-get install {' '.join(missing)}")
+
+
+def shape(config: Config) -> tuple[dict[str, str], dict[str, int]]:
+    """Return the macros and parameters that fit the harness to a configuration."""
+    if isinstance(config, ChipConfig):
+        defines, widths = shape(config.readout)
+        return defines | _chip_macros(config.classifier), widths | _chip_parameters(config.classifier)
+    assert isinstance(config, ReadoutConfig)
+    macros = {
+        "ANALOG": config.frontend == "analog",
+        "FOUR_PHASE": config.link == "four_phase",
+        "POLARITY": config.has_polarity,
+        "TICK": config.frontend == "digital" or config.needs_tick,
+        "ROWS": config.row_bits > 0,
+        "COLUMNS": config.column_bits > 0,
+        "ADDRESS": config.event_bits > 0,
+        "CLOSES": config.closes,
+        "REGISTERS": config.registers != "none",
+    }
+    parameters = {
+        "TAXELS": config.taxels,
+        "SAMPLE_BITS": config.sample_bits,
+        "ROW_BITS": config.row_bits,
+        "COLUMN_BITS": config.column_bits,
+        "STEP": config.step,
+        "BEYOND": int(config.encoder.strict),
+    }
+    return {name: "1" for name, on in macros.items() if on}, parameters
+
+
+def _chip_macros(config: ClassifierConfig) -> dict[str, str]:
+    return {"CHIP": "1"} | ({"OUTPUT_SPIKES": "1"} if config.readout == "spikes" else {})
+
+
+def _chip_parameters(config: ClassifierConfig) -> dict[str, int]:
+    ports = {name: len(getattr(Classifier(config), name)) for name in CHIP_WIDTHS.values()}
+    widths = {parameter: ports[name] for parameter, name in CHIP_WIDTHS.items()}
+    return widths | {"WEIGHT_WORDS": config.weight_words, "NEURON_WORDS": config.neuron_words}

@@ -1,0 +1,42 @@
+"""A moving random texture through a chip with random weights, held to the models."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cocotb_tests.bench.textures import random_scan
+from cocotb_tests.runner.process import follow
+from cocotb_tests.runner.simulator import Simulator, build
+from cocotb_tests.touch.player import JOB, Job
+from model.classifier.chip_config import ChipConfig
+from model.classifier.config import highest, lowest
+from model.classifier.file import IntegerWeights
+from model.classifier.network import IntegerNetwork
+
+
+def network_of(chip: ChipConfig) -> IntegerWeights:
+    """Return a network of weights at random."""
+    config, rng = chip.classifier, np.random.default_rng(5)
+
+    def drawn(bits: int, *shape: int) -> Any:
+        return rng.integers(lowest(bits), highest(bits) + 1, shape)
+
+    return IntegerWeights(IntegerNetwork.filled(config, drawn), tuple(f"class {n}" for n in range(config.classes)))
+
+
+def play(chip: ChipConfig, program: Simulator, folder: Path, network: IntegerWeights | None = None) -> dict[str, Any]:
+    """Play a moving texture through a chip in its harness and return its result."""
+    (network or network_of(chip)).save(folder / "network.npz")
+    np.savez(folder / "arrays.npz", **{"array/noise": random_scan(chip.readout, 60, np.random.default_rng(2))})  # type: ignore[arg-type]
+    job = Job(
+        str(folder / "network.npz"), chip.to_dict(), {"noise": {}}, str(folder / "arrays.npz"), str(folder), "again"
+    )
+    job.write(folder / "job.json")
+    follow(build(chip, program), "cocotb_tests.touch.player", {JOB: str(folder / "job.json")}, folder)
+    with np.load(folder / "noise.npz") as found:
+        assert len(found["taken"]) == json.loads(str(found["metadata"]))["events"]
+        return dict(json.loads(str(found["metadata"])))

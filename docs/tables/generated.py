@@ -1,0 +1,32 @@
+"""The command reference, from ``--help``, and the page of the registers, from their description."""
+
+from __future__ import annotations
+
+import typer
+
+from app.__main__ import app
+from app.catalogue import COMMANDS
+
+SIZE = {"terminal_width": 100, "max_content_width": 100}
+
+
+def commands() -> None:
+    """Print what every command prints for ``--help``."""
+    group = typer.main.get_command(app)
+    print()
+    with group.make_context("eskin", [], resilient_parsing=True, **SIZE) as above:
+        for heading, names in COMMANDS.items():
+            print(f"## {heading}\n")
+            for name in names:
+                command = group.commands[name]  # type: ignore[attr-defined]
+                with command.make_context(name, [], parent=above, resilient_parsing=True, **SIZE) as context:
+                    text = "\n".join(line.rstrip() for line in command.get_help(context).splitlines())
+                print(f"### eskin {name}\n\n```text\n{text}\n```\n")
+
+
+def registers() -> None:
+    """Print every register that some encoder has, with the values of the default array."""
+    from model.config import ReadoutConfig
+    from model.registers.export import page_of_all
+
+    print(f"\n{page_of_all(ReadoutConfig(registers='spi'))}")

@@ -1,0 +1,109 @@
+"""Print tables and sentences from data."""
+
+from __future__ import annotations
+
+import json
+import string
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from skin.figures.readouts import look
+
+ROOT = Path(__file__).parents[2]
+
+Row = Mapping[str, Any] | Sequence[str] | str
+
+
+def read(path: str) -> Any:
+    """Return the content of a JSON file, by its path from the top of the project."""
+    return json.loads((ROOT / path).read_text())
+
+
+def only(rows: Iterable[Mapping[str, Any]], /, **values: Any) -> dict[str, Any]:
+    """Return the one row that has these values."""
+    (found,) = (row for row in rows if all(row[name] == value for name, value in values.items()))
+    return dict(found)
+
+
+def digits(value: float, count: int) -> str:
+    """Return a number with so many significant digits, and never in powers of ten."""
+    text = f"{value:#.{count}g}"
+    return (f"{value:.0f}" if "e" in text else text).removesuffix(".")
+
+
+class _Cells(string.Formatter):
+    """Formats as ``str.format`` does, with more kinds of values.
+
+    ``{a[b]:1e9*.1f}`` multiplies first; ``#3`` gives three significant digits; ``%`` an accuracy with its interval;
+    ``E`` the title of a readout; ``p`` a p value; ``r`` a normalised data rate. A value that the data may lack is
+    written ``{?name}``. A value that is missing or null becomes a dash.
+    """
+
+    def get_field(self, field_name: str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
+        try:
+            return super().get_field(field_name.removeprefix("?"), args, kwargs)
+        except KeyError:
+            if not field_name.startswith("?"):
+                raise
+            return None, ""
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        scale, _, spec = format_spec.rpartition("*")
+        if value is None:
+            return "-"
+        if scale:
+            value *= float(scale)
+        if spec == "%":
+            low, high = (100 * bound for bound in value["bootstrap_95"])
+            return f"{100 * value['accuracy']:.1f} % ({low:.1f} to {high:.1f})"
+        if spec == "E":
+            return look(value).title
+        if spec == "p":
+            return digits(value, 2) if value >= 1e-3 else "< 0.001"
+        if spec == "r":
+            return digits(value, 3 if value > 0.1 else 2)
+        return digits(value, int(spec[1:])) if spec.startswith("#") else format(value, spec)
+
+
+def filled(template: str, row: Mapping[str, Any]) -> str:
+    """Return a text with the values of a row in the place of ``{name:format}``."""
+    return _Cells().vformat(template, (), row)
+
+
+def say(template: str, **values: Any) -> None:
+    """Print a paragraph with values in it."""
+    print(f"\n{filled(template, values)}\n")
+
+
+def source(report: Mapping[str, Any], more: str = ": {result}") -> None:
+    """Print the command, commit and date of a report, below its table."""
+    print(filled("`{command}`, commit {commit}, {date}" + more + ".\n", report))
+
+
+def table(head: str | Iterable[str], rows: Iterable[Row], cells: str = "") -> None:
+    """Print a table.
+
+    Parameters
+    ----------
+    head : str or iterable of str
+        Titles of the columns, as a list or between `` | ``.
+    rows : iterable
+        Mappings, which ``cells`` formats, or the cells themselves: as a list or between `` | ``.
+    cells : str
+        Templates of the columns between `` | ``.
+    """
+    titles = head.split(" | ") if isinstance(head, str) else list(head)
+    lines = [titles, ["---"] * len(titles)]
+    for row in rows:
+        if isinstance(row, Mapping):
+            made = [filled(cell, row) for cell in cells.split(" | ")]
+        else:
+            made = row.split(" | ") if isinstance(row, str) else list(row)
+        if len(made) != len(titles):
+            raise ValueError(f"{len(titles)} titles, {len(made)} cells: {made}")
+        lines.append(made)
+    print()
+    for line in lines:
+        print("|" + "---|" * len(line) if line[0] == "---" else f"| {' | '.join(line)} |")
+    print()

@@ -1,0 +1,26 @@
+"""Cells added to a module of a design of Yosys, as ``write_json`` gives it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+Bit = int | str
+"""A net of a design of Yosys, or a constant "0", "1", "x"."""
+
+
+def highest_net(module: dict[str, Any]) -> int:
+    """Return the highest number of a net in a module."""
+    return max(bit for net in module["netnames"].values() for bit in net["bits"] if isinstance(bit, int))
+
+
+def cell_of(kind: str, pins: Mapping[str, Bit], output: str = "Y") -> dict[str, Any]:
+    """Return a cell with a net at each of its pins, one of which is its output."""
+    return {
+        "hide_name": 1,
+        "type": kind,
+        "parameters": {},
+        "attributes": {},
+        "port_directions": {pin: "output" if pin == output else "input" for pin in pins},
+        "connections": {pin: [bit] for pin, bit in pins.items()},
+    }

@@ -1,0 +1,75 @@
+"""Area, power and highest clock of the netlist, as ``make asic`` found them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from base.errors import InputError
+from base.files import read_json
+from flow.datasheet.sheet import markdown, si
+from model.config import ReadoutConfig
+from model.frame_config import FrameConfig
+
+POWERS = {
+    "leakage_w_per_taxel": ("leakage a taxel", "W"),
+    "idle_w_per_taxel": ("idle power a taxel, the clock running", "W"),
+    "energy_per_event_j": ("energy an event, one in every clock", "J"),
+    "energy_per_lone_event_j": ("energy of a lone event", "J"),
+}
+OF_FRAMES = {name: POWERS[name] for name in ("leakage_w_per_taxel", "idle_w_per_taxel")} | {
+    "energy_per_event_j": ("energy a sample, of whole frames", "J")
+}
+OF_WINDOWS = {
+    "closing_w_per_taxel": ("power a taxel while its window closes", "W"),
+    "energy_per_closed_window_j": ("energy of a window until it is closed, beside the idle power", "J"),
+}
+ABSENT = [
+    "Not known to this page: they need a cell library. `make asic LIB=typ.lib` leaves `out/asic/NAME/report.json`, "
+    "and `make verilog REPORT=out/asic/NAME/report.json` of the same configuration puts its numbers here.",
+]
+
+
+def load_report(path: Path, config: ReadoutConfig | FrameConfig) -> dict[str, Any]:
+    """Return the report of a configuration's netlist.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, is no such report, or is that of another configuration.
+    """
+    content: dict[str, Any] = read_json(path, "the report", dict)
+    needed = ("configuration", "library", "area_um2_per_taxel", "fmax_hz", "flops", "gated_flops")
+    if absent := [name for name in needed if name not in content]:
+        raise InputError(f"{path} is no report of make asic: it has no {absent[0]}; give its report.json")
+    stored, wanted = content["configuration"], config.to_dict()
+    for name in dict.fromkeys([*wanted, *stored]):
+        if stored.get(name) != wanted.get(name):
+            raise InputError(
+                f"the report {path} is of a readout with {name} = {stored.get(name)}, not {wanted.get(name)}; "
+                "give that of this configuration"
+            )
+    return content
+
+
+def of_netlist(report: dict[str, Any] | None) -> list[str]:
+    """Return the section."""
+    if report is None:
+        return ABSENT
+    area = report["area_um2_per_taxel"]
+    rows = [
+        ("area a taxel, arbiter and link shared out", "not known to the library" if area is None else f"{area:.5g} um2")
+    ]
+    rows += [(f"highest clock, {corner}", si(value, "Hz")) for corner, value in report["fmax_hz"].items()]
+    rows.append(("flops, of which on a gated clock", f"{report['flops']}, {report['gated_flops']}"))
+    powers = OF_FRAMES if "word_bits" in report["configuration"] else POWERS
+    for name, (what, unit) in (powers | {name: said for name, said in OF_WINDOWS.items() if name in report}).items():
+        value = report.get(name)
+        rows.append((what, "not in the report" if value is None else si(value, unit)))
+    if proof := report.get("equivalence"):
+        rows.append(("netlist equal to the RTL", f"{proof['proved']} of {proof['of']} points proved"))
+    if run := report.get("gate_level_events"):
+        rows.append(("events of the netlist in simulation, of the RTL", f"{run['netlist']}, {run['rtl']}"))
+    source = f"Library {report['library']}, commit {report.get('commit', 'unknown')}, {report.get('date', 'no date')}."
+    contains = report.get("contains")
+    return [source + (f" They contain: {contains}." if contains else ""), "", *markdown(("", ""), rows)]

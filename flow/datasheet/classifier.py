@@ -1,0 +1,141 @@
+"""The datasheet of the classifier; its times and waves are those of the golden model."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flow.datasheet.sheet import NO_NETLIST, RESETS, Picture, Sheet, markdown, shown, si, time_table
+from flow.datasheet.waves import Wave
+from model.classifier.chip import ready_of
+from model.classifier.config import ClassifierConfig
+from model.classifier.network import IntegerNetwork
+from model.classifier.run import ClassifierRun, first_ready, simulate, work_clocks
+
+TOP = "eskin_classifier"
+SHOWN = 24
+"""Clocks of a picture at most."""
+EVENTS = 2
+"""Events of the pictures, on the highest channel and on the lowest."""
+
+
+class TwoEvents:
+    """A bin of two events, offered from the end of reset on, in a network whose weights are all zero.
+
+    Attributes
+    ----------
+    config : ClassifierConfig
+    end, clocks : int
+        Clock of ``bin_end``, and the length of it all.
+    run : ClassifierRun
+    """
+
+    def __init__(self, config: ClassifierConfig) -> None:
+        self.config = config
+        ready = first_ready(config, -1)
+        self.end = ready + (EVENTS + 1) * config.groups
+        self.clocks = self.end + work_clocks(config, 0, 0) + 8
+        offered = [(0, config.inputs - 1), (0, 0)]
+        self.run: ClassifierRun = simulate(_silent(config), offered, [self.end], self.clocks)
+
+    def waves(self) -> list[Wave]:
+        """Return the ports from the end of reset on."""
+        ready = ready_of(self.config, self.run, self.clocks)
+        channels = [self.config.inputs - 1, 0]
+        span, taken, valid = range(self.clocks), self.run.accepted, self.run.valid[0]
+        offered = [sum(clock > at for at in taken) for clock in span]
+        found = [Wave("event_valid", tuple(int(number < EVENTS) for number in offered))]
+        found.append(Wave("event_ready", tuple(int(value) for value in ready)))
+        if self.config.channel_bits:
+            values = tuple(channels[number] if number < EVENTS else None for number in offered)
+            found.append(Wave("event_channel", values, bus=True))
+        found.append(Wave("bin_end", tuple(int(clock == self.end) for clock in span)))
+        found.append(Wave("class_valid", tuple(int(clock == valid) for clock in span)))
+        winner = self.run.bins[0].winner
+        return [*found, Wave("class_index", tuple(winner if clock >= valid else None for clock in span), bus=True)]
+
+
+def _silent(config: ClassifierConfig) -> IntegerNetwork:
+    """Return a network of which no neuron ever fires."""
+    i, h, c = config.inputs, config.hidden, config.classes
+    shapes = ((i, h), (h, h), (h, c), (h,), (c,))
+    return IntegerNetwork(config, *(np.zeros(shape, np.int64) for shape in shapes))
+
+
+def sheet_of(config: ClassifierConfig) -> Sheet:
+    """Return the datasheet of a classifier."""
+    played = TwoEvents(config)
+    waves, ready = played.waves(), first_ready(config, -1)
+    events = _window("event", "The first events after reset", waves, max(ready - 4, 0))
+    ends = _window("class", "The end of a bin's work", waves, max(played.run.valid[0] - SHOWN + 6, 0))
+    sections = {
+        "Memories": _memories(config),
+        "Clock": [
+            f"One clock, rising edge: {si(config.clock_hz, 'Hz')} for a time bin of {si(config.bin_s, 's')} in "
+            f"{config.clocks_per_bin} clocks, a period T of {si(1 / config.clock_hz, 's')}. No counter in here makes "
+            "bins: whoever has the time base raises `bin_end` for one clock, after so many clocks at most; the widths "
+            "of the potentials hold for the events of these."
+        ],
+        "Reset": [
+            f"{RESETS[config.reset]} Every flop has it, the memories have none and keep their weights. After it, as "
+            "after `scan_start`, all potentials, spikes and the evidence are cleared, one neuron a clock."
+        ],
+        "Latency and throughput": _times(config, played.run),
+        "Timing": [
+            shown(TOP, events),
+            "",
+            "Events are offered from the first clock on and wait until all is cleared; then one leaves in "
+            f"{config.groups} clock{'s' * (config.groups != 1)}.",
+            "",
+            shown(TOP, ends),
+            "",
+            f"`bin_end` was at clock {played.end}. No neuron fires here: every weight is zero.",
+        ],
+        "Registers": ["None but the memories, which are written through `load_*`."],
+        "Area, power and highest clock": NO_NETLIST,
+    }
+    return Sheet(
+        config, f"{config.inputs}-{config.hidden}-{config.classes}, {config.lanes} lanes", sections, (events, ends)
+    )
+
+
+def _window(name: str, title: str, waves: list[Wave], start: int) -> Picture:
+    """Return a picture of some clocks of waves."""
+    return Picture(name, title, [Wave(w.name, w.values[start : start + SHOWN], w.bus) for w in waves], start)
+
+
+def _memories(config: ClassifierConfig) -> list[str]:
+    """Return the table of memories."""
+    rows = [
+        ("rows of input and recurrent weights", config.weight_words, config.lanes * config.weight_bits),
+        ("output weights and biases", config.neuron_words, config.neuron_bits),
+    ]
+    table = [(what, f"{words}", f"{bits}", f"{words * bits}") for what, words, bits in rows]
+    return [
+        f"{config.memory_bits} bits, {config.memory_bits / 8192:.4g} KiB. In reset, or while nothing else is under "
+        "way, `load_valid` writes a word in every clock.",
+        "",
+        *markdown(("memory", "words", "bits of a word", "bits"), table),
+    ]
+
+
+def _times(config: ClassifierConfig, run: ClassifierRun) -> list[str]:
+    """Return the table of times."""
+    work = run.latencies[0] - work_clocks(config, 0, 0)  # beside the work, of which the rest is
+    most = work_clocks(config, config.hidden, config.hidden)
+    rows = [
+        ("end of reset to `event_ready`", first_ready(config, -1)),
+        ("`scan_start` to `event_ready`", first_ready(config, 0)),
+        ("from one event to the next", config.groups),
+        ("`bin_end` to `class_valid`, no neuron fires", run.latencies[0]),
+        ("`bin_end` to `class_valid`, all fire in this bin and the one before", work + most),
+    ]
+    return [
+        f"Throughput: {si(config.clock_hz / config.groups, 'events/s')}, {config.events_per_bin} events in a bin; each "
+        f"adds {config.hidden} weights. The times are those of the golden model, to which the RTL is bit-exact.",
+        "",
+        *time_table(rows, config.clock_hz),
+        "",
+        f"Each spike of the bin before adds {config.groups - 1}, each of this bin {config.classes - 1}; a row that is "
+        "being read at `bin_end` is read to its end first. `event_ready` is low meanwhile: an event waits, and none is "
+        "lost. A `bin_end` that comes before the work is done raises `overrun`.",
+    ]

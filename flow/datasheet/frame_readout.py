@@ -1,0 +1,149 @@
+"""The datasheet of the frame readout; its times and waves are those of the golden model."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from flow.datasheet.asic_results import of_netlist
+from flow.datasheet.sheet import RESETS, Picture, Sheet, shown, si, time_table
+from flow.datasheet.waves import Wave
+from model.frame import FrameModel, Inputs, Outputs
+from model.frame_config import FrameConfig
+
+TOP = "eskin_frame_readout"
+SHOWN = 24
+"""Clocks of a picture."""
+STALLED = 2
+"""Clocks in which the sink does not take the first word."""
+AT_ADC = ("frame_start", "row_select", "column_select", "adc_start", "adc_done", "adc_code")
+AT_SINK = ("frame_start", "frame_overrun", "adc_done", "word_valid", "word_ready", "word_data", "word_sync")
+BUSES = ("row_select", "column_select", "adc_code", "word_data")
+
+
+class Scan:
+    """One frame, from ``frame_start`` at clock 0 until another would be heard and its last word has left.
+
+    The ADC takes the clocks that it is laid out for, and its codes count up. Without a stall the sink takes every word
+    at once; with one it leaves the first for ``STALLED`` clocks, and another ``frame_start`` comes too early there.
+
+    Attributes
+    ----------
+    inputs, outputs : list of Inputs, Outputs
+        Of every clock.
+    heard : int
+        First clock in which a ``frame_start`` is heard again.
+    """
+
+    def __init__(self, config: FrameConfig, stall: int = 0) -> None:
+        model, mask = FrameModel(config), (1 << config.resolution) - 1
+        self.inputs: list[Inputs] = []
+        self.outputs: list[Outputs] = []
+        self.heard = done_at = code = 0
+        left = stall
+        while not (self.inputs and model.idle):
+            clock, found = len(self.inputs), model.outputs
+            waits = left > 0 and bool(found.word_valid)
+            again = waits and left == stall and model.taxel >= 0
+            given = Inputs(int(not clock or again), int(clock == done_at > 0), code & mask, int(not waits))
+            left -= waits
+            if found.adc_start:
+                done_at, code = clock + config.adc_clocks, code + 1
+            self.inputs.append(given)
+            self.outputs.append(found)
+            model.clock(given)
+            if model.taxel < 0 and not self.heard:
+                self.heard = clock + 1
+
+    def first(self, name: str, behind: int = -1) -> int:
+        """Return the first clock behind another in which an output is high."""
+        return next(t for t, found in enumerate(self.outputs) if t > behind and getattr(found, name))
+
+    def waves(self, names: tuple[str, ...], start: int = 0, clocks: int | None = None) -> list[Wave]:
+        """Return some ports from a clock on, to the end or for some clocks; words that no one looks at are left out."""
+        last = len(self.inputs) if clocks is None else start + clocks
+        span = range(start, min(last, len(self.inputs)))
+        found = []
+        for name in names:
+            rows = self.inputs if name in Inputs._fields else self.outputs
+            values = [int(getattr(rows[clock], name)) for clock in span]
+            valid = {"adc_code": "adc_done", "word_data": "word_valid", "word_sync": "word_valid"}.get(name)
+            looked = [bool(getattr(self._row(clock, valid), valid)) if valid else True for clock in span]
+            shown_values = tuple(value if seen else None for value, seen in zip(values, looked, strict=True))
+            found.append(Wave(name, shown_values, bus=name in BUSES or name == "word_sync"))
+        return found
+
+    def _row(self, clock: int, name: str) -> Inputs | Outputs:
+        return self.inputs[clock] if name in Inputs._fields else self.outputs[clock]
+
+
+def sheet_of(config: FrameConfig, report: dict[str, Any] | None) -> Sheet:
+    """Return the datasheet of a frame readout, with the report of its netlist or without."""
+    scan, stalled = Scan(config), Scan(config, STALLED)
+    start = Picture("start", "From frame_start to the ADC", scan.waves(AT_ADC, 0, SHOWN))
+    begin = max(stalled.first("word_valid") - 8, 0)
+    word = Picture("word", "The first word of a frame", stalled.waves(AT_SINK, begin, SHOWN), begin)
+    sections = {
+        "Clock": _clock(config),
+        "Reset": [
+            f"{RESETS[config.reset]} Every flop has it, none relies on an initial value. After it no taxel is selected "
+            "and no word waits; a conversion that was under way is forgotten: the ADC shares the reset."
+        ],
+        "Latency and throughput": _times(config, scan),
+        "Timing": [
+            shown(TOP, start),
+            "",
+            f"The multiplexer has {_clocks(config.settle_clocks)} to settle before a conversion. `adc_done` and "
+            f"`adc_code` are looked at from the clock after `adc_start` on; here a conversion takes "
+            f"{_clocks(config.adc_clocks)}.",
+            "",
+            shown(TOP, word),
+            "",
+            f"The sink takes the word {_clocks(STALLED)} late, and it stands still. "
+            "A `frame_start` during a scan is not heard: `frame_overrun` says so in the next clock.",
+        ],
+        "Registers": ["None: the configuration is built in."],
+        "Area, power and highest clock": of_netlist(report),
+    }
+    what = f"{config.rows} x {config.columns} taxels, {config.resolution} b, words of {config.word_bits} b"
+    return Sheet(config, what, sections, (start, word))
+
+
+def _clock(config: FrameConfig) -> list[str]:
+    return [
+        f"One clock, rising edge: {si(config.clock_hz, 'Hz')}, a period T of {si(1 / config.clock_hz, 's')}. "
+        f"A frame every {config.clocks_per_frame} clocks, {si(1 / config.frame_rate_hz, 's')}: whoever wants "
+        "one raises `frame_start` for one clock.",
+        "",
+        "The internal wire `awake` of the top is low in a clock at whose end no register changes: a gate on it may "
+        "stop the clock.",
+    ]
+
+
+def _times(config: FrameConfig, scan: Scan) -> list[str]:
+    """Return the table of times."""
+    first = scan.first("adc_start")
+    word = scan.first("word_valid")
+    last = max(t for t, found in enumerate(scan.outputs) if found.word_valid)
+    rows = [
+        ("`frame_start` to `row_select` and `column_select`", scan.first("row_select")),
+        ("`frame_start` to the first `adc_start`", first),
+        ("`frame_start` to the first word", word),
+        ("`frame_start` to the last word", last),
+        ("`frame_start` to the next that is heard", scan.heard),
+    ]
+    if config.taxels > 1:
+        rows.insert(2, ("from one taxel to the next", scan.first("adc_start", first) - first))
+    most = config.clock_hz / scan.heard
+    return [
+        f"Throughput: {si(most, 'frames/s')} at most, {si(most * config.taxels, 'samples/s')}; a frame is "
+        f"{config.words_per_frame} words. The sink always ready, a conversion of {_clocks(config.adc_clocks)}; the "
+        "simulation is that of the golden model, to which the RTL is bit-exact.",
+        "",
+        *time_table(rows, config.clock_hz),
+        "",
+        "Whatever the sink does, no code is lost: a conversion starts only while no code waits.",
+    ]
+
+
+def _clocks(number: int) -> str:
+    return f"{number} clock{'s' * (number != 1)}"

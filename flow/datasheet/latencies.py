@@ -1,0 +1,68 @@
+"""What a readout promises in clocks, found in a simulation of its golden model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flow.datasheet.waves import TICK, from_zero, played
+from model.address_events import Events
+from model.config import ReadoutConfig
+from model.readout import Stimulus, simulate
+
+AHEAD_OF_A_GRANT, HELD_BY_LINK = 2, 1
+"""Clocks to be latched and to appear; an event in the register of the link (docs/design/microarchitecture.md)."""
+
+
+@dataclass(frozen=True)
+class Latencies:
+    """Latencies of a readout.
+
+    Attributes
+    ----------
+    latency : int
+        Clocks from the sample tick to ``event_valid``, or to the edge that raises ``aer_req``, array idle.
+    clocks_per_event : int
+        One event in so many clocks, where every taxel has one, the sink takes all and ACK follows REQ at once.
+    longest_gap : int
+        Clocks between two events of one taxel at most, in that simulation.
+    bound_events, bound_clocks : int
+        The event of a request is among so many that leave next, and leaves within so many clocks.
+    """
+
+    latency: int
+    clocks_per_event: int
+    longest_gap: int
+    bound_events: int
+    bound_clocks: int
+
+    @classmethod
+    def of(cls, config: ReadoutConfig) -> Latencies:
+        """Return those of a configuration."""
+        config = from_zero(config)
+        first = played(config)
+        first.ready[:] = 1
+        latency = int(simulate(config, first)["t"][0]) - TICK
+        events = simulate(*_saturated(config))
+        # All taxels have an event from the first clock on: so many at least leave without a break.
+        every = int(np.diff(events["t"][: max(config.taxels, 2)]).max())
+        held = HELD_BY_LINK if config.link == "four_phase" else 0
+        bound = (config.rows + 1) * config.columns + held
+        return cls(latency, every, _longest_gap(config, events), bound, every * bound + AHEAD_OF_A_GRANT)
+
+
+def _saturated(config: ReadoutConfig) -> tuple[ReadoutConfig, Stimulus]:
+    """Return a run in which every taxel asks again as soon as it may, until each has sent two events or all it can."""
+    sample = np.full((1, config.taxels), config.full_scale - 1, np.int32)
+    clocks = 20 * (config.taxels + 2)
+    eager = config.replace(decide_every="clock")
+    return eager, Stimulus.from_samples(eager, sample, clocks=clocks)
+
+
+def _longest_gap(config: ReadoutConfig, events: Events) -> int:
+    """Return the most clocks between two events of one taxel."""
+    taxel = events["y"].astype(int) * config.columns + events["x"]
+    order = np.argsort(taxel, kind="stable")
+    gaps = np.diff(events["t"][order])[np.diff(taxel[order]) == 0]
+    return int(gaps.max())

@@ -1,0 +1,61 @@
+"""The datasheets of all designs that have one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from flow.datasheet import classifier, frame_readout, readout, skin
+from flow.datasheet.asic_results import load_report
+from flow.datasheet.sheet import Sheet
+from model.classifier.chip_config import ChipConfig
+from model.classifier.config import ClassifierConfig
+from model.config import ReadoutConfig
+from model.frame_config import FrameConfig
+from model.tiles.config import MergeConfig, TilesConfig
+from rtl.delivery import write
+from rtl.verilog import Config
+
+Described = ReadoutConfig | FrameConfig | ClassifierConfig | MergeConfig
+"""Designs that have a datasheet; of a chip readout and classifier have theirs."""
+
+
+def sheet_of(config: Described, report: dict[str, Any] | None = None) -> Sheet:
+    """Return the datasheet of a design.
+
+    Parameters
+    ----------
+    config : ReadoutConfig, FrameConfig, ClassifierConfig, MergeConfig or TilesConfig
+    report : dict, optional
+        ``report.json`` of its netlist, of which there are those of readouts alone.
+    """
+    if isinstance(config, FrameConfig):
+        return frame_readout.sheet_of(config, report)
+    if isinstance(config, ClassifierConfig):
+        return classifier.sheet_of(config)
+    if isinstance(config, MergeConfig | TilesConfig):
+        return skin.sheet_of(config)
+    return readout.sheet_of(config, report)
+
+
+def write_datasheet(config: Described, folder: Path, report: dict[str, Any] | None = None) -> list[Path]:
+    """Write page and pictures into a folder; return their paths."""
+    return sheet_of(config, report).write(folder)
+
+
+def deliver(config: Config, folder: Path, report: Path | None = None) -> list[Path]:
+    """Write Verilog, constraints, description and datasheet of a design into a folder; return their paths.
+
+    Parameters
+    ----------
+    config : Config
+        A chip has no datasheet of its own.
+    folder : Path
+    report : Path, optional
+        ``report.json`` of the netlist of a readout, for its datasheet.
+    """
+    netlist = None
+    if report is not None and isinstance(config, ReadoutConfig | FrameConfig):
+        netlist = load_report(report, config)
+    paths = write(config, folder)
+    return paths if isinstance(config, ChipConfig) else [*paths, *write_datasheet(config, folder, netlist)]

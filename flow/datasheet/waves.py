@@ -1,0 +1,171 @@
+"""What the signals of a readout are in every clock, from its golden model: for timing diagrams."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model import link
+from model.address_events import Events
+from model.config import ReadoutConfig
+from model.readout import TAKEN, WAITED, State, Stimulus, simulate_counted, state_at
+from rtl.delivery import ports
+
+TICK = 2
+"""Clock of the sample tick."""
+
+TAXELS = 3
+"""Taxels that send one event each, or as many as there are."""
+
+STALL = range(TICK + 3, TICK + 5)
+"""Clocks in which the sink of a stream takes nothing."""
+
+ACK_DELAY = 4
+"""From each edge of REQ to that of ACK, in 1/8 clock."""
+
+CLOCKS = {"stream": 12, "four_phase": 23}
+RESET_CLOCKS, CLOCKS_AFTER = 3, 9
+
+Value = int | None
+
+
+@dataclass(frozen=True)
+class Wave:
+    """One signal: its value just before every rising edge, None where nothing is said of it.
+
+    Attributes
+    ----------
+    name : str
+    values : tuple of (int or None)
+    bus : bool
+        A word, not one bit.
+    delay : float
+        How long after the edge the signal changes, in clocks.
+    """
+
+    name: str
+    values: tuple[Value, ...]
+    bus: bool = False
+    delay: float = 0.0
+
+
+def from_zero(config: ReadoutConfig) -> ReadoutConfig:
+    """Return the configuration with references of 0 after reset: there is room for a step, and no time changes."""
+    return config.replace(reference_reset=0)
+
+
+def played(config: ReadoutConfig) -> Stimulus:
+    """Return one sample by which the first taxels cross a level each; a stream stalls when their events are offered."""
+    samples = np.zeros((1, config.taxels), np.int32)
+    samples[0, :TAXELS] = config.step + config.encoder.strict
+    clocks = CLOCKS[config.link]
+    ready = np.array([clock not in STALL for clock in range(clocks)], np.uint8)
+    return Stimulus(
+        samples=samples,
+        sample_clock=np.full(1, TICK, np.int64),
+        clocks=clocks,
+        enable_clock=np.zeros(1, np.int64),
+        enable=np.ones((1, config.taxels), bool),
+        ready=ready,
+        ack_delay=np.full(1, ACK_DELAY, np.int64),
+    )
+
+
+def waves(config: ReadoutConfig) -> list[Wave]:
+    """Return the signals on the way from a sample to its events."""
+    config = from_zero(config)
+    stimulus = played(config)
+    events, traffic = simulate_counted(config, stimulus)
+    states = [state_at(config, stimulus, clock) for clock in range(stimulus.clocks)]
+    tick = tuple(int(clock == TICK) for clock in range(stimulus.clocks))
+    names = {port["name"] for port in ports(config)}
+    found = [Wave("sample_valid", tick)] if "sample_valid" in names else []
+    if config.frontend == "digital":
+        # The taxel takes it with the edge that ends the clock of the tick.
+        code = int(stimulus.samples[0, 0])
+        found.append(Wave("sample, taxel 0", tuple(code if one else None for one in tick), bus=True))
+    else:
+        found.append(Wave("above, taxel 0", tuple(_above(config, state) for state in states)))
+    found.append(_of_taxel_0("reference, taxel 0", [_codes(config, state) for state in states]))
+    if config.closes:
+        found.append(_of_taxel_0("half width, taxel 0", [state.half_width for state in states]))
+    found.append(Wave("request, row 0", tuple(int(state.pending[0].any()) for state in states)))
+    send = _stream if config.link == "stream" else _four_phase
+    return found + send(config, stimulus, events, traffic)
+
+
+def reset_waves(config: ReadoutConfig) -> list[Wave]:
+    """Return the signals around a reset that comes when an event is on its way; it starts the readout anew."""
+    found = waves(config)
+    if config.link == "stream":
+        cut = STALL[1]
+    else:  # the address stands, REQ has not risen: no handshake is broken off
+        cut = next(wave for wave in found if wave.name == "aer_req").values.index(1) - 1
+    first = int(config.reset == "sync")  # its first clock still shows what was: it works with the edge that ends it
+    reset = (0,) * cut + (1,) * RESET_CLOCKS + (0,) * CLOCKS_AFTER
+    mended = []
+    for wave in found:
+        within = wave.values[cut : cut + first] + wave.values[:1] * (RESET_CLOCKS - first)
+        mended.append(Wave(wave.name, wave.values[:cut] + within + wave.values[:CLOCKS_AFTER], wave.bus, wave.delay))
+    return [Wave("rst", reset), *mended]
+
+
+def address(config: ReadoutConfig, event: np.void) -> int:
+    """Return the word of an event: polarity, row, column, the column in the least significant bits."""
+    word = int(event["y"]) << config.column_bits | int(event["x"])
+    return word | int(event["p"]) << (config.row_bits + config.column_bits) if config.has_polarity else word
+
+
+def _codes(config: ReadoutConfig, state: State) -> NDArray[np.int64]:
+    """Return the references in codes of a sample, rounded down."""
+    return state.reference >> config.encoder.fraction_bits(config)
+
+
+def _above(config: ReadoutConfig, state: State) -> int:
+    """Return what the comparator of taxel 0 says."""
+    level = _codes(config, state)[0, 0] + state.half_width[0, 0] + config.encoder.strict
+    return int(state.sample[0, 0] >= level)
+
+
+def _of_taxel_0(name: str, values: Sequence[NDArray[np.int64]]) -> Wave:
+    return Wave(name, tuple(int(value[0, 0]) for value in values), bus=True)
+
+
+def _stream(config: ReadoutConfig, stimulus: Stimulus, events: Events, traffic: NDArray[np.uint8]) -> list[Wave]:
+    """Return the ports of a stream of events."""
+    offered = [int(value in (TAKEN, WAITED)) for value in traffic]
+    taken = np.cumsum(traffic == TAKEN) - (traffic == TAKEN)  # before every clock
+    found = [
+        Wave("event_valid", tuple(offered)),
+        Wave("event_ready", tuple(int(value) for value in stimulus.ready)),
+    ]
+    fields = [("event_row", "y", config.row_bits), ("event_col", "x", config.column_bits)]
+    fields.append(("event_polarity", "p", int(config.has_polarity)))
+    for name, key, bits in fields:
+        if bits:
+            values = [int(events[k][key]) if there else None for there, k in zip(offered, taken, strict=True)]
+            found.append(Wave(name, tuple(values), bus=True))
+    return found
+
+
+def _four_phase(config: ReadoutConfig, stimulus: Stimulus, events: Events, traffic: NDArray[np.uint8]) -> list[Wave]:
+    """Return the ports of the four-phase link, from its model."""
+    state = link.new_state()
+    word, sent = 0, 0
+    request, acknowledge, addresses = [], [], []
+    for clock in range(stimulus.clocks):
+        request.append(int(state[link.REQ]))
+        acknowledge.append(int(state[link.REQ] if state[link.ACK_AT] == clock else state[link.ACK]))
+        addresses.append(word)
+        taken = bool(traffic[clock] == TAKEN)
+        link.advance(state, clock, taken, stimulus.ack_delay)
+        if taken and sent < len(events):
+            word, sent = address(config, events[sent]), sent + 1
+    return [
+        *([Wave("aer_addr", tuple(addresses), bus=True)] if config.event_bits else []),
+        Wave("aer_req", tuple(request)),
+        Wave("aer_ack", tuple(acknowledge), delay=ACK_DELAY / link.ACK_QUANTA),
+    ]

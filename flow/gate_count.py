@@ -1,0 +1,105 @@
+"""Gates and flops of the readouts, counted after synthesis, to compare what they cost in silicon."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from base.errors import InputError
+from flow.liberty.library import Library, read
+from model.classifier.config import ClassifierConfig
+from rtl import yosys
+from rtl.verilog import Config, rtlil, top_block
+
+GENERIC = "abc -g AND,OR,XOR,MUX"
+"""Without a library: two-input gates, multiplexers and inverters, each counted as one."""
+
+MEMORIES = "eskin_weights eskin_neuron_weights"
+"""Modules of the classifier that are macros: they are not counted."""
+
+GENERIC_FLOP = re.compile(r"\$_S?DFF\w*_")
+"""Yosys' own flip-flops, as it names them without a library."""
+
+
+@dataclass(frozen=True)
+class Gates:
+    """Cells of a readout.
+
+    Attributes
+    ----------
+    flops, gates : int
+        Flip-flops, and combinational cells, of the whole array.
+    taxels : int
+        Taxels of the array.
+    area_um2 : float or None
+        Cell area, with a liberty file; no wires, no clock tree.
+    """
+
+    flops: int
+    gates: int
+    taxels: int
+    area_um2: float | None
+
+    def to_dict(self) -> dict[str, float | None]:
+        """Return the numbers, those per taxel too."""
+        area = self.area_um2
+        return {
+            "flops": self.flops,
+            "gates": self.gates,
+            "flops_per_taxel": self.flops / self.taxels,
+            "gates_per_taxel": self.gates / self.taxels,
+            "area_um2": area,
+            "area_um2_per_taxel": None if area is None else area / self.taxels,
+        }
+
+
+def count_gates(config: Config, taxels: int, liberty: Path | None = None) -> Gates:
+    """Synthesise a readout with Yosys and count its cells.
+
+    Parameters
+    ----------
+    config : ReadoutConfig, FrameConfig or ClassifierConfig
+        Of a classifier the memories of weights are left out.
+    taxels : int
+        Taxels of its array; 1 for a classifier.
+    liberty : Path, optional
+        Cell library; without one, generic two-input gates are counted.
+
+    Raises
+    ------
+    InputError
+        If the library cannot be read, is no liberty file, or Yosys cannot map the readout to its cells.
+    """
+    library = None if liberty is None else read(liberty)
+    text = _statistics(config, library)
+    design = json.loads(text[text.index("{") :])["design"]
+    cells: dict[str, int] = design["num_cells_by_type"]
+    flop = GENERIC_FLOP.fullmatch if library is None else library.flops.__contains__
+    flops = sum(number for kind, number in cells.items() if flop(kind))
+    modules = sum(number for kind, number in cells.items() if kind.startswith("eskin_"))
+    area = float(design["area"]) if liberty is not None else None
+    return Gates(flops, sum(cells.values()) - flops - modules, taxels, area)
+
+
+def _statistics(config: Config, library: Library | None) -> str:
+    """Return the statistics of Yosys on the cells of a readout: JSON, perhaps after a line of text."""
+    files = {} if library is None else {"cells.lib": library.content}
+    option = "" if library is None else " -liberty cells.lib"
+    mapping = GENERIC if library is None else f"dfflibmap{option}; abc{option}"
+    script = (
+        f"read_rtlil readout.il; {f'blackbox {MEMORIES}; ' if isinstance(config, ClassifierConfig) else ''}"
+        f"synth -top {top_block(config).module_name}; {mapping}; opt_clean -purge; "
+        f"tee -q -o stat.json stat -json{option}"
+    )
+    try:
+        return yosys.run(script, rtlil(config), "stat.json", files)
+    except yosys.YosysError as error:
+        if library is None:
+            raise
+        library.check()
+        raise InputError(
+            f"the cell library {library.path} does not do: the readout needs a flip-flop, an inverter, a buffer, and a "
+            f"NAND or NOR (Yosys: {error.reason})"
+        ) from None

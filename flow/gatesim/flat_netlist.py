@@ -1,0 +1,161 @@
+"""A netlist of library cells, flat: what stands in it, and the plain Verilog that every other program reads."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from base.errors import InputError
+from rtl import yosys
+
+SCRIPT = (
+    "read_liberty -lib -ignore_miss_func cells.lib; read_verilog netlist.v; hierarchy -check -top {top}; "
+    "flatten; opt_clean; delete t:$scopeinfo; write_json flat.json"
+)
+WIDE = 32
+"""Bits from which on an output port costs an event-driven simulator much: it copies all of them when one changes."""
+CONSTANTS = {"0": "1'b0", "1": "1'b1", "x": "1'bx", "z": "1'bz"}
+APART = str.maketrans("[]", "__")
+"""Makes the name of a bit that of a wire."""
+
+
+@dataclass(frozen=True)
+class Port:
+    """A port of the top: its direction, and the net of each of its bits, the lowest first."""
+
+    name: str
+    direction: str
+    nets: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """An instance of a library cell.
+
+    Attributes
+    ----------
+    name : str
+        In the flat Verilog: plain, ``c`` and a number.
+    place : str
+        Where it comes from in the hierarchy, ``row_0.taxel_1._12_``.
+    kind : str
+        Name of the library cell.
+    pins : dict of str to str
+        Net of every connected pin.
+    """
+
+    name: str
+    place: str
+    kind: str
+    pins: dict[str, str]
+
+
+@dataclass(frozen=True)
+class FlatNetlist:
+    """A netlist without hierarchy."""
+
+    top: str
+    ports: tuple[Port, ...]
+    cells: tuple[Cell, ...]
+
+    @property
+    def nets(self) -> set[str]:
+        """Names of all nets that a port or a pin is on, constants left out."""
+        found = {net for port in self.ports for net in port.nets}
+        found |= {net for cell in self.cells for net in cell.pins.values()}
+        return found - set(CONSTANTS.values())
+
+    def verilog(self, gather: bool = False) -> str:
+        """Return the netlist as Verilog with plain names.
+
+        Parameters
+        ----------
+        gather : bool
+            For an event-driven simulation in units of 1 ns: output ports of ``WIDE`` bits or more are put together
+            once, 1 ns after each edge of the clock, not anew for every bit that changes.
+        """
+        late = {port.name: port for port in self.ports if gather and port.direction == "output" and _wide(port)}
+        names = {bit: bit.translate(APART) for port in late.values() for bit in _bits(port.name, len(port.nets))}
+        inner = sorted((net for net in self.nets if re.fullmatch(r"n\d+", net)), key=lambda net: int(net[1:]))
+        lines = [f"module {self.top} ({', '.join(port.name for port in self.ports)});"]
+        for port in self.ports:
+            width = f"[{len(port.nets) - 1}:0] " if len(port.nets) > 1 else ""
+            lines.append(f"  {port.direction} {'reg ' if port.name in late else ''}{width}{port.name};")
+        lines += [f"  wire {net};" for net in [*inner, *names.values()]]
+        lines += [f"  assign {names.get(name, name)} = {names.get(net, net)};" for name, net in self._aliases()]
+        for cell in self.cells:
+            pins = ", ".join(f".{pin}({names.get(net, net)})" for pin, net in cell.pins.items())
+            lines.append(f"  {cell.kind} {cell.name} ({pins});")
+        for name, port in late.items():
+            whole = ", ".join(names[bit] for bit in reversed(_bits(name, len(port.nets))))
+            lines.append(f"  always @(clk) #1 {name} = {{{whole}}};")
+        return "\n".join([*lines, "endmodule", ""])
+
+    def _aliases(self) -> Iterator[tuple[str, str]]:
+        """Yield the bits of output ports that carry the net of another name."""
+        for port in self.ports:
+            for name, net in zip(_bits(port.name, len(port.nets)), port.nets, strict=True):
+                if port.direction == "output" and name != net:
+                    yield name, net
+
+
+def flatten(text: str, top: str, liberty: bytes) -> FlatNetlist:
+    """Return the flat form of a netlist.
+
+    Parameters
+    ----------
+    text : str
+        Verilog of library cells, with or without hierarchy.
+    top : str
+    liberty : bytes
+        The library.
+
+    Raises
+    ------
+    InputError
+        If it holds cells that the library does not have.
+    """
+    try:
+        found = yosys.run(SCRIPT.format(top=top), "", "flat.json", {"netlist.v": text.encode(), "cells.lib": liberty})
+    except yosys.YosysError as error:
+        raise InputError(f"the netlist does not fit the cell library: {error.reason}; give those of one run") from None
+    module = json.loads(found)["modules"][top]
+    named = _names_of_ports(module["ports"])
+
+    def net(bit: int | str) -> str:
+        return CONSTANTS[bit] if isinstance(bit, str) else named.get(bit, f"n{bit}")
+
+    ports = tuple(
+        Port(name, port["direction"], tuple(map(net, port["bits"]))) for name, port in module["ports"].items()
+    )
+    cells = tuple(
+        Cell(
+            f"c{number}", place, cell["type"], {pin: net(bits[0]) for pin, bits in cell["connections"].items() if bits}
+        )
+        for number, (place, cell) in enumerate(sorted(module["cells"].items()))
+    )
+    return FlatNetlist(top, ports, cells)
+
+
+def _names_of_ports(ports: dict[str, dict]) -> dict[int, str]:
+    """Return the name of every net that a port is on: that of an input where it is on one."""
+    named: dict[int, str] = {}
+    for direction in ("output", "input"):
+        for name, port in ports.items():
+            if port["direction"] == direction:
+                named |= {
+                    bit: bit_name
+                    for bit, bit_name in zip(port["bits"], _bits(name, len(port["bits"])), strict=True)
+                    if not isinstance(bit, str)
+                }
+    return named
+
+
+def _wide(port: Port) -> bool:
+    return len(port.nets) >= WIDE
+
+
+def _bits(name: str, width: int) -> list[str]:
+    return [name] if width == 1 else [f"{name}[{bit}]" for bit in range(width)]

@@ -1,0 +1,45 @@
+"""Runs a Verilog program in Icarus, which knows what an unknown value is."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+from base.errors import InputError
+
+NO_PROGRAM = "iverilog not found; install with: apt-get install iverilog"
+
+
+def run(texts: Sequence[str], top: str, folder: Path) -> str:
+    """Return what a program prints.
+
+    Parameters
+    ----------
+    texts : sequence of str
+        Its Verilog.
+    top : str
+    folder : Path
+        Where it runs; its text and what it writes stay there.
+
+    Raises
+    ------
+    InputError
+        If Icarus is missing, or does not accept the text.
+    """
+    if shutil.which("iverilog") is None:
+        raise InputError(NO_PROGRAM)
+    source, program = folder / "program.v", folder / "program.vvp"
+    source.write_text("\n".join(texts))
+    build = ["iverilog", "-g2005", "-s", top, "-o", str(program.resolve()), str(source.resolve())]
+    built = subprocess.run(build, capture_output=True, text=True, check=False)
+    if built.returncode:
+        reason = (built.stderr.strip().splitlines() or ["no word"])[0].removeprefix(f"{source.resolve()}:")
+        raise InputError(f"Icarus cannot read the netlist, line {reason}; give netlist, cells and options of one run")
+    done = subprocess.run(
+        ["vvp", "-n", str(program.resolve())], cwd=folder, capture_output=True, text=True, check=False
+    )
+    if done.returncode:
+        raise RuntimeError(f"the simulation failed: {done.stdout[-500:]}{done.stderr[-500:]}")
+    return done.stdout

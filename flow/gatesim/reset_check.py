@@ -1,0 +1,86 @@
+"""Whether reset alone wakes a netlist: all its inputs unknown, every flop must know its state in the end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from flow.asic.structure import RESET_CLOCKS
+from flow.gatesim import icarus
+from flow.gatesim.flat_netlist import FlatNetlist
+from flow.gatesim.models import models
+from flow.liberty.library import Library
+
+QUIET_CLOCKS = 16
+"""Clocks after reset, with all inputs at 0, in which no flop and no output may turn unknown."""
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """What stays unknown.
+
+    Attributes
+    ----------
+    flops : int
+        Flops that were looked at.
+    in_reset, after : tuple of str
+        Those that are unknown at the end of reset, and at the end of all.
+    outputs : tuple of str
+        Output ports that are unknown at the end of all.
+    """
+
+    flops: int
+    in_reset: tuple[str, ...]
+    after: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+    @property
+    def clean(self) -> bool:
+        """Whether nothing stays unknown, of one flop at least."""
+        return self.flops > 0 and not (self.in_reset or self.after or self.outputs)
+
+
+def from_reset(netlist: FlatNetlist, library: Library, folder: Path) -> Unknown:
+    """Return what stays unknown after a reset during which all other inputs are unknown.
+
+    Parameters
+    ----------
+    netlist : FlatNetlist
+    library : Library
+    folder : Path
+        Where the simulation runs.
+    """
+    kinds = {cell.kind for cell in netlist.cells}
+    flops = [cell for cell in netlist.cells if library.cells[cell.kind].flop]
+    outputs = [port.name for port in netlist.ports if port.direction == "output"]
+    state = [
+        next(f"dut.{cell.pins[pin]}" for pin in library.cells[cell.kind].outputs if cell.pins.get(pin))
+        for cell in flops
+    ]
+    texts = [models(library, kinds), netlist.verilog(), _bench(netlist, state, outputs)]
+    in_reset, after, out = icarus.run(texts, "bench", folder).split()
+    places = [cell.place for cell in flops]
+    left = [tuple(place for place, bit in zip(places, bits, strict=True) if bit == "x") for bits in (in_reset, after)]
+    widths = [len(port.nets) for port in netlist.ports if port.direction == "output"]
+    named = [name for name, width in zip(outputs, widths, strict=True) for _ in range(width)]
+    return Unknown(
+        len(flops), left[0], left[1], tuple(name for name, bit in zip(named, out, strict=True) if bit not in "01")
+    )
+
+
+def _bench(netlist: FlatNetlist, state: list[str], outputs: list[str]) -> str:
+    """Return a bench that prints all flops at the end of reset, all flops and all outputs at the end."""
+    inputs = [port for port in netlist.ports if port.direction == "input"]
+    lines = ["`timescale 1ns / 1ns", "module bench;"]
+    for port in netlist.ports:
+        kind = "reg" if port.direction == "input" else "wire"
+        lines.append(f"  {kind} [{len(port.nets) - 1}:0] {port.name};")
+    lines += [f"  {netlist.top} dut ({', '.join(f'.{port.name}({port.name})' for port in netlist.ports)});"]
+    lines += ["  initial begin", "    clk = 0; rst = 1;"]
+    lines += [f"    repeat ({RESET_CLOCKS}) begin #4 clk = 1; #4 clk = 0; end"]
+    lines += [f'    #1 $display("%b", {{{", ".join(state)}}});']
+    lines += [f"    {port.name} = 0;" for port in inputs if port.name not in ("clk", "rst")]
+    lines += ["    #1 rst = 0;", f"    repeat ({QUIET_CLOCKS}) begin #4 clk = 1; #4 clk = 0; end"]
+    lines += [f'    #1 $display("%b", {{{", ".join(state)}}});']
+    lines += [f'    $display("%b", {{{", ".join(outputs)}}});', "    $finish;", "  end", "endmodule", ""]
+    return "\n".join(lines)

@@ -1,0 +1,80 @@
+"""The co-simulation's own suite on the netlist of a readout: scenarios and scans, bit by bit the model's events."""
+
+from __future__ import annotations
+
+import dataclasses
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from base.files import atomic_write
+from cocotb_tests.runner import sim
+from cocotb_tests.runner.process import Tally
+from flow.asic.synthesis import synthesise
+from flow.gatesim.flat_netlist import flatten
+from flow.gatesim.models import models
+from flow.gatesim.reset_check import Unknown, from_reset
+from flow.liberty.library import read
+from model.config import ReadoutConfig
+
+
+@dataclasses.dataclass(frozen=True)
+class Gates:
+    """A netlist on its way into the simulator.
+
+    Attributes
+    ----------
+    netlist, cells : Path
+        Verilog of the netlist, and of the cells that it is made of.
+    unknown : Unknown
+        What reset does not wake in it.
+    """
+
+    netlist: Path
+    cells: Path
+    unknown: Unknown
+
+
+def prepare(config: ReadoutConfig, path: Path, folder: Path) -> Gates:
+    """Synthesise a readout, write the netlist and its cells into a folder, and see that reset wakes it.
+
+    Parameters
+    ----------
+    config : ReadoutConfig
+    path : Path
+        The cell library.
+    folder : Path
+        Made if need be.
+    """
+    library = read(path)
+    made = synthesise(config, library)
+    flat = flatten(made.text, made.top, library.content)
+    written = made.write(folder)
+    cells = folder / f"{made.top}.cells.v"
+    with atomic_write(cells) as file:
+        file.write(models(library, {cell.kind for cell in flat.cells}).encode())
+    with tempfile.TemporaryDirectory() as scratch:
+        return Gates(written, cells, from_reset(flat, library, Path(scratch)))
+
+
+def play(plan: sim.Plan, gates: Gates, config: ReadoutConfig, again: str, on_stage: Callable[[str], None]) -> Tally:
+    """Play the suite on a netlist and return what was compared.
+
+    Parameters
+    ----------
+    plan : Plan
+        Of the co-simulation.
+    gates : Gates
+    config : ReadoutConfig
+    again : str
+        What a user writes behind make to get this netlist.
+    on_stage : callable
+        Called with what begins.
+
+    Raises
+    ------
+    MismatchFound
+        If netlist and model differ.
+    """
+    own = dataclasses.replace(sim.with_netlist(plan, gates.netlist, gates.cells), netlist=again)
+    return sim.play(own, config, lambda _: None, on_stage)

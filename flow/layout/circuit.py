@@ -1,0 +1,137 @@
+"""A readout as checked cells, proved equal to its RTL, in the forms of the layout tools: BLIF and SPICE."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from base.errors import InputError
+from flow.asic import gating, synthesis
+from flow.layout.cells import BUFFER
+from flow.layout.transistors import GROUND, SUPPLY, SwitchCell
+from flow.liberty.library import read
+from model.config import ReadoutConfig
+from rtl import yosys
+
+READ = "read_liberty -lib -ignore_miss_func cells.lib; read_verilog netlist.v; hierarchy -check -top {top}; "
+
+# No wire may have two names in the layout: a buffer stands where an output is another's copy.
+BUFFERED = (
+    READ + "delete -port {top}/w:{test}; insbuf -buf {buffer} i q; opt_clean; rename -enumerate -pattern g% c:*; "
+    "check -assert -mapped; write_verilog -noattr -noexpr buffered.v"
+)
+# One wire a bit.
+SPLIT = READ + "splitnets -ports -format _; opt_clean -purge; check -assert -mapped; write_json bits.json"
+
+
+@dataclass(frozen=True)
+class Circuit:
+    """Cells and the wires between them.
+
+    Attributes
+    ----------
+    top : str
+    inputs, outputs : tuple of str
+    cells : dict of str to tuple
+        By the name of each: which cell it is, and its pins with their wires.
+    """
+
+    top: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    cells: dict[str, tuple[str, dict[str, str]]] = field(repr=False)
+
+    @classmethod
+    def from_dict(cls, said: Mapping[str, Any]) -> Circuit:
+        """Return the circuit of what ``dataclasses.asdict`` and JSON made of one."""
+        cells = {name: (kind, pins) for name, (kind, pins) in said["cells"].items()}
+        return cls(said["top"], tuple(said["inputs"]), tuple(said["outputs"]), cells)
+
+    @property
+    def ports(self) -> tuple[str, ...]:
+        """Inputs, then outputs."""
+        return self.inputs + self.outputs
+
+    @property
+    def wires(self) -> set[str]:
+        """All wires that a cell drives or reads."""
+        return {wire for _, pins in self.cells.values() for wire in pins.values()}
+
+    @property
+    def read_ports(self) -> tuple[str, ...]:
+        """Ports at which a cell is: the low bits of a sample, below the resolution, are read by none."""
+        wires = self.wires
+        return tuple(port for port in self.ports if port in wires)
+
+    @property
+    def kinds(self) -> Counter[str]:
+        """How many there are of every cell."""
+        return Counter(kind for kind, _ in self.cells.values())
+
+    def blif(self) -> str:
+        """Return the circuit as BLIF."""
+        lines = [f".model {self.top}", f".inputs {' '.join(self.inputs)}", f".outputs {' '.join(self.outputs)}"]
+        for kind, pins in self.cells.values():
+            lines.append(f".subckt {kind} " + " ".join(f"{pin}={wire}" for pin, wire in pins.items()))
+        return "\n".join([*lines, ".end\n"])
+
+    def spice(self, cells: Mapping[str, SwitchCell], name: str) -> str:
+        """Return the circuit as SPICE down to the transistors, supply and ground its first ports.
+
+        Parameters
+        ----------
+        cells : mapping of str to SwitchCell
+        name : str
+            Of the circuit there: that of the layout's top cell.
+        """
+        lines = [f"* {name}", *(cells[kind].text for kind in sorted(self.kinds))]
+        lines.append(f".subckt {name} {SUPPLY} {GROUND} {' '.join(self.ports)}")
+        for instance, (kind, pins) in self.cells.items():
+            wires = {SUPPLY: SUPPLY, GROUND: GROUND, **pins}
+            lines.append(f"X{instance} {' '.join(wires[port] for port in cells[kind].ports)} {kind}")
+        return "\n".join([*lines, f".ends {name}", ".end\n"])
+
+
+def synthesise(config: ReadoutConfig, liberty: Path) -> synthesis.Netlist:
+    """Return a readout as cells of a liberty file, flat, with buffers where an output is another's copy."""
+    made = synthesis.synthesise(config, read(liberty))
+    script = BUFFERED.format(top=made.top, test=gating.TEST, buffer=BUFFER)
+    files = {"cells.lib": liberty.read_bytes(), "netlist.v": made.text.encode()}
+    text = yosys.run(script, "", "buffered.v", files)
+    return replace(made, text=text[text.index("module ") :])
+
+
+def circuit_of(made: synthesis.Netlist) -> Circuit:
+    """Return a netlist as cells and single wires."""
+    files = {"cells.lib": made.library.content, "netlist.v": made.text.encode()}
+    return of_json(json.loads(yosys.run(SPLIT.format(top=made.top), "", "bits.json", files)), made.top)
+
+
+def of_json(design: Mapping[str, Any], top: str) -> Circuit:
+    """Return the circuit in what Yosys writes as JSON.
+
+    Raises
+    ------
+    InputError
+        If an output or a pin is at a constant level: no checked cell makes one.
+    """
+    module = design["modules"][top]
+    ports = {name: port["direction"] for name, port in module["ports"].items()}
+    names = {port["bits"][0]: name for name, port in module["ports"].items()}
+    cells = {}
+    constant = [f"output {name}" for name, port in module["ports"].items() if isinstance(port["bits"][0], str)]
+    for name, cell in module["cells"].items():
+        pins = {pin: bits[0] for pin, bits in cell["connections"].items()}
+        constant += [f"pin {pin} of {name}" for pin, bit in pins.items() if isinstance(bit, str)]
+        cells[name] = (cell["type"], {pin: names.get(bit, f"n{bit}") for pin, bit in pins.items()})
+    if constant:
+        raise InputError(
+            f"{constant[0]} of this readout is at a constant level, which no checked cell makes; choose another "
+            "configuration, such as two rows and two columns or more"
+        )
+    inputs, outputs = (tuple(n for n, d in ports.items() if d == way) for way in ("input", "output"))
+    return Circuit(top, inputs, outputs, cells)

@@ -1,0 +1,1 @@
+"""Reader of cell libraries: it finds cells by their liberty description, never by their names."""

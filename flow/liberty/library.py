@@ -1,0 +1,444 @@
+"""A cell library: cells, pins, memories and clock gates with their areas, loads and leakage."""
+
+from __future__ import annotations
+
+import functools
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from base.errors import InputError
+from flow.liberty import tables
+from flow.liberty.boolean import literal
+from flow.liberty.entry import Entry, parse
+from flow.liberty.tables import EDGES, Arc, Energy, Floats, Scales, Table
+
+PREFIXES = {"": 1.0, "f": 1e-15, "p": 1e-12, "n": 1e-9, "u": 1e-6, "m": 1e-3, "k": 1e3}
+
+
+@dataclass(frozen=True)
+class Pin:
+    """A pin of a cell.
+
+    Attributes
+    ----------
+    name, direction : str
+    function, three_state : str
+        Expressions of the liberty file: the value of an output, and the condition under which it floats.
+    capacitance_f, load_f : float
+        Capacitance of an input, and the larger capacitance of its two edges.
+    clock : bool
+        Whether the pin is a clock.
+    role : str
+        Role in an integrated clock gate: ``clock``, ``enable``, ``out`` or ``test``.
+    entry : Entry
+    scales : Scales
+    """
+
+    name: str
+    direction: str
+    function: str
+    three_state: str
+    capacitance_f: float
+    load_f: float
+    clock: bool
+    role: str
+    entry: Entry = field(repr=False)
+    scales: Scales = field(repr=False)
+
+    @functools.cached_property
+    def energies(self) -> list[Energy]:
+        """Energies inside the cell for a change of this pin."""
+        return tables.energies(self.entry, self.scales)
+
+    @functools.cached_property
+    def arcs(self) -> list[Arc]:
+        """Timing arcs that end at this pin."""
+        return tables.arcs(self.entry, self.name, self.scales)
+
+    @functools.cached_property
+    def setup(self) -> dict[int, Table]:
+        """Setup times before a rising clock, by edge."""
+        return tables.setup(self.entry, self.scales)
+
+
+@dataclass(frozen=True)
+class Memory:
+    """The bit of a flip-flop or latch, in expressions of the liberty file.
+
+    Attributes
+    ----------
+    is_flop : bool
+    state, inverse : str
+        Names of the bit and of its inverse.
+    when, stored : str
+        Clock or enable, and the value that is stored then.
+    clear, preset : str
+        Conditions that reset the bit to 0 and to 1; empty without such a reset.
+    both : str
+        Level while both are active, ``H`` or ``L`` for instance.
+    outputs : dict of str to bool
+        Output pins; True where inverted.
+    """
+
+    is_flop: bool
+    state: str
+    inverse: str
+    when: str
+    stored: str
+    clear: str
+    preset: str
+    both: str
+    outputs: dict[str, bool]
+
+    @property
+    def clock(self) -> str:
+        """Pin of the clock, or of a latch's enable."""
+        return literal(self.when).strip("!'")
+
+    @property
+    def rising(self) -> bool:
+        """Whether data is taken at the rising edge; a latch is open while its enable is high."""
+        return not {"!", "'"} & set(self.when)
+
+    @property
+    def data(self) -> str:
+        """Data pin, if the stored value is one pin."""
+        return literal(self.stored)
+
+
+@dataclass(frozen=True)
+class ClockGate:
+    """An integrated clock gate: pins of clock, enable and gated clock, and of test enable where it has one."""
+
+    clock: str
+    enable: str
+    gated: str
+    test: str
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A cell of a library.
+
+    Attributes
+    ----------
+    name : str
+    area_um2 : float
+    leakage_w : float
+        Leakage in any state.
+    leakage_states : list of (str, float)
+        Conditions, and the leakage under each in watts.
+    pins : dict of str to Pin
+    memory : Memory or None
+        Of a flip-flop or latch, and of a clock gate that is described as one.
+    gate_kind : str
+        Of an integrated clock gate, ``latch_posedge``; empty for other cells.
+    dont_use : bool
+    entry : Entry
+        Group of the liberty file.
+    """
+
+    name: str
+    area_um2: float
+    leakage_w: float
+    leakage_states: list[tuple[str, float]]
+    pins: dict[str, Pin] = field(repr=False)
+    memory: Memory | None
+    gate_kind: str
+    dont_use: bool
+    entry: Entry = field(repr=False)
+
+    @functools.cached_property
+    def inputs(self) -> list[str]:
+        """Names of the inputs."""
+        return [name for name, pin in self.pins.items() if pin.direction == "input"]
+
+    @functools.cached_property
+    def loads(self) -> dict[str, float]:
+        """Load of every input in farad."""
+        return {name: self.pins[name].load_f for name in self.inputs}
+
+    @functools.cached_property
+    def outputs(self) -> list[str]:
+        """Names of the outputs."""
+        return [name for name, pin in self.pins.items() if pin.direction == "output"]
+
+    @functools.cached_property
+    def functions(self) -> dict[str, str]:
+        """Boolean function of every pin but inputs that has one, as the liberty file writes it."""
+        return {name: pin.function for name, pin in self.pins.items() if pin.direction != "input" and pin.function}
+
+    @functools.cached_property
+    def clock_pins(self) -> list[str]:
+        """Inputs that carry a clock: that of a flop or latch, and of a clock gate."""
+        return [name for name in self.inputs if self.pins[name].clock]
+
+    @property
+    def flop(self) -> Memory | None:
+        """Bit of a flip-flop; None for other cells."""
+        return self.memory if self.memory and self.memory.is_flop else None
+
+    @property
+    def latch(self) -> Memory | None:
+        """Bit of a latch; None for other cells and for clock gates."""
+        return self.memory if self.memory and not (self.memory.is_flop or self.gate_kind) else None
+
+    @functools.cached_property
+    def gate(self) -> ClockGate | None:
+        """Pins of an integrated clock gate for rising edges."""
+        roles = {pin.role: name for name, pin in self.pins.items() if pin.role}
+        whole = self.gate_kind.startswith("latch_posedge") and "obs" not in self.gate_kind
+        if not whole or not {"clock", "enable", "out"} <= set(roles):
+            return None
+        return ClockGate(roles["clock"], roles["enable"], roles["out"], roles.get("test", ""))
+
+    @property
+    def launch(self) -> str:
+        """Clock pin of a flop or clock gate; empty for other cells."""
+        return next(iter(self.clock_pins), "") if self.flop or self.gate_kind else ""
+
+    @functools.cached_property
+    def ways(self) -> list[Arc]:
+        """Timing arcs with a delay, without those of resets. A flop or clock gate has those of its clock alone."""
+        kinds = ("", "combinational", "rising_edge")
+        arcs = [arc for name in self.outputs for arc in self.pins[name].arcs if arc.delay and arc.kind in kinds]
+        for arc in arcs:
+            if not set(arc.delay) <= set(arc.slew):
+                raise self.pins[arc.end].entry.wrong("timing", f"has a delay from {arc.start} without a transition")
+        return [arc for arc in arcs if not self.launch or arc.start == self.launch]
+
+    @functools.cached_property
+    def setup(self) -> dict[str, dict[int, Table]]:
+        """Setup times before a rising clock, by pin and edge."""
+        return {name: found for name in self.inputs if (found := self.pins[name].setup)}
+
+    def worst(self, slew_s: float, loads_f: Floats) -> tuple[Floats, Floats]:
+        """Return the longest delay and slew of all ways at a slew, for loads of shape (n,)."""
+        slews = np.full(len(loads_f), slew_s)
+        found = [
+            (arc.delay[e].at(slews, loads_f), arc.slew[e].at(slews, loads_f)) for arc in self.ways for _, e in arc.edges
+        ]
+        delays, late = zip(*found, strict=True)
+        return np.max(delays, axis=0), np.max(late, axis=0)
+
+    def check(self) -> None:
+        """Raise InputError if a table of the cell is wrong."""
+        for pin in self.pins.values():
+            _ = pin.energies, pin.arcs, pin.setup
+        _ = self.ways
+
+    def drives(self, function: str) -> str:
+        """Return the output pin of a cell of one output with a function, or an empty text."""
+        found = [pin for pin, text in self.functions.items() if literal(text) == function]
+        return found[0] if found and len(self.functions) == 1 else ""
+
+
+@dataclass(frozen=True)
+class Library:
+    """A cell library at one corner.
+
+    Attributes
+    ----------
+    path : Path
+    name : str
+        Name in the file.
+    process, voltage_v, temperature_c : float
+        The corner.
+    cells : dict of str to Cell
+    scales : Scales
+    entry : Entry
+        Group of the liberty file.
+    """
+
+    path: Path
+    name: str
+    process: float
+    voltage_v: float
+    temperature_c: float
+    cells: dict[str, Cell] = field(repr=False)
+    scales: Scales = field(repr=False)
+    entry: Entry = field(repr=False)
+
+    @functools.cached_property
+    def content(self) -> bytes:
+        """Bytes of the file."""
+        return self.path.read_bytes()
+
+    @functools.cached_property
+    def flops(self) -> frozenset[str]:
+        """Names of the flip-flops."""
+        return frozenset(name for name, cell in self.cells.items() if cell.flop)
+
+    @property
+    def clock_gate(self) -> Cell | None:
+        """The smallest integrated clock gate for rising edges, one with a test enable if there is any."""
+        gates = [cell for cell in self.cells.values() if cell.gate]
+        return min(gates, key=lambda cell: (not (cell.gate and cell.gate.test), cell.area_um2), default=None)
+
+    @property
+    def gate_latch(self) -> Cell | None:
+        """The smallest latch that a clock gate can be built with: no clear, no preset."""
+        simple = [c for c in self.cells.values() if c.latch and not (c.latch.clear or c.latch.preset)]
+        return min(simple, key=lambda cell: (cell.latch.rising if cell.latch else True, cell.area_um2), default=None)
+
+    def tie(self, level: int) -> tuple[str, str] | None:
+        """Return cell and pin of a constant 0 or 1, None where the library has none."""
+        found = [(c.area_um2, c.name, pin) for c in self.cells.values() if (pin := c.drives(str(level)))]
+        return min(found)[1:] if found else None
+
+    @property
+    def buffers(self) -> list[Cell]:
+        """Buffers from the smallest to the largest."""
+        found = [c for c in self.cells.values() if len(c.inputs) == 1 and not c.dont_use and c.drives(c.inputs[0])]
+        return sorted(found, key=lambda cell: cell.area_um2)
+
+    def check(self) -> None:
+        """Raise InputError if a table of any cell is wrong."""
+        for cell in self.cells.values():
+            cell.check()
+
+    def used(self, kinds: set[str]) -> Iterator[Cell]:
+        """Yield the cells of some names, in order of these."""
+        for kind in sorted(kinds):
+            if kind not in self.cells:
+                raise InputError(f"the cell library {self.path} has no cell {kind}; give the one of the netlist")
+            yield self.cells[kind]
+
+
+def read(path: Path) -> Library:
+    """Return the library of a liberty file. An unchanged file is read once in a process.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, has a wrong field, or has no corner, no flip-flop or no logic gate.
+    """
+    try:
+        state = path.stat()
+    except OSError as error:
+        raise InputError(f"cannot read the cell library {path}: {error.strerror}") from None
+    return _read(path, state.st_mtime_ns, state.st_size)
+
+
+@functools.lru_cache(maxsize=8)
+def _read(path: Path, *_: int) -> Library:
+    entry = parse(path)
+    scales = _scales(entry)
+    cells = {name: _cell(name, cell, scales) for name, cell in entry.named("cell").items()}
+    process, voltage, temperature_c = _corner(entry)
+    name = entry.names(1)[0] if entry.group.args else path.stem
+    library = Library(path, name, process, voltage * scales.voltage, temperature_c, cells, scales, entry)
+    if not library.flops:
+        raise InputError(f"the cell library {path} has no flip-flop: no cell of it has an ff group; give another .lib")
+    if not any(len(cell.inputs) > 1 and cell.functions and not (cell.flop or cell.latch) for cell in cells.values()):
+        raise InputError(f"the cell library {path} has no logic gate: no cell of it has a function; give another .lib")
+    return library
+
+
+def _corner(library: Entry) -> tuple[float, float, float]:
+    """Return process, voltage and temperature in the units of the file."""
+    conditions = library.named("operating_conditions")
+    default = library.text("default_operating_conditions")
+    chosen = conditions.get(default) or next(iter(conditions.values()), library)
+    found = []
+    for name, least in (("process", 0.0), ("voltage", 1e-3), ("temperature", -273.15)):
+        value = library.number(f"nom_{name}", chosen.number(name, 1.0 if name == "process" else math.nan, least), least)
+        if math.isnan(value):
+            raise InputError(
+                f"the cell library {library.path} has no corner: neither nom_{name} nor operating_conditions; "
+                "give another .lib"
+            )
+        found.append(value)
+    return found[0], found[1], found[2]
+
+
+def _scales(library: Entry) -> Scales:
+    """Return the units of a library; a missing unit is that of the liberty standard."""
+    load = library.value("capacitive_load_unit")
+    words = [str(word).strip('"').strip() for word in (load if isinstance(load, list) else ["1", load or "pf"])]
+    text = "".join(words) if len(words) == 2 else f"({', '.join(words)})"
+    capacitance = _unit(library, "capacitive_load_unit", text, "f")
+    return Scales(
+        _unit(library, "time_unit", library.text("time_unit") or "1ns", "s"),
+        capacitance,
+        _unit(library, "leakage_power_unit", library.text("leakage_power_unit") or "1nW", "W"),
+        _unit(library, "voltage_unit", library.text("voltage_unit") or "1V", "V"),
+        library.number("default_input_pin_cap", least=0.0) * capacitance,
+        library.named("lu_table_template") | library.named("power_lut_template"),
+    )
+
+
+def _unit(library: Entry, name: str, text: str, base: str) -> float:
+    """Return a unit such as ``10ps`` as a number."""
+    found = re.fullmatch(rf"(\d+\.?\d*|)\s*([fpnumk]?){base}", text, re.IGNORECASE)
+    value = float(found[1] or 1) * PREFIXES[found[2].lower()] if found else 0.0
+    if not value:
+        raise library.wrong(name, f"must be a number and a unit such as 1p{base}, not {text}")
+    return value
+
+
+def _cell(name: str, cell: Entry, scales: Scales) -> Cell:
+    """Return one cell of a library."""
+    pins = {pin: _pin(pin, entry, scales) for pin, entry in cell.named("pin").items()}
+    states = [(group.text("when"), group.number("value") * scales.leakage) for group in cell.all("leakage_power")]
+    leakage = cell.number("cell_leakage_power", math.nan) * scales.leakage
+    if math.isnan(leakage):
+        always = [power for when, power in states if not when]
+        leakage = always[0] if always else sum(power for _, power in states) / max(len(states), 1)
+    return Cell(
+        name,
+        cell.number("area", least=0.0),
+        leakage,
+        [state for state in states if state[0]],
+        pins,
+        _memory(cell, pins),
+        cell.text("clock_gating_integrated_cell"),
+        cell.flag("dont_use"),
+        cell,
+    )
+
+
+def _pin(name: str, pin: Entry, scales: Scales) -> Pin:
+    """Return one pin of a cell."""
+    capacitance = pin.number("capacitance", math.nan, least=0.0) * scales.capacitance
+    capacitance = scales.capacitance_f if math.isnan(capacitance) else capacitance
+    edges = [pin.number(f"{edge}_capacitance", least=0.0) * scales.capacitance for edge in EDGES.values()]
+    roles = [role for role in ("clock", "enable", "out", "test") if pin.flag(f"clock_gate_{role}_pin")]
+    return Pin(
+        name,
+        pin.text("direction"),
+        pin.text("function"),
+        pin.text("three_state"),
+        capacitance,
+        max(capacitance, *edges),
+        pin.flag("clock"),
+        roles[-1] if roles else "",
+        pin,
+        scales,
+    )
+
+
+def _memory(cell: Entry, pins: dict[str, Pin]) -> Memory | None:
+    """Return the bit of the first ff or latch group."""
+    for kind, when, stored in (("ff", "clocked_on", "next_state"), ("latch", "enable", "data_in")):
+        for group in cell.all(kind):
+            state, inverse = group.names(2)
+            levels = {state: False, inverse: True, f"!{state}": True, f"!{inverse}": False}
+            driven = {name: literal(pin.function) for name, pin in pins.items() if pin.direction != "input"}
+            return Memory(
+                kind == "ff",
+                state,
+                inverse,
+                group.text(when),
+                group.text(stored),
+                group.text("clear"),
+                group.text("preset"),
+                group.text("clear_preset_var1"),
+                {name: levels[text] for name, text in driven.items() if text in levels},
+            )
+    return None

@@ -1,0 +1,186 @@
+"""Tables of a cell library: delays, transition times, setup times and energies by slew and load."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flow.liberty.entry import Entry
+
+Floats = NDArray[np.float64]
+RISE, FALL = 0, 1
+EDGES = {RISE: "rise", FALL: "fall"}
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of up to two variables, in SI units, continued at its ends as straight lines.
+
+    Attributes
+    ----------
+    slew_s, load_f : ndarray, shape (n,) and (m,)
+        Its grid; one point where it does not depend on that variable.
+    values : ndarray, shape (n, m)
+    """
+
+    slew_s: Floats
+    load_f: Floats
+    values: Floats
+
+    def at(self, slew_s: Any, load_f: Any) -> Any:
+        """Return the value at a slew and a load, or the values at arrays of them."""
+        low, high, part = _place(self.slew_s, slew_s)
+        left, right, share = _place(self.load_f, load_f)
+        v = self.values
+        below = v[low, left] * (1 - share) + v[low, right] * share
+        above = v[high, left] * (1 - share) + v[high, right] * share
+        return below * (1 - part) + above * part
+
+
+def _place(grid: Floats, values: Any) -> tuple[Any, Any, Any]:
+    """Return the two points of a grid between which a value is interpolated, and its share of the second."""
+    if len(grid) == 1:
+        none = np.zeros(np.shape(values), np.int64)
+        return none, none, none
+    low = np.minimum(np.maximum(np.searchsorted(grid, values) - 1, 0), len(grid) - 2)
+    return low, low + 1, (values - grid[low]) / (grid[low + 1] - grid[low])
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Units of a library, and the templates of its tables.
+
+    Attributes
+    ----------
+    time, capacitance, leakage, voltage : float
+        Units in s, F, W and V.
+    capacitance_f : float
+        Of an input without a capacitance of its own.
+    templates : dict of str to Entry
+    """
+
+    time: float
+    capacitance: float
+    leakage: float
+    voltage: float
+    capacitance_f: float = 0.0
+    templates: dict[str, Entry] = field(default_factory=dict, repr=False)
+
+    @property
+    def energy(self) -> float:
+        """Unit of energies in J."""
+        return self.capacitance * self.voltage**2
+
+
+@dataclass(frozen=True)
+class Energy:
+    """Energies of one ``internal_power`` group.
+
+    Attributes
+    ----------
+    related : frozenset of str
+        Inputs whose change causes that of an output; empty at an input's own group.
+    when : str
+        Condition; empty where it is the one for all other cases.
+    tables : dict of int to Table
+        For ``RISE`` and ``FALL`` of the pin, in joules.
+    """
+
+    related: frozenset[str]
+    when: str
+    tables: dict[int, Table]
+
+
+@dataclass(frozen=True)
+class Arc:
+    """A timing arc: a way through a cell.
+
+    Attributes
+    ----------
+    start, end : str
+        Input and output pin.
+    kind, sense : str
+        ``timing_type`` and ``timing_sense``.
+    delay, slew : dict of int to Table
+        Of the edge out, by edge.
+    """
+
+    start: str
+    end: str
+    kind: str
+    sense: str
+    delay: dict[int, Table]
+    slew: dict[int, Table]
+
+    def sources(self, edge: int) -> tuple[int, ...]:
+        """Return the edges of the input that make an edge of the output."""
+        if self.kind in ("rising_edge", "falling_edge"):
+            return (RISE,) if self.kind == "rising_edge" else (FALL,)
+        return {"positive_unate": (edge,), "negative_unate": (1 - edge,)}.get(self.sense, (RISE, FALL))
+
+    @property
+    def edges(self) -> list[tuple[int, int]]:
+        """Edges in and out that belong together."""
+        return [(into, out) for into in EDGES for out in self.delay if into in self.sources(out)]
+
+
+def energies(pin: Entry, scales: Scales) -> list[Energy]:
+    """Return the energies of a pin."""
+    return [
+        Energy(
+            frozenset(group.text("related_pin").split()),
+            group.text("when"),
+            by_edge(group, "{}_power", scales, scales.energy) or by_edge(group, "power", scales, scales.energy),
+        )
+        for group in pin.all("internal_power")
+    ]
+
+
+def arcs(pin: Entry, name: str, scales: Scales) -> list[Arc]:
+    """Return the arcs to a pin that have a delay or a transition time."""
+    found = []
+    for group in pin.all("timing"):
+        tables = [by_edge(group, kind, scales, scales.time) for kind in ("cell_{}", "{}_transition")]
+        if any(tables):
+            kind, sense = group.text("timing_type"), group.text("timing_sense")
+            found += [Arc(start, name, kind, sense, *tables) for start in group.text("related_pin").split()]
+    return found
+
+
+def setup(pin: Entry, scales: Scales) -> dict[int, Table]:
+    """Return the setup times of a pin at the steepest rising clock of their tables, by edge, over its own slew."""
+    groups = [group for group in pin.all("timing") if group.text("timing_type") == "setup_rising"]
+    return by_edge(groups[-1], "{}_constraint", scales, scales.time) if groups else {}
+
+
+def by_edge(group: Entry, name: str, scales: Scales, unit: float) -> dict[int, Table]:
+    """Return the tables of both edges of a group, as far as it has them."""
+    found = {edge: group.all(name.format(word)) for edge, word in EDGES.items()}
+    return {edge: _table(tables[0], scales, unit) for edge, tables in found.items() if tables}
+
+
+def _table(group: Entry, scales: Scales, unit: float) -> Table:
+    """Return the table of a group, whichever of its variables comes first."""
+    values = group.numbers("values")
+    template = scales.templates.get(group.names(1)[0]) if group.group.args else None
+    grids, axes = [], []
+    for number in (1, 2, 3):
+        variable = template.text(f"variable_{number}") if template else ""
+        if template and variable and values.size > 1:
+            grid = (group if group.value(f"index_{number}") else template).numbers(f"index_{number}").ravel()
+            axes.append("load" if "capacitance" in variable else "clock" if "related" in variable else "slew")
+            grids.append(grid * (scales.capacitance if axes[-1] == "load" else scales.time))
+    shape = [len(grid) for grid in grids]
+    if len(set(axes)) != len(axes) or int(np.prod(shape)) != values.size or any((np.diff(g) <= 0).any() for g in grids):
+        raise group.wrong("the values", "do not fit the template")
+    table = values.reshape(shape) * unit
+    if "clock" in axes:
+        table = table.take([0], axes.index("clock"))
+    if axes == ["load", "slew"]:
+        table = table.T
+    known = dict(zip(axes, grids, strict=True))
+    slew, load = (known.get(axis, np.zeros(1)) for axis in ("slew", "load"))
+    return Table(slew, load, np.ascontiguousarray(table.reshape(len(slew), len(load))))

@@ -1,0 +1,103 @@
+"""Plays scenarios into a netlist and reads what its nets did; the events are held to the model's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from cocotb_tests.bench.readout import EventMonitor, StimulusDriver
+from cocotb_tests.runner.simulator import HARNESS, shape
+from flow.gatesim import icarus
+from flow.gatesim.flat_netlist import FlatNetlist
+from flow.power.activity import DUMP, HALF_NS, Activity, read_dump
+from flow.power.scenarios import Scenario
+from model.config import ReadoutConfig
+from model.events.compare import first_difference
+
+PLAYER = """`timescale 1ns / 1ns
+module play;
+  harness #(%(parameters)s) h ();
+  initial begin
+    #1 h.go = 1;
+    @(posedge h.running);
+    #%(before)d $dumpfile("%(file)s"); $dumpvars(1, h.dut);
+    #%(inside)d $dumpoff;
+    wait (h.done == 1);
+    #8 $display("%%0d", h.errors);
+    $finish;
+  end
+endmodule
+"""
+
+
+class Mismatch(Exception):  # the outcome that is looked for, not a defect of the program
+    """A netlist does not do what the model does; the text says where first.
+
+    Parameters
+    ----------
+    text : str
+    netlist, model : int
+        Events of both.
+    """
+
+    def __init__(self, text: str, netlist: int = 0, model: int = 0) -> None:
+        super().__init__(text)
+        self.events = {"netlist": netlist, "rtl": model}
+
+
+def play(
+    scenario: Scenario, config: ReadoutConfig, netlist: FlatNetlist, cells: str, folder: Path
+) -> tuple[Activity, int]:
+    """Play a scenario; return what all nets did in its window, and how many events the netlist sent there.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    config : ReadoutConfig
+    netlist : FlatNetlist
+    cells : str
+        Verilog of its cells.
+    folder : Path
+        Where the simulation runs.
+
+    Raises
+    ------
+    Mismatch
+        If the netlist sends other events than the model, or none where some are due.
+    """
+    # Clock 0 ends at the edge 8 ns after `running` rises; the dump begins with the falling edge before its window.
+    first_edge = 2 * HALF_NS * (scenario.start + 1)
+    macros, parameters = shape(config)
+    player = PLAYER % {
+        "parameters": ", ".join(f".{name}({value})" for name, value in parameters.items()),
+        "before": first_edge - HALF_NS - 1,
+        "inside": 2 * HALF_NS * scenario.clocks + 6,
+        "file": DUMP,
+    }
+    StimulusDriver(config, folder).write(scenario.stimulus)
+    texts = [_defined(macros, netlist) + HARNESS.read_text(), netlist.verilog(gather=True), cells, player]
+    errors = int(icarus.run(texts, "play", folder).split()[-1])
+    events = EventMonitor(config, folder).read()
+    _hold_to_model(scenario, events, errors)
+    return read_dump(folder / DUMP, HALF_NS + 1, scenario.clocks, netlist.nets), scenario.inside(events)
+
+
+def _defined(macros: dict[str, str], netlist: FlatNetlist) -> str:
+    """Return macros as Verilog, with that of the port that only netlists have."""
+    if any(port.name == "test_enable" for port in netlist.ports):
+        macros = macros | {"TEST_ENABLE": "1"}
+    return "".join(f"`define {name} {value}\n" for name, value in macros.items())
+
+
+def _hold_to_model(scenario: Scenario, events: Any, errors: int) -> None:
+    """Refuse a run whose events are not those of the model."""
+    if difference := first_difference(scenario.events, events):
+        raise Mismatch(
+            f"{scenario.name}: the netlist does not do what the model does: "
+            f"{difference.describe(('model', 'netlist'))}; its power would mean nothing",
+            len(events),
+            len(scenario.events),
+        )
+    if errors:
+        said = f"{scenario.name}: the netlist breaks the protocol of its link {errors} times"
+        raise Mismatch(said, len(events), len(scenario.events))

@@ -1,0 +1,97 @@
+"""The frame readout at work and at rest: played into its netlist, every output held to the model in every clock."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from flow.gatesim import icarus
+from flow.gatesim.flat_netlist import FlatNetlist
+from flow.power.activity import DUMP, HALF_NS, Activity, read_dump
+from flow.power.event_bench import Mismatch
+from flow.power.scenarios import IDLE, TEXTURE, texture_samples
+from model.frame import FrameModel, Inputs, Outputs
+from model.frame_config import FrameConfig
+from model.frame_words import adc_code
+
+FRAMES = 2
+IDLE_CLOCKS = 400
+
+
+def play(config: FrameConfig, netlist: FlatNetlist, cells: str, folder: Path) -> dict[str, tuple[Activity, int]]:
+    """Return what all nets did without and with frames, and the samples of each.
+
+    Raises
+    ------
+    Mismatch
+        If an output differs from the model's.
+    """
+    frames = FRAMES * config.clocks_per_frame
+    return {
+        IDLE: (_run(config, netlist, cells, folder, 0, IDLE_CLOCKS), 0),
+        TEXTURE: (_run(config, netlist, cells, folder, FRAMES, frames), FRAMES * config.taxels),
+    }
+
+
+def _run(config: FrameConfig, netlist: FlatNetlist, cells: str, folder: Path, frames: int, clocks: int) -> Activity:
+    """Play some frames and return what the nets did in some clocks."""
+    inputs, outputs = _traces(config, frames, clocks)
+    widths = {port.name: len(port.nets) for port in netlist.ports}
+    (folder / "inputs.txt").write_text("\n".join(_words(inputs, Inputs._fields, widths)))
+    (folder / "outputs.txt").write_text("\n".join(_words(outputs, Outputs._fields, widths)))
+    said = icarus.run([netlist.verilog(), cells, _bench(netlist, clocks, widths)], "play", folder)
+    if int(said.split()[-1]):
+        raise Mismatch(f"the netlist differs from the frame readout's model in {said.split()[-1]} clocks")
+    return read_dump(folder / DUMP, HALF_NS, clocks, netlist.nets)
+
+
+def _traces(config: FrameConfig, frames: int, clocks: int) -> tuple[list[Inputs], list[Outputs]]:
+    """Return inputs and the model's outputs of every clock: frames of a texture, an ADC that takes its clocks."""
+    codes = adc_code(config, texture_samples(config.readout, max(frames, 1))) & ((1 << config.resolution) - 1)
+    model = FrameModel(config)
+    inputs, outputs = [], []
+    done_at, code = -1, 0
+    for clock in range(clocks):
+        frame, since = divmod(clock, config.clocks_per_frame)
+        found = model.outputs
+        given = Inputs(int(since == 0 and frame < frames), int(clock == done_at), code, 1)
+        if found.adc_start:
+            done_at, code = clock + config.adc_clocks, int(codes[frame, model.taxel])
+        inputs.append(given)
+        outputs.append(found)
+        model.clock(given)
+    return inputs, outputs
+
+
+def _words(rows: list[Inputs] | list[Outputs], names: tuple[str, ...], widths: dict[str, int]) -> list[str]:
+    present = [(number, widths[name]) for number, name in enumerate(names) if name in widths]
+    return ["".join(format(int(np.uint64(row[number])), f"0{width}b") for number, width in present) for row in rows]
+
+
+def _bench(netlist: FlatNetlist, clocks: int, widths: dict[str, int]) -> str:
+    """Return a bench that plays the inputs and counts the clocks in which an output differs."""
+    given = [name for name in Inputs._fields if name in widths]
+    seen = [name for name in Outputs._fields if name in widths]
+    wide, broad = sum(widths[name] for name in given), sum(widths[name] for name in seen)
+    lines = ["`timescale 1ns / 1ns", "module play;", "  reg clk = 0, rst = 1, test_enable = 0;"]
+    lines += [f"  reg [{widths[name] - 1}:0] {name} = 0;" for name in given]
+    lines += [f"  wire [{widths[name] - 1}:0] {name};" for name in seen]
+    lines += [f"  reg [{wide - 1}:0] inputs [0:{clocks - 1}];", f"  reg [{broad - 1}:0] outputs [0:{clocks - 1}];"]
+    lines += ["  integer t, wrong = 0;"]
+    lines += [f"  {netlist.top} dut ({', '.join(f'.{port.name}({port.name})' for port in netlist.ports)});"]
+    lines += ["  initial begin", '    $readmemb("inputs.txt", inputs);', '    $readmemb("outputs.txt", outputs);']
+    lines += [
+        "    repeat (4) begin #4 clk = 1; #4 clk = 0; end",
+        "    rst = 0;",
+        f"    {{{', '.join(given)}}} = inputs[0];",
+    ]
+    lines += [f'    $dumpfile("{DUMP}"); $dumpvars(1, dut);', f"    for (t = 0; t < {clocks}; t = t + 1) begin"]
+    lines += [f"      {{{', '.join(given)}}} = inputs[t];", "      #3;"]
+    lines += [
+        f"      if ({{{', '.join(seen)}}} !== outputs[t]) wrong = wrong + 1;",
+        "      #1 clk = 1;",
+        "      #4 clk = 0;",
+    ]
+    lines += ["    end", '    #4 $dumpoff; $display("%0d", wrong);', "    $finish;", "  end", "endmodule", ""]
+    return "\n".join(lines)

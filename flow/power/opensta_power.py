@@ -1,0 +1,268 @@
+"""Power of a netlist from OpenSTA: what it says an instance draws, scaled by what the pins of that did.
+
+This version of OpenSTA (2.0) reads no activity of single pins. It takes one for all data, and the clock's: so what a
+toggle of the clock pin, of the data pins and of the output costs an instance is told apart by four reports, in which
+they toggle or not.
+"""
+
+from __future__ import annotations
+
+import functools
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from base.errors import InputError
+from flow import opensta
+from flow.gatesim.flat_netlist import Cell, FlatNetlist
+from flow.liberty.library import Library
+from flow.power.activity import Activity
+from flow.power.opensta_library import one_energy_a_pin
+
+PERIOD_NS = 1000
+PERIOD_S = PERIOD_NS * 1e-9
+STILL = 1e-9
+"""Toggles per clock that are none: 0 would mean that nothing is said."""
+
+PROBE = """library (probe) {{
+  delay_model : table_lookup; time_unit : "1ns"; voltage_unit : "1V"; current_unit : "1uA";
+  leakage_power_unit : "1pW"; capacitive_load_unit (1,pf); nom_voltage : 1; nom_process : 1; nom_temperature : 25;
+  input_threshold_pct_rise : 50; input_threshold_pct_fall : 50;
+  output_threshold_pct_rise : 50; output_threshold_pct_fall : 50;
+  slew_lower_threshold_pct_rise : 20; slew_lower_threshold_pct_fall : 20;
+  slew_upper_threshold_pct_rise : 80; slew_upper_threshold_pct_fall : 80;
+  operating_conditions (one) {{ process : 1; voltage : 1; temperature : 25; }} default_operating_conditions : one;
+  power_lut_template (energy) {{ variable_1 : input_transition_time; index_1 ("0.0, 1.0"); }}
+  cell (OUT) {{ area : 1; pin (A) {{ direction : input; capacitance : 0.001; }} {output} {energy} }} }}
+  cell (IN) {{ area : 1; pin (A) {{ direction : input; capacitance : 0.001; {energy} }} {output} }} }} }}
+"""
+PROBE_OUTPUT = """pin (Z) { direction : output; function : "A"; timing () { related_pin : "A";
+  timing_sense : positive_unate; cell_rise (scalar) { values ("0.1"); } cell_fall (scalar) { values ("0.1"); }
+  rise_transition (scalar) { values ("0.1"); } fall_transition (scalar) { values ("0.1"); } }"""
+PROBE_ENERGY = (
+    "internal_power () { " + "".join(f'{e}_power (energy) {{ values ("1, 1"); }} ' for e in ("rise", "fall")) + "}"
+)
+PROBED = """module probe (clk, a, w, x, y, z);
+  input clk, a;
+  output w, x, y, z;
+  OUT c0 (.A(a), .Z(w));
+  IN c1 (.A(clk), .Z(x));
+  OUT c2 (.A(clk), .Z(y));
+endmodule
+"""
+SET_UP = """read_liberty {library}
+read_verilog {netlist}
+link_design {top}
+create_clock -name clk -period {period} [get_ports clk]
+set_input_transition 0.1 [all_inputs]
+foreach port [all_inputs] {{
+  if {{[get_property $port full_name] != "clk"}} {{ set_input_delay 0 -clock clk $port }}
+}}
+proc report {{file activity}} {{
+  set_power_activity -global -activity $activity -duty 0.5
+  set out [open $file w]
+  foreach cell [get_cells *] {{
+    puts $out "[get_full_name $cell] [sta::instance_power $cell [sta::cmd_corner]]"
+  }}
+  close $out
+}}
+"""
+
+
+@dataclass(frozen=True)
+class Costs:
+    """What an instance draws: leakage in watts, and joules for a toggle of a pin.
+
+    Attributes
+    ----------
+    leakage_w : float
+    clock, data, output : float
+        Inside the cell, for a toggle of its clock pin, of its data pins together, and of its output.
+    load : float
+        For the load of its output, for a toggle of that.
+    """
+
+    leakage_w: float
+    clock: float
+    data: float
+    output: float
+    load: float
+
+
+@dataclass
+class OpenstaPower:
+    """A netlist with what its instances draw."""
+
+    netlist: FlatNetlist
+    library: Library
+    wires_f: dict[str, float]
+    costs: dict[str, Costs] = field(init=False)
+
+    def __post_init__(self) -> None:
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            counted = _counted(folder)
+            reports = self._reports(folder)
+        self.costs = {cell.name: self._costs(cell, reports, counted) for cell in self.netlist.cells}
+
+    # -- what it costs ---------------------------------------------------------------------------
+
+    def _reports(self, folder: Path) -> list[dict[str, tuple[float, float, float]]]:
+        """Return internal, switching and leakage power of all instances.
+
+        While no data moves, all do, data pins do, resets too; and of clock gates whose output rests.
+        """
+        (folder / "netlist.v").write_text(self.netlist.verilog())
+        (folder / "cells.lib").write_text(one_energy_a_pin(self.library, {cell.kind for cell in self.netlist.cells}))
+        lines = [SET_UP.format(library="cells.lib", netlist="netlist.v", top=self.netlist.top, period=PERIOD_NS)]
+        unit = self.library.scales.capacitance
+        lines += [f"set_load {value / unit:.6g} [get_nets {{{net}}}]" for net, value in self.wires_f.items() if value]
+        lines += [f"report still.txt {STILL}", "report all.txt 1"]
+        for number, name in enumerate(("data", "rest")):
+            pins = [f"{cell.name}/{pin}" for cell in self.netlist.cells for pin in self._pins(cell)[number]]
+            if pins:
+                lines += [f"create_clock -name {name} -period {PERIOD_NS} [get_pins {{{' '.join(pins)}}}]"]
+            lines += [f"report {name}.txt {STILL}"]
+        run(lines, folder)
+        found = [_read(folder / f"{name}.txt") for name in ("still", "all", "data", "rest")]
+        return [*found, self._gates_alone(folder)]
+
+    def _gates_alone(self, folder: Path) -> dict[str, tuple[float, float, float]]:
+        """Return what clock gates draw whose output rests, those behind none first, then those behind these."""
+        levels: dict[int, list[Cell]] = {}
+        for cell in self.netlist.cells:
+            if self._gated(cell):
+                levels.setdefault(self._depth(cell), []).append(cell)
+        found: dict[str, tuple[float, float, float]] = {}
+        for level, cells in levels.items():
+            outputs = " ".join(f"{cell.name}/{self._gated(cell)[0]}" for cell in cells)
+            lines = [SET_UP.format(library="cells.lib", netlist="netlist.v", top=self.netlist.top, period=PERIOD_NS)]
+            # Another clock begins there, one that hardly ever moves.
+            lines += [f"create_clock -name rest -period 1e9 [get_pins {{{outputs}}}]", f"report {level}.txt {STILL}"]
+            run(lines, folder)
+            report = _read(folder / f"{level}.txt")
+            found |= {cell.name: report[cell.name] for cell in cells}
+        return found
+
+    @functools.cached_property
+    def _driver(self) -> dict[str, Cell]:
+        """The cell that drives each net."""
+        return {
+            cell.pins[pin]: cell
+            for cell in self.netlist.cells
+            for pin in self.library.cells[cell.kind].outputs
+            if pin in cell.pins
+        }
+
+    def _depth(self, cell: Cell) -> int:
+        """Return how many clock gates stand before the clock of a clock gate."""
+        gate, depth = self.library.cells[cell.kind].gate, 0
+        before = self._driver.get(cell.pins[gate.clock]) if gate else None
+        while before is not None:
+            depth += bool(self._gated(before))
+            known = self.library.cells[before.kind]
+            inputs = known.clock_pins or known.inputs
+            before = next((self._driver[n] for p in inputs if (n := before.pins.get(p, "")) in self._driver), None)
+        return depth
+
+    def _gated(self, cell: Cell) -> list[str]:
+        """Return the output of a clock gate."""
+        gate = self.library.cells[cell.kind].gate
+        return [gate.gated] if gate and gate.gated in cell.pins else []
+
+    def _pins(self, cell: Cell) -> tuple[list[str], list[str]]:
+        """Return the data pins of a sequential cell, and its other inputs: resets, test enable; clocks left out."""
+        known = self.library.cells[cell.kind]
+        if not (known.flop or known.latch or known.gate):
+            return [], []
+        data = {role.data for role in (known.flop, known.latch) if role} | {known.gate.enable if known.gate else ""}
+        inputs = [pin for pin in known.inputs if pin in cell.pins and pin not in known.clock_pins]
+        charged = [pin for pin in inputs if known.pins[pin].energies]
+        return [p for p in charged if p in data], [p for p in charged if p not in data]
+
+    def _costs(self, cell: Cell, reports: list[dict[str, tuple[float, float, float]]], counted: Counted) -> Costs:
+        known = self.library.cells[cell.kind]
+        still, moving, data, rest = (report[cell.name] for report in reports[:4])
+        by_clock, by_data, by_rest = (  # a clock makes two toggles in a period
+            joules * PERIOD_S / 2 for joules in (still[0], data[0] - still[0], rest[0] - data[0])
+        )
+        by_all = (moving[0] - still[0]) * PERIOD_S
+        load, clock_load = (moving[1] - still[1]) * PERIOD_S, still[1] * PERIOD_S / 2
+        inner = by_data / counted.clock_in
+        if self._gated(cell):
+            own = reports[4][cell.name][0] * PERIOD_S / 2
+            gated = (by_clock - own) / counted.clock_out
+            return Costs(still[2], own / counted.clock_in, inner, gated, clock_load)
+        if known.memory:
+            output = by_all / counted.data_out - (by_data + by_rest) / counted.clock_in
+            return Costs(still[2], by_clock / counted.clock_in, inner, output, load)
+        if load > 0:
+            return Costs(still[2], 0.0, 0.0, by_all / counted.data_out, load)
+        return Costs(still[2], 0.0, 0.0, by_clock / counted.clock_out, clock_load)  # a gate in a clock's way
+
+    # -- power -----------------------------------------------------------------------------------
+
+    def power_w(self, activity: Activity, clock_hz: float) -> dict[str, tuple[float, float, float]]:
+        """Return internal, switching and leakage power of every cell in watts."""
+        return {cell.name: self._power(cell, activity, clock_hz) for cell in self.netlist.cells}
+
+    def _power(self, cell: Cell, activity: Activity, clock_hz: float) -> tuple[float, float, float]:
+        known, costs = self.library.cells[cell.kind], self.costs[cell.name]
+
+        def toggles(pins: list[str]) -> float:
+            nets = [cell.pins[pin] for pin in pins if pin in cell.pins]
+            found = [activity.toggles(net) for net in nets if not net.startswith("1'b")]
+            return float(np.mean(found)) if found else 0.0
+
+        clock, output = toggles(known.clock_pins), toggles(known.outputs)
+        data = toggles(self._pins(cell)[0])
+        internal = costs.clock * clock + costs.data * data + costs.output * output
+        return internal * clock_hz, costs.load * output * clock_hz, costs.leakage_w
+
+
+def run(lines: list[str], folder: Path) -> None:
+    """Run a script in OpenSTA.
+
+    Raises
+    ------
+    InputError
+        If the program is missing, or does not accept the netlist.
+    """
+    text, status = opensta.run("\n".join(lines), folder)
+    said = text.splitlines()
+    if wrong := [line for line in said if line.startswith("Error")] or (said[-1:] if status else []):
+        raise InputError(f"OpenSTA does not accept the netlist: {wrong[0]}; give netlist and cell library of one run")
+
+
+def _read(path: Path) -> dict[str, tuple[float, float, float]]:
+    found: dict[str, tuple[float, float, float]] = {}
+    for line in path.read_text().splitlines():
+        name, internal, switching, leakage, _ = line.split()
+        found[name] = (float(internal), float(switching), float(leakage))
+    return found
+
+
+@dataclass(frozen=True)
+class Counted:
+    """What OpenSTA charges for 1 pJ a toggle: of a data output, of a clock's input, and of an output on its way."""
+
+    data_out: float
+    clock_in: float
+    clock_out: float
+
+
+def _counted(folder: Path) -> Counted:
+    """Return how OpenSTA counts inside cells: it is asked for cells whose rise and fall cost 1 pJ each.
+
+    Version 2.0 adds rise and fall up for every toggle; for a data output it halves that where no related pin is named.
+    """
+    (folder / "probe.lib").write_text(PROBE.format(output=PROBE_OUTPUT, energy=PROBE_ENERGY))
+    (folder / "probe.v").write_text(PROBED)
+    set_up = SET_UP.format(library="probe.lib", netlist="probe.v", top="probe", period=PERIOD_NS)
+    run([set_up, "report probe.txt 1"], folder)
+    found = _read(folder / "probe.txt")
+    picojoules = [round(found[f"c{number}"][0] * PERIOD_S / 1e-12, 3) for number in range(3)]
+    assert all(value > 0 for value in picojoules), found
+    return Counted(picojoules[0], picojoules[1] / 2, picojoules[2] / 2)

@@ -1,1 +1,0 @@
-"""The commands of ``python -m model``: they parse and print, and hold no logic."""

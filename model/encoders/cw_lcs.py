@@ -1,0 +1,180 @@
+"""CW-LCS, LCS whose window closes in steps while nothing happens (docs/specification.md, section 2)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from model import window
+from model.encoders.encoder import Encoder, log2, steps_up_to
+
+if TYPE_CHECKING:
+    from model.config import ReadoutConfig
+
+
+class CwLcsRule(NamedTuple):
+    """D and the closing step in codes, as a host has set them and as built; half-widths; ticks of a closing step.
+
+    ``grid_log2`` is log2 of the closing step as built, ``levels_log2`` that of the half-widths, ``cap`` the most events
+    of one tick.
+    """
+
+    step: int
+    closing_step: int
+    levels: int
+    window_period: int
+    built_step: int
+    built_closing_step: int
+    grid_log2: int
+    levels_log2: int
+    cap: int
+
+
+class CwLcs(Encoder):
+    """Level-crossing sampling with a closing window."""
+
+    name, title, colour, marker, code = "cw-lcs", "CW-LCS", "#cc79a7", "D", 1
+    fields = ("closing_shift", "window_period")
+    windowed = timed = True
+    Rule = CwLcsRule
+    state = window.STATE
+
+    def grid(self, config: ReadoutConfig) -> int:
+        """Return the closing step: every half-width is a multiple of it."""
+        return config.closing_step
+
+    def rule(self, config: ReadoutConfig) -> CwLcsRule:
+        """Return the rule of a configuration."""
+        step, closing, levels = config.step, config.closing_step, config.closing_levels_log2
+        now = (step, closing, 1 << levels, config.window_period)
+        return CwLcsRule(*now, step, closing, log2(closing), levels, config.most_events_per_tick)
+
+    def state_dtype(self, config: ReadoutConfig) -> type[np.signedinteger[Any]]:
+        """Return 16 bits where they hold a difference of samples, in closing steps, and the ticks of a window."""
+        fits = config.sample_bits - log2(config.closing_step) <= 15 and config.window_period <= np.iinfo(np.int16).max
+        return np.int16 if fits else np.int32
+
+    def half_width(self, config: ReadoutConfig, taxels: Any) -> Any:
+        """Return the half-widths of the windows."""
+        return config.step - taxels["closed"] * config.closing_step
+
+    def error_bound(self, config: ReadoutConfig) -> tuple[float, float]:
+        """Return -D <= x - u < D; with several decisions per tick even -h <= x - u < h, h being the half-width."""
+        return -config.step, config.step - 1
+
+    def slope_limit(self, config: ReadoutConfig) -> float:
+        """Return D for every decision of a tick; for a single one a closing step less, where the window closes."""
+        decisions = config.decisions_per_tick
+        closing = config.closing_step if decisions == 1 and config.closing_levels_log2 else 0
+        return float(config.step * decisions - closing)
+
+    @staticmethod
+    def compare(rule: Any, taxel: Any) -> tuple[bool, bool]:
+        """Compare with the half-width, upwards inclusive."""
+        d, h = taxel.x - taxel.u, window.half_width(rule, taxel)
+        return d >= h, d < -h
+
+    @staticmethod
+    def reach(rule: Any, taxel: Any) -> Any:
+        """Return the half-width."""
+        return window.half_width(rule, taxel)
+
+    @staticmethod
+    def move(rule: Any, taxel: Any, on: bool, off: bool, tick: bool, leaks: bool) -> bool:
+        """Move the reference by the half-width and open the window, or let a tick without an event pass."""
+        if on or off:
+            h = window.half_width(rule, taxel)
+            taxel.u += h if on else -h
+            window.open_fully(taxel)
+        elif tick and rule.levels > 1:
+            return window.pass_tick(rule, taxel)
+        return False
+
+    @staticmethod
+    def clear(rule: Any, taxel: Any) -> None:
+        """Open the window."""
+        window.open_fully(taxel)
+
+    @staticmethod
+    def told(rule: Any, now: Any) -> Any:
+        """Take a coarser D, a closing step that grows by the same factor, and a period."""
+        return CwLcsRule(
+            rule.built_step << now.coarser,
+            rule.built_closing_step << now.coarser,
+            rule.levels,
+            now.window_period,
+            rule.built_step,
+            rule.built_closing_step,
+            rule.grid_log2,
+            rule.levels_log2,
+            rule.cap,
+        )
+
+    @staticmethod
+    def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
+        """Write the events; u and half-widths in closing steps.
+
+        An event in the first decision moves u by the half-width and opens the window; others follow as in LCS.
+        If the first is quiet the window may close, which the second decision sees; a third finds nothing new.
+        """
+        u, closed, quiet = state
+        code, word = x.dtype.type, u.dtype.type
+        shift, step_log2, levels = code(rule.grid_log2), word(rule.levels_log2), word(1 << rule.levels_log2)
+        high, low, period = word(rule.cap - 1), word(1 - rule.cap), word(rule.window_period)
+        none, one, minus, never = word(0), word(1), word(-1), word(np.iinfo(u.dtype).max)
+        for i in range(x.shape[0]):
+            for j in range(x.shape[1]):
+                d = word(word(np.right_shift(x[i, j], shift)) - u[j])
+                half, below = word(levels - closed[j]), word(closed[j] - levels)
+                move = half if d >= half else none
+                move = below if d < below else move
+                first = one if move > none else (minus if move < none else none)
+                d = word(d - move)
+                more = word(
+                    np.right_shift(d, step_log2) + (one if d < none else none)
+                )  # 0 after a quiet first decision
+                more = min(max(more, low), high)
+                move = word(move + np.left_shift(more, step_log2))
+
+                passed = word(quiet[j] + one) if first == none else none
+                shut = closed[j] if first == none else none
+                half = never
+                if passed == period:
+                    passed = none
+                    shut = min(word(shut + one), word(levels - one))
+                    half = word(levels - shut) if rule.cap > 1 else never
+                below = word(-half)
+                again = half if d >= half else none
+                again = below if d < below else again
+                second = one if again > none else (minus if again < none else none)
+
+                quiet[j] = passed
+                closed[j] = shut if second == none else none
+                u[j] = word(u[j] + word(move + again))
+                counts[i, j] = word(word(first + more) + second)
+                if timed:
+                    late[i, j] = second != none
+
+    @staticmethod
+    def decode(rule: Any, counts: Any, late: Any, phase: Any, ends: Any, u: Any, reference: Any) -> None:
+        """Rebuild every window from the ticks without events, to know by how much an event moved the reference."""
+        bottom, top = ends
+        half = np.full(counts.shape[1], rule.step)
+        quiet = np.zeros(counts.shape[1], np.int64)
+        for i in range(counts.shape[0]):
+            for j in range(counts.shape[1]):
+                n = np.int64(counts[i, j])
+                if n == 0 or late[i, j]:
+                    quiet[j] += 1
+                    if quiet[j] == rule.window_period:
+                        quiet[j] = 0
+                        half[j] = max(half[j] - rule.closing_step, rule.closing_step)
+                if n != 0:
+                    sign = 1 if n > 0 else -1
+                    room = top - u[j] if n > 0 else u[j] - bottom
+                    first = steps_up_to(1, room, half[j]) * half[j]
+                    u[j] += sign * (first + steps_up_to(abs(n) - 1, room - first, rule.step) * rule.step)
+                    half[j] = rule.step
+                    quiet[j] = 0
+                reference[i, j] = u[j]

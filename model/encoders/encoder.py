@@ -1,0 +1,185 @@
+"""What an encoder is: its names and traits, its rule, its decoder, and what these promise.
+
+The functions under "compiled" are plain Python that Numba understands; ``model.encoders.compiled`` compiles them. They
+know their encoder by the type of ``rule``, so every encoder has a rule class of its own, of its own name.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+if TYPE_CHECKING:  # a configuration knows its encoder, so no encoder imports the configuration
+    from model.config import ReadoutConfig
+
+
+class Encoder(ABC):
+    """The rule by which one taxel turns samples into events. One object for each encoder, without state.
+
+    Attributes
+    ----------
+    name : str
+        In configurations and commands.
+    title : str
+        In tables and figures.
+    colour, marker : str
+        Of its line in figures, as Matplotlib takes them.
+    code : int
+        Its number in the register ``shape.encoding``, 0..3; never given to another encoder.
+    fields : tuple of str
+        Fields of ``ReadoutConfig`` that only some encoders read, and this one does.
+    polarity : bool
+        Events are ON or OFF. Without polarity all events are ON, the reference never goes below zero, and a sample
+        below zero counts as zero.
+    leaks : bool
+        The reference leaks at decay ticks.
+    windowed : bool
+        A taxel has a window of its own, which closes while nothing happens.
+    strict : bool
+        ON needs x - u > D; otherwise x - u >= the half-width of the window.
+    timed : bool
+        The decoder must know which events came late.
+    Rule : NamedTuple class
+        What the compiled functions know of a configuration.
+    state : tuple of str
+        Numbers of a taxel besides its sample and reference; 0 after reset.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    colour: ClassVar[str]
+    marker: ClassVar[str]
+    code: ClassVar[int]
+    fields: ClassVar[tuple[str, ...]] = ()
+    polarity: ClassVar[bool] = True
+    leaks: ClassVar[bool] = False
+    windowed: ClassVar[bool] = False
+    strict: ClassVar[bool] = False
+    timed: ClassVar[bool] = False
+    Rule: ClassVar[type[Any]]
+    state: ClassVar[tuple[str, ...]] = ()
+
+    @property
+    def late(self) -> bool:
+        """Whether the first event of a tick may come in its second decision: a threshold moved in the first."""
+        return self.leaks or self.windowed
+
+    # -- of a configuration ----------------------------------------------------------------------
+
+    @abstractmethod
+    def grid(self, config: ReadoutConfig) -> int:
+        """Return the codes between neighbouring positions of the reference."""
+
+    def lowest(self, config: ReadoutConfig) -> int:
+        """Return the lowest code of the reference."""
+        return -config.full_scale if self.polarity else 0
+
+    def fraction_bits(self, config: ReadoutConfig) -> int:
+        """Return the bits of the reference below one code."""
+        return config.fraction_bits if self.leaks else 0
+
+    def closes(self, config: ReadoutConfig) -> bool:
+        """Return whether every taxel has a window of more than one half-width."""
+        return self.windowed and config.closing_levels_log2 > 0
+
+    def needs_tick(self, config: ReadoutConfig) -> bool:
+        """Return whether the rule needs the sample tick as a time base."""
+        return self.leaks or self.closes(config)
+
+    def check(self, config: ReadoutConfig) -> None:  # noqa: B027 (most encoders take every configuration)
+        """Raise InputError for a configuration that this encoder cannot have."""
+
+    @abstractmethod
+    def rule(self, config: ReadoutConfig) -> Any:
+        """Return the rule, of type ``Rule``."""
+
+    def state_dtype(self, config: ReadoutConfig) -> type[np.signedinteger[Any]]:
+        """Return a type that holds every number of ``ticks``: differences of samples, and the state."""
+        return np.int32
+
+    def half_width(self, config: ReadoutConfig, taxels: Any) -> Any:
+        """Return how far the thresholds of taxels, records of their state, are from their references, in codes."""
+        return np.full(taxels.shape, config.step)
+
+    # -- what the decoder promises ---------------------------------------------------------------
+
+    @abstractmethod
+    def error_bound(self, config: ReadoutConfig) -> tuple[float, float]:
+        """Return (low, high): low <= x - u <= high at the end of every tick, in codes, within the slope limit."""
+
+    @abstractmethod
+    def slope_limit(self, config: ReadoutConfig) -> float:
+        """Return the largest step between two samples, in codes, for which the bound holds."""
+
+    # -- compiled: one taxel in one clock --------------------------------------------------------
+    # ``taxel`` is a record of x, u and the state. u and what ``reach`` returns are in 2**-fraction_bits codes.
+
+    @staticmethod
+    @abstractmethod
+    def compare(rule: Any, taxel: Any) -> tuple[bool, bool]:
+        """Return whether the sample is above the upper threshold, and whether below the lower."""
+
+    @staticmethod
+    @abstractmethod
+    def reach(rule: Any, taxel: Any) -> Any:
+        """Return how far an event moves the reference now."""
+
+    @staticmethod
+    @abstractmethod
+    def move(rule: Any, taxel: Any, on: bool, off: bool, tick: bool, leaks: bool) -> bool:
+        """Move the reference and the state; return whether a threshold moved without an event.
+
+        ``tick`` and ``leaks`` say whether the clock is that of a sample tick, and of a leak of this taxel.
+        """
+
+    @staticmethod
+    def clear(rule: Any, taxel: Any) -> None:
+        """Put the state in its reset state; the reference is there already."""
+        return  # most encoders have no state
+
+    @staticmethod
+    @abstractmethod
+    def told(rule: Any, now: Any) -> Any:
+        """Return the rule with the settings of a host, a record of ``model.registers.settings``."""
+
+    # -- compiled: all taxels, tick by tick ------------------------------------------------------
+
+    @staticmethod
+    @abstractmethod
+    def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
+        """Write the events of all decisions of every tick, in closed form.
+
+        Parameters
+        ----------
+        x : shape (ticks, taxels)
+            Samples.
+        state : tuple of arrays of ``state_dtype``, shape (taxels,)
+            The reference, in units of ``grid`` or its fraction, then the state; changed in place.
+        phase : shape (taxels,)
+            Tick of the leak within its period.
+        tick : int
+            Ticks since reset.
+        counts, late : shape (ticks, taxels)
+            Signed events, and, where ``timed``, whether the first came a decision late.
+        """
+
+    @staticmethod
+    @abstractmethod
+    def decode(rule: Any, counts: Any, late: Any, phase: Any, ends: Any, u: Any, reference: Any) -> None:
+        """Write the reference in codes at the end of every tick, as ``ticks`` moved it.
+
+        ``u``, shape (taxels,), starts as the reference after reset; it and ``ends``, the bottom and the top of the
+        scale, are in 2**-fraction_bits codes.
+        """
+
+
+def steps_up_to(n: Any, room: Any, step: Any) -> Any:
+    """Return how many of n steps fit between the reference and the end of the scale."""
+    return min(n, max(room, 0) // step)
+
+
+def log2(power_of_two: int) -> int:
+    """Return the logarithm of a power of two."""
+    return power_of_two.bit_length() - 1

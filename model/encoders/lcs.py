@@ -1,0 +1,103 @@
+"""LCS, level-crossing sampling: ON where x - u >= D, OFF where x - u < -D (docs/specification.md, section 2)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from model.encoders.encoder import Encoder, log2, steps_up_to
+
+if TYPE_CHECKING:
+    from model.config import ReadoutConfig
+
+
+class LcsRule(NamedTuple):
+    """D in codes, as a host has set it and as built; log2 of the latter; the most events of one tick."""
+
+    step: int
+    built_step: int
+    step_log2: int
+    cap: int
+
+
+class Lcs(Encoder):
+    """Level-crossing sampling."""
+
+    name, title, colour, marker, code = "lcs", "LCS", "#0072b2", "o", 0
+    Rule = LcsRule
+
+    def grid(self, config: ReadoutConfig) -> int:
+        """Return D: every event moves the reference by as much."""
+        return config.step
+
+    def rule(self, config: ReadoutConfig) -> LcsRule:
+        """Return the rule of a configuration."""
+        return LcsRule(config.step, config.step, log2(config.step), config.most_events_per_tick)
+
+    def state_dtype(self, config: ReadoutConfig) -> type[np.signedinteger[Any]]:
+        """Return 16 bits where they hold the most events of a tick: 2**(N + 2) steps take N + 4 bits."""
+        return np.int16 if config.resolution <= 12 else np.int32
+
+    def error_bound(self, config: ReadoutConfig) -> tuple[float, float]:
+        """Return -D <= x - u < D."""
+        return -config.step, config.step - 1
+
+    def slope_limit(self, config: ReadoutConfig) -> float:
+        """Return D for every decision of a tick."""
+        return float(config.step * config.decisions_per_tick)
+
+    @staticmethod
+    def compare(rule: Any, taxel: Any) -> tuple[bool, bool]:
+        """Compare with D, upwards inclusive."""
+        d = taxel.x - taxel.u
+        return d >= rule.step, d < -rule.step
+
+    @staticmethod
+    def reach(rule: Any, taxel: Any) -> Any:
+        """Return D."""
+        return rule.step
+
+    @staticmethod
+    def move(rule: Any, taxel: Any, on: bool, off: bool, tick: bool, leaks: bool) -> bool:
+        """Move the reference by D with every event."""
+        if on:
+            taxel.u += rule.step
+        elif off:
+            taxel.u -= rule.step
+        return False
+
+    @staticmethod
+    def told(rule: Any, now: Any) -> Any:
+        """Take a coarser D."""
+        return LcsRule(rule.built_step << now.coarser, rule.built_step, rule.step_log2, rule.cap)
+
+    @staticmethod
+    def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
+        """Write the events; u in steps D.
+
+        With y = floor(x / D): ON while y - u >= 1 ends at u = y; OFF while y - u < -1 ends at u = y + 1.
+        """
+        (u,) = state
+        code, word = x.dtype.type, u.dtype.type
+        shift, high, low = code(rule.step_log2), word(rule.cap), word(-rule.cap)
+        for i in range(x.shape[0]):
+            for j in range(x.shape[1]):
+                y = word(np.right_shift(x[i, j], shift))
+                n = word(min(max(u[j], y), word(y + 1)) - u[j])
+                n = min(max(n, low), high)
+                u[j] = word(u[j] + n)
+                counts[i, j] = n
+
+    @staticmethod
+    def decode(rule: Any, counts: Any, late: Any, phase: Any, ends: Any, u: Any, reference: Any) -> None:
+        """Sum the events."""
+        bottom, top = ends
+        for i in range(counts.shape[0]):
+            for j in range(counts.shape[1]):
+                n = np.int64(counts[i, j])
+                if n > 0:
+                    u[j] += steps_up_to(n, top - u[j], rule.step) * rule.step
+                else:
+                    u[j] -= steps_up_to(-n, u[j] - bottom, rule.step) * rule.step
+                reference[i, j] = u[j]

@@ -1,0 +1,146 @@
+"""N-LCS, a leaky neuron: one comparator against a threshold that decays (docs/specification.md, section 2)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from base.errors import InputError
+from model.decay import leak_of
+from model.encoders.encoder import Encoder, log2
+
+if TYPE_CHECKING:
+    from model.config import ReadoutConfig
+
+
+class NlcsRule(NamedTuple):
+    """D in 2**-F codes, as a host has set it and as built; k, P and F; log2 of D as built; the most events a tick."""
+
+    step: int
+    built_step: int
+    leak_shift: int
+    leak_period: int
+    fraction_bits: int
+    step_log2: int
+    cap: int
+
+
+class Nlcs(Encoder):
+    """Leaky-neuron level crossing."""
+
+    name, title, colour, marker, code = "nlcs", "N-LCS", "#d55e00", "^", 2
+    fields = ("leak_shift", "leak_period", "fraction_bits")
+    polarity, leaks, strict = False, True, True
+    Rule: ClassVar[type[Any]] = NlcsRule
+
+    def grid(self, config: ReadoutConfig) -> int:
+        """Return one code: the leak takes the reference anywhere."""
+        return 1
+
+    def check(self, config: ReadoutConfig) -> None:
+        """Refuse more fraction bits than a word of 32 bits has room for, and a host's period below the rows."""
+        most = 31 - config.sample_bits
+        if not 0 <= config.fraction_bits <= most:
+            raise InputError(f"fraction_bits must be in 0..31 - sample_bits = {most}, not {config.fraction_bits}")
+        if config.registers != "none" and config.leak_period < config.rows:
+            raise InputError(
+                f"leak_period must be at least the number of rows, {config.rows}, with registers={config.registers}, "
+                f"not {config.leak_period}"
+            )
+
+    def rule(self, config: ReadoutConfig) -> Any:
+        """Return the rule of a configuration."""
+        step = config.step << config.fraction_bits
+        leak = (config.leak_shift, config.leak_period, config.fraction_bits)
+        return self.Rule(step, step, *leak, log2(step), config.most_events_per_tick)
+
+    def error_bound(self, config: ReadoutConfig) -> tuple[float, float]:
+        """Return x - u <= D, a leak more with one decision per tick, and a low for slow falls.
+
+        No event follows a fall: there u stays below the leaky peak hold of x (it leaks as u does, and never lies
+        below x). While x, from one decay tick to the next, falls by no more than the leak of its own level, that is
+        within one leak of x. This low is returned; for other inputs it is minus full scale, and less for negative ones.
+        """
+        leak = self.largest_leak(config)
+        return -leak, config.step + (leak if config.decisions_per_tick == 1 else 0)
+
+    def slope_limit(self, config: ReadoutConfig) -> float:
+        """Return D for every decision of a tick, less the leak.
+
+        With several decisions one is spent on waiting for the leak, which the others have to catch up as well; a
+        negative limit means that the leak of a full-scale reference alone is too much.
+        """
+        return config.step * max(config.decisions_per_tick - 1, 1) - self.largest_leak(config)
+
+    def largest_leak(self, config: ReadoutConfig) -> float:
+        """Return the leak of a full-scale reference, in codes."""
+        top = config.full_scale << config.fraction_bits
+        return float(leak_of(top, config.leak_shift)) / 2**config.fraction_bits
+
+    @staticmethod
+    def compare(rule: Any, taxel: Any) -> tuple[bool, bool]:
+        """Compare with D, exclusive; there is no lower threshold."""
+        return (taxel.x << rule.fraction_bits) - taxel.u > rule.step, False
+
+    @staticmethod
+    def reach(rule: Any, taxel: Any) -> Any:
+        """Return D."""
+        return rule.step
+
+    @staticmethod
+    def move(rule: Any, taxel: Any, on: bool, off: bool, tick: bool, leaks: bool) -> bool:
+        """Move the reference by D, and by the leak of the old reference."""
+        leak = leak_of(taxel.u, rule.leak_shift) if leaks else 0
+        taxel.u += (rule.step if on else -rule.step if off else 0) - leak
+        return leaks
+
+    @staticmethod
+    def told(rule: Any, now: Any) -> Any:
+        """Take a coarser D, and a leak."""
+        return NlcsRule(
+            rule.built_step << now.coarser,
+            rule.built_step,
+            now.leak_shift,
+            now.leak_period,
+            rule.fraction_bits,
+            rule.step_log2,
+            rule.cap,
+        )
+
+    @staticmethod
+    def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
+        """Write the events; u and D in units of 2**-F code.
+
+        The first decision and, where it is due, the leak of the old u; then events while x - u > D, which are
+        ceil((x - u) / D) - 1.
+        """
+        (u,) = state
+        word = u.dtype.type
+        fraction, step, step_shift = word(rule.fraction_bits), word(1 << rule.step_log2), word(rule.step_log2)
+        high, none = word(rule.cap - 1), word(0)
+        for i in range(x.shape[0]):
+            now = word((tick + i) % rule.leak_period)
+            for j in range(x.shape[1]):
+                d = word(np.left_shift(word(x[i, j]), fraction) - u[j])
+                first = word(d > step)
+                leak = word(leak_of(u[j], rule.leak_shift)) if phase[j] == now else none
+                move = word(np.left_shift(first, step_shift) - leak)
+                d = word(d - move)
+                more = min(max(np.right_shift(word(d - 1), step_shift), none), high)
+                u[j] = word(u[j] + word(move + np.left_shift(more, step_shift)))
+                counts[i, j] = word(first + more)
+                if timed:
+                    late[i, j] = first == 0 and more > 0
+
+    @staticmethod
+    def decode(rule: Any, counts: Any, late: Any, phase: Any, ends: Any, u: Any, reference: Any) -> None:
+        """Let a copy of the reference leak as the encoder does."""
+        unit, top, shift = 2.0**-rule.fraction_bits, ends[1], rule.step_log2
+        for i in range(counts.shape[0]):
+            now = i % rule.leak_period
+            for j in range(counts.shape[1]):
+                if phase[j] == now:
+                    u[j] -= leak_of(u[j], rule.leak_shift)
+                u[j] += min(np.int64(counts[i, j]), max(top - u[j], 0) >> shift) << shift
+                reference[i, j] = u[j] * unit

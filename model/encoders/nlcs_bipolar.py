@@ -1,0 +1,121 @@
+"""Bipolar N-LCS: a leaky neuron with a sign, ON and OFF (docs/specification.md, section 2)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from model.decay import leak_of
+from model.encoders.encoder import steps_up_to
+from model.encoders.nlcs import Nlcs
+
+if TYPE_CHECKING:
+    from model.config import ReadoutConfig
+
+
+class NlcsBipolarRule(NamedTuple):
+    """As ``NlcsRule``."""
+
+    step: int
+    built_step: int
+    leak_shift: int
+    leak_period: int
+    fraction_bits: int
+    step_log2: int
+    cap: int
+
+
+class NlcsBipolar(Nlcs):
+    """Leaky-neuron level crossing with a signed reference, which leaks to zero from both sides.
+
+    A step towards zero takes the place of the leak of its clock. So all events of a tick have the same sign, however
+    large the leak is: after a step towards zero the sample is still beyond the reference, and any other step moves the
+    reference away from zero, from where the leak brings it back.
+    """
+
+    name, title, colour, marker, code = "nlcs-bipolar", "bipolar N-LCS", "#009e73", "v", 3
+    polarity = timed = True
+    Rule = NlcsBipolarRule
+
+    def error_bound(self, config: ReadoutConfig) -> tuple[float, float]:
+        """Return -D - 1 < x - u <= D, a leak more at both ends with one decision per tick.
+
+        OFF compares with the reference rounded down to a code, hence the 1.
+        """
+        leak = self.largest_leak(config) if config.decisions_per_tick == 1 else 0
+        return -config.step - 1 + 2.0**-config.fraction_bits - leak, config.step + leak
+
+    @staticmethod
+    def compare(rule: Any, taxel: Any) -> tuple[bool, bool]:
+        """Compare the difference to the reference, rounded down to a code, with D, exclusive both ways."""
+        d = (taxel.x - (taxel.u >> rule.fraction_bits)) << rule.fraction_bits
+        return d > rule.step, d < -rule.step
+
+    @staticmethod
+    def move(rule: Any, taxel: Any, on: bool, off: bool, tick: bool, leaks: bool) -> bool:
+        """Move the reference by D, or by D and the leak of the old reference where D does not lead towards zero."""
+        inward = (on and taxel.u < 0) or (off and taxel.u >= 0)
+        leak = leak_of(taxel.u, rule.leak_shift) if leaks and not inward else 0
+        taxel.u += (rule.step if on else -rule.step if off else 0) - leak
+        return leaks
+
+    @staticmethod
+    def told(rule: Any, now: Any) -> Any:
+        """Take a coarser D, and a leak."""
+        return NlcsBipolarRule(
+            rule.built_step << now.coarser,
+            rule.built_step,
+            now.leak_shift,
+            now.leak_period,
+            rule.fraction_bits,
+            rule.step_log2,
+            rule.cap,
+        )
+
+    @staticmethod
+    def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
+        """Write the events; u and D in units of 2**-F code.
+
+        The first decision and, where it is due and the step did not lead towards zero, the leak of the old u; then ON
+        while x - u > D, OFF while x - u <= -D - 1 code.
+        """
+        (u,) = state
+        word = u.dtype.type
+        fraction, step_shift, one = word(rule.fraction_bits), word(rule.step_log2), word(1 << rule.fraction_bits)
+        upper, lower = word(1 << rule.step_log2), word(-(1 << rule.step_log2) - (1 << rule.fraction_bits))
+        high, none = word(rule.cap - 1), word(0)
+        for i in range(x.shape[0]):
+            now = word((tick + i) % rule.leak_period)
+            for j in range(x.shape[1]):
+                d = word(np.left_shift(word(x[i, j]), fraction) - u[j])
+                first = word(word(d > upper) - word(d <= lower))
+                leak = word(leak_of(u[j], rule.leak_shift)) if phase[j] == now else none
+                outward = (first == none) | ((first > none) == (u[j] >= none))
+                move = word(np.left_shift(first, step_shift) - (leak if outward else none))
+                d = word(d - move)
+                ups = min(max(np.right_shift(word(d - 1), step_shift), none), high)
+                downs = min(max(np.right_shift(word(word(-d) - one), step_shift), none), high)
+                more = word(ups - downs)
+                u[j] = word(u[j] + word(move + np.left_shift(more, step_shift)))
+                counts[i, j] = word(first + more)
+                if timed:
+                    late[i, j] = (first == 0) & (more != 0)
+
+    @staticmethod
+    def decode(rule: Any, counts: Any, late: Any, phase: Any, ends: Any, u: Any, reference: Any) -> None:
+        """Let a copy of the reference leak and step as the encoder does; an event that is late does not stop a leak."""
+        bottom, top = ends
+        unit = 2.0**-rule.fraction_bits
+        for i in range(counts.shape[0]):
+            now = i % rule.leak_period
+            for j in range(counts.shape[1]):
+                n = np.int64(counts[i, j])
+                inward = (n > 0 and u[j] < 0) or (n < 0 and u[j] >= 0)
+                if phase[j] == now and (late[i, j] or not inward):
+                    u[j] -= leak_of(u[j], rule.leak_shift)
+                if n > 0:
+                    u[j] += steps_up_to(n, top - u[j], rule.step) * rule.step
+                else:
+                    u[j] -= steps_up_to(-n, u[j] - bottom, rule.step) * rule.step
+                reference[i, j] = u[j] * unit

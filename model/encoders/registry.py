@@ -1,0 +1,52 @@
+"""All encoders. Everything that needs an encoder, or a list of them, asks here."""
+
+from __future__ import annotations
+
+from base.errors import InputError
+from model.encoders.cw_lcs import CwLcs
+from model.encoders.encoder import Encoder
+from model.encoders.lcs import Lcs
+from model.encoders.nlcs import Nlcs
+from model.encoders.nlcs_bipolar import NlcsBipolar
+
+ENCODERS: tuple[Encoder, ...] = (Lcs(), CwLcs(), Nlcs(), NlcsBipolar())
+"""In the order of commands, tables and figures."""
+
+NAMES = tuple(encoder.name for encoder in ENCODERS)
+
+
+def named(name: str) -> Encoder:
+    """Return the encoder of a name.
+
+    Raises
+    ------
+    InputError
+        If no encoder has that name; the sentence lists those that do.
+
+    Examples
+    --------
+    >>> named("nlcs").title
+    'N-LCS'
+    >>> named("pcm")
+    Traceback (most recent call last):
+    base.errors.InputError: no encoder is named 'pcm'; the encoders are lcs, cw-lcs, nlcs, nlcs-bipolar
+    """
+    for encoder in ENCODERS:
+        if encoder.name == name:
+            return encoder
+    raise InputError(f"no encoder is named {name!r}; the encoders are {', '.join(NAMES)}")
+
+
+def check(encoders: tuple[Encoder, ...]) -> None:
+    """Refuse two encoders with the same name, title, code, colour, marker or rule: one would be taken for the other.
+
+    Two rule classes of one name would even share the compiled loops that Numba caches.
+    """
+    for what in ("name", "title", "code", "colour", "marker", "Rule"):
+        values = [getattr(encoder, what) for encoder in encoders]
+        values = [value.__name__ if isinstance(value, type) else value for value in values]
+        if twice := sorted({value for value in values if values.count(value) > 1}):
+            raise ValueError(f"two encoders have the {what} {twice[0]!r}; every encoder has its own")
+
+
+check(ENCODERS)

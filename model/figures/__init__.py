@@ -1,1 +1,0 @@
-"""The look of the pictures, raster pictures of events, and files of data and picture."""

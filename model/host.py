@@ -1,0 +1,106 @@
+"""A readout and what its host does to it over SPI: pins in, events and MISO out, clock by clock."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from base.errors import InputError
+from model.address_events import Events
+from model.config import ReadoutConfig
+from model.readout import TAKEN, WAITED, Stimulus, simulate_counted
+from model.registers.file import RegisterFile, Settings
+from model.registers.pattern import OFF, Pattern
+from model.registers.settings import SETTING_DTYPE
+from model.registers.spi import Pins, SpiSlave
+
+COUNTED = {TAKEN: ("events_count",), WAITED: ("stalls_count",), 0: ()}
+
+
+class Played(NamedTuple):
+    """What a readout with registers did.
+
+    Attributes
+    ----------
+    events : ndarray of EVENT_DTYPE, shape (events,)
+    miso, miso_enable : ndarray of uint8, shape (clocks,)
+        The pins before every rising edge.
+    stimulus : Stimulus
+        What the array saw: the masks and settings that came of the registers.
+    """
+
+    events: Events
+    miso: NDArray[np.uint8]
+    miso_enable: NDArray[np.uint8]
+    stimulus: Stimulus
+
+
+def play(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins]) -> Played:
+    """Play a stimulus and what a host does from the end of reset on.
+
+    Parameters
+    ----------
+    config : ReadoutConfig
+        With ``registers="spi"``.
+    stimulus : Stimulus
+        Its masks are those of ``taxel_enable``; without settings.
+    pins : sequence of Pins, one for every clock
+
+    Raises
+    ------
+    InputError
+        If they do not fit the configuration or each other.
+    """
+    if len(pins) != stimulus.clocks:
+        raise InputError(f"pins must be given for each of the {stimulus.clocks} clocks, not {len(pins)}")
+    seen = _of_registers(config, stimulus, pins)
+    events, traffic = simulate_counted(config, seen)
+    slave, file = SpiSlave(), RegisterFile(config)
+    miso, enable = np.zeros((2, stimulus.clocks), np.uint8)
+    for clock, levels in enumerate(pins):
+        miso[clock], enable[clock] = slave.miso, slave.active
+        write, read = slave.write, file.read(slave.address)
+        slave.clock(levels, read)
+        file.clock(write, COUNTED[int(traffic[clock])], file.signals()["control_clear"] == 1)
+    return Played(events, miso, enable, seen)
+
+
+def _of_registers(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins]) -> Stimulus:
+    """Return the stimulus that the array sees: a write depends on no event, so the registers come first."""
+    slave, file = SpiSlave(), RegisterFile(config)
+    outside = dict(zip(stimulus.enable_clock.tolist(), stimulus.enable, strict=True))
+    mask, resolution = stimulus.enable[0], config.resolution
+    masks: list[NDArray[np.bool_]] = []
+    mask_clocks, rows = [], []
+    before: tuple[int, ...] = ()
+    for clock, levels in enumerate(pins):
+        signals = file.signals()
+        mask = outside.get(clock, mask)
+        clear = signals["control_clear"] == 1
+        found = Settings.of(config, signals)
+        test = Pattern(**{name: signals[f"test_{name}"] for name in Pattern._fields if f"test_{name}" in signals})
+        shown = found.mask if test.mode == OFF and not clear else 0
+        enabled = np.logical_and(mask, np.array([shown >> bit & 1 for bit in range(config.taxels)]))
+        if not masks or (enabled != masks[-1]).any():
+            masks.append(enabled)
+            mask_clocks.append(clock)
+        steady = (config.resolution - resolution, found.leak_shift, found.leak_period, found.window_period, *test)
+        anew = (int("test_mode" in file.told or clear), int("decay_period" in file.told or clear))
+        if steady != before or any(anew):
+            rows.append((clock, *steady, *anew))
+            before = steady
+        if "resolution_bits" in file.told:
+            resolution = found.resolution
+        write = slave.write
+        slave.clock(levels)
+        file.clock(write)
+    return dataclasses.replace(
+        stimulus,
+        enable_clock=np.array(mask_clocks, np.int64),
+        enable=np.array(masks, bool),
+        settings=np.array(rows, SETTING_DTYPE),
+    )

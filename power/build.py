@@ -1,0 +1,126 @@
+"""The power model that the options of a command name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, get_args
+
+from base.errors import InputError
+from power.parameters import PowerParameters
+from skin.textures.rates import Watch, unwatched
+
+if TYPE_CHECKING:
+    from power.equations import PowerModel, RateSource
+    from power.rates import RateTable
+
+
+MEASURED = frozenset({"event_rates", "bandwidth"})
+"""Corrections that need measured event rates."""
+
+
+def chosen_corrections(mode: str | None, correct: str | None, without: str | None) -> frozenset[str]:
+    """Return the corrections that the options name: none in ``paper``, all in ``consistent`` unless listed."""
+    from power.equations import CORRECTIONS, PowerMode, check_corrections
+
+    if mode is not None and mode not in get_args(PowerMode):
+        raise InputError(f"mode must be one of {', '.join(get_args(PowerMode))}, not {mode!r}")
+    if correct is not None and without is not None:
+        raise InputError("--correct lists the corrections to make, --without those to leave out; give one of them")
+    if correct is None and without is None:
+        return frozenset(CORRECTIONS if mode == "consistent" else ())
+    if mode == "paper":
+        raise InputError("mode paper has no corrections; leave out --mode or --correct and --without")
+    named = check_corrections(name.strip() for name in (correct or without or "").split(",") if name.strip())
+    return named if correct is not None else frozenset(CORRECTIONS) - named
+
+
+def rate_table(
+    dataset: str | None,
+    preset_name: str,
+    rates: Path | None,
+    resolutions: Sequence[int],
+    taus_s: Sequence[float],
+    array: tuple[int, int] = (8, 8),
+    watch: Watch = unwatched,
+) -> RateTable:
+    """Return measured event rates: of a dataset, from a file, or those that come with the project."""
+    from power.rates import STORED, load_tables, measure_table, stored_table
+    from skin.textures.presets import preset
+
+    scan = preset(preset_name)
+    if dataset is not None and rates is not None:
+        raise InputError("--dataset measures event rates, --rates reads them from a file; give one of them")
+    if dataset is not None:
+        from model.config import ReadoutConfig
+        from skin.textures.dataset import open_dataset
+
+        base = ReadoutConfig(rows=array[0], columns=array[1])
+        return measure_table(open_dataset(dataset), scan, base, resolutions, taus_s, watch=watch)
+    if rates is None:
+        return stored_table(scan.name, path=STORED)
+    tables = [table for table in load_tables(rates) if table.preset == scan.name]
+    if not tables:
+        raise InputError(f"{rates} has no event rates of preset {scan.name}; measure them or choose another --preset")
+    return tables[0]
+
+
+def _with_bandwidth(
+    parameters: PowerParameters, source: RateSource, settings: Sequence[str], published_sensor: bool
+) -> PowerParameters:
+    """Return the parameters with the bandwidth of the data; 97 Hz stays that of the published scan of Kylberg."""
+    from power.rates import RateTable
+
+    if not isinstance(source, RateTable) or any(s.startswith("signal_bandwidth_hz=") for s in settings):
+        return parameters
+    if published_sensor and (source.dataset, source.preset) == ("kylberg", "paper"):
+        return parameters
+    return parameters.replace(signal_bandwidth_hz=source.bandwidth_hz)
+
+
+def build_model(
+    corrections: frozenset[str],
+    settings: Sequence[str] | None,
+    synthesis: Sequence[Path] | None,
+    source: Callable[[], RateSource],
+    sensor: PowerParameters | None = None,
+) -> PowerModel:
+    """Return the power model of some options.
+
+    Parameters
+    ----------
+    corrections : frozenset of str
+    settings : sequence of str, optional
+        ``NAME=NUMBER`` each.
+    synthesis : sequence of Path, optional
+        Reports of the digital parts.
+    source : callable
+        Gives the event rates; asked only where a correction needs them.
+    sensor : PowerParameters, optional
+        A sensor that is not the published one: its bandwidth is that of the rates, unless a setting says it.
+    """
+    from power.equations import PowerModel
+    from power.synthesis import load_reports
+
+    settings = settings or []
+    parameters = (sensor or PowerParameters()).with_settings(settings)
+    if synthesis and "digital" not in corrections:
+        raise InputError("--synthesis belongs to correction digital; add --mode consistent or --correct digital")
+    gates = load_reports(list(synthesis or []))
+    measured = None
+    if corrections & MEASURED:
+        measured = source()
+        parameters = _with_bandwidth(parameters, measured, settings, sensor is None)
+    return PowerModel(parameters=parameters, corrections=corrections, measured=measured, gates=gates)
+
+
+def both_modes(
+    settings: Sequence[str] | None, synthesis: Sequence[Path] | None, table: Callable[[], RateTable]
+) -> dict[str, PowerModel]:
+    """Return the models of both modes; a synthesis report belongs to ``consistent`` only."""
+    from power.equations import CORRECTIONS
+
+    return {
+        "paper": build_model(frozenset(), settings, None, table),
+        "consistent": build_model(frozenset(CORRECTIONS), settings, synthesis, table),
+    }

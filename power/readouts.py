@@ -1,0 +1,48 @@
+"""The readouts that have equations of power: two encoders, and frames."""
+
+from __future__ import annotations
+
+from typing import Literal, TypeVar, get_args
+
+from base.errors import InputError
+from model.encoders import registry
+
+Readout = Literal["nlcs", "lcs", "frame"]
+"""In the order of Fig. 6."""
+
+READOUTS: tuple[Readout, ...] = get_args(Readout)
+SPIKING = tuple(readout for readout in READOUTS if readout != "frame")
+"""The encoders with published equations and event rates."""
+
+READOUT_NAMES: dict[str, str] = {name: registry.named(name).title for name in SPIKING} | {"frame": "frame"}
+
+EQUATIONS: dict[str, Readout] = {"lcs": "lcs", "cw-lcs": "lcs", "nlcs": "nlcs"}
+"""Whose equations an encoder takes: CW-LCS those of LCS, at its own rate; its closing window costs nothing there."""
+
+T = TypeVar("T")
+
+
+def published(readout: str, *, lcs: T, nlcs: T) -> T:
+    """Return what stands for an encoder of the paper.
+
+    Raises
+    ------
+    InputError
+        If the encoder has no published equations.
+    """
+    if readout not in SPIKING:
+        raise InputError(f"the power model has equations of {' and '.join(SPIKING)} only, not of {readout}")
+    return lcs if readout == "lcs" else nlcs
+
+
+def equations_of(encoding: str) -> Readout:
+    """Return the readout whose equations an encoder takes.
+
+    Raises
+    ------
+    InputError
+        If there are none for it.
+    """
+    if encoding not in EQUATIONS:
+        raise InputError(f"the power model has equations of {', '.join(EQUATIONS)} only, not of {encoding}")
+    return EQUATIONS[encoding]

@@ -1,0 +1,130 @@
+"""Reports of synthesised gates: what the power model needs to know of a netlist (docs/guide/power.md)."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, get_args, get_type_hints
+
+from base.errors import InputError
+from base.files import read_json
+from model.config import MAX_SIDE
+from power.readouts import Readout
+
+Leak = Literal["analog", "digital"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SynthesisReport:
+    """Area and power of the digital part of one readout: taxel logic, arbiter and link, without pads.
+
+    Parameters
+    ----------
+    readout : "nlcs", "lcs" or "frame"
+        Which readout the netlist is of.
+    rows, columns : int
+        Its array; leakage and clock power are scaled to other arrays by the number of taxels.
+    clock_hz : float
+        Clock at which it is meant to run.
+    area_um2 : float
+        Area of the cells in um^2.
+    leakage_w : float
+        Leakage in watts.
+    clock_power_w_per_hz : float
+        Power of clock tree and flops while nothing happens, per hertz of clock (J per clock).
+    energy_per_event_j : float
+        What one event adds, in joules; for ``frame``, one sample.
+    energy_per_lone_event_j : float
+        What an event adds where it is alone; 0 for the same. Between the two it goes by the share of busy clocks.
+    process : str
+        Technology, for the tables.
+    supply_v : float
+        Supply at which the report was made; powers are used as they are reported.
+    leak : "analog" or "digital"
+        Where the reference of N-LCS leaks: in the published analog filter, or in the netlist, which holds it as a
+        number. The power model then charges a DAC for it instead of the filter.
+    """
+
+    readout: Readout
+    rows: int
+    columns: int
+    clock_hz: float
+    area_um2: float
+    leakage_w: float
+    clock_power_w_per_hz: float
+    energy_per_event_j: float
+    energy_per_lone_event_j: float = 0.0
+    process: str = ""
+    supply_v: float = 1.0
+    leak: Leak = "analog"
+
+    def __post_init__(self) -> None:
+        for name, hint in get_type_hints(type(self)).items():
+            value = getattr(self, name)
+            if choices := get_args(hint):
+                if value not in choices:
+                    raise InputError(f"{name} must be one of {', '.join(choices)}, not {value!r}")
+            elif hint is str:
+                if not isinstance(value, str):
+                    raise InputError(f"{name} must be text, not {value!r}")
+            elif hint is int:
+                if type(value) is not int or not 1 <= value <= MAX_SIDE:
+                    raise InputError(f"{name} must be a whole number in 1..{MAX_SIDE}, not {value!r}")
+            elif isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+                raise InputError(f"{name} must be a number, not {value!r}")
+            elif value < 0 or (value == 0 and name in ("clock_hz", "supply_v")):
+                raise InputError(f"{name} must be {'positive' if value == 0 else 'at least 0'}, not {value!r}")
+
+    def power_w(self, taxels: int, event_rate_hz: Any) -> Any:
+        """Return the digital power in watts, of the shape of the rate.
+
+        Parameters
+        ----------
+        taxels : int
+            Array for which the power is wanted.
+        event_rate_hz : float or array
+            Events (or samples) per second of that array. One event takes a clock, so the clock is raised to the
+            rate where the rate is above it.
+        """
+        import numpy as np
+
+        clock_hz = np.maximum(self.clock_hz, event_rate_hz)
+        scale = taxels / (self.rows * self.columns)
+        alone = self.energy_per_lone_event_j or self.energy_per_event_j
+        # Of all ways between the two, one in which more events never draw less.
+        more = alone / self.energy_per_event_j - 1 if self.energy_per_event_j else 0.0
+        energy_j = alone / (1 + more * event_rate_hz / clock_hz)
+        return scale * (self.leakage_w + self.clock_power_w_per_hz * clock_hz) + energy_j * event_rate_hz
+
+    @classmethod
+    def from_dict(cls, values: Any) -> SynthesisReport:
+        """Return the report of a dictionary; fields that it does not know are left to other readers."""
+        if not isinstance(values, dict):
+            raise InputError(f"a synthesis report must be a JSON object, not {type(values).__name__}")
+        known = dataclasses.fields(cls)
+        required = [f.name for f in known if f.default is dataclasses.MISSING]
+        if missing := [name for name in required if name not in values]:
+            raise InputError(f"a synthesis report needs the field {missing[0]!r}; docs/guide/power.md lists all")
+        return cls(**{f.name: values[f.name] for f in known if f.name in values})
+
+    @classmethod
+    def load(cls, path: Path) -> SynthesisReport:
+        """Return the report of a JSON file."""
+        values = read_json(path, "the synthesis report")
+        try:
+            return cls.from_dict(values)
+        except InputError as error:
+            raise InputError(f"synthesis report {path}: {error}") from None
+
+
+def load_reports(paths: list[Path]) -> dict[str, SynthesisReport]:
+    """Return the reports of files by readout; two of one readout are refused."""
+    reports: dict[str, SynthesisReport] = {}
+    for path in paths:
+        report = SynthesisReport.load(path)
+        if report.readout in reports:
+            raise InputError(f"{path} is a second synthesis report of readout {report.readout}; give one of each")
+        reports[report.readout] = report
+    return reports

@@ -1,0 +1,40 @@
+"""CW-LCS: as LCS on the grid of the closing step, with a window of its own for every taxel."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from amaranth.hdl import Module
+
+from rtl.encoders.encoder import Own
+from rtl.encoders.lcs import Lcs
+from rtl.logic import or_tree
+from rtl.window import ClosingWindow
+
+if TYPE_CHECKING:
+    from rtl.taxel import Taxel
+
+
+class CwLcs(Lcs):
+    """Level-crossing sampling with a closing window."""
+
+    name = "cw-lcs"
+
+    def half_width(self, m: Module, taxel: Taxel, own: Own, platform: Any) -> Any:
+        """Add the window; return its half-width in closing steps."""
+        config = taxel.config
+        if not config.closes:
+            return super().half_width(m, taxel, own, platform)
+        window = ClosingWindow(config)
+        window.place(m, "window", platform)
+        free = ~own.pending | taxel.granted
+        m.d.comb += [
+            window.open.eq((free & own.asks) | (own.enabled & ~taxel.enable)),
+            window.tick.eq(free & taxel.enable & taxel.tick),
+            own.closing.eq(taxel.tick & ~window.closed),
+        ]
+        if config.registers == "none":
+            return window.half_width
+        m.d.comb += window.period.eq(taxel.window_period)
+        width = window.half_width
+        return or_tree([(width & on.replicate(len(width))) << s for s, on in enumerate(taxel.step)])

@@ -1,0 +1,100 @@
+"""What a taxel has of its encoder in hardware: the reference, and the comparators or the ports of analog ones."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from amaranth.hdl import Const, Module, Mux, Signal, signed
+
+if TYPE_CHECKING:  # a taxel has its encoder in it
+    from rtl.taxel import Taxel
+
+
+@dataclass(frozen=True)
+class Own:
+    """Signals that a taxel and its encoder share.
+
+    Attributes
+    ----------
+    pending : Signal
+        Register: a request waits.
+    enabled : Signal
+        Register: the mask of the clock before, so that a masked taxel is reset once and then stands still; where the
+        taxel ``sleeps``, it also has taken a sample since.
+    on, off : Signal
+        A free taxel steps up, or down, in this clock; where both are high, up.
+    asks : Signal
+        An enabled taxel, if it is free, raises a request in this clock.
+    moves : Signal
+        Enable of request, polarity and reference.
+    closing : Signal
+        The window may close in this clock.
+    """
+
+    pending: Signal
+    enabled: Signal
+    on: Signal
+    off: Signal
+    asks: Signal
+    moves: Signal
+    closing: Signal
+
+
+class Encoder(ABC):
+    """The hardware of an encoder of ``model.encoders``, of the same name.
+
+    Attributes
+    ----------
+    name : str
+    """
+
+    name: ClassVar[str]
+
+    @abstractmethod
+    def build(self, m: Module, taxel: Taxel, own: Own, platform: Any) -> tuple[Any, Any]:
+        """Add reference, state and comparators to a taxel; return whether a step up is due, and one down.
+
+        The reference moves where ``own.moves`` is high: up where ``own.on`` is, else down where ``own.off`` is, and to
+        its reset value where the taxel is masked. A step that would leave the scale is not due.
+        """
+
+
+def compare(m: Module, taxel: Taxel, own: Own, reference: Any, half_width: Any) -> tuple[Any, Any]:
+    """Add the sample and its comparators, or the ports of the analog ones; return whether x is above, and below.
+
+    Parameters
+    ----------
+    reference, half_width : Value
+        In units of the encoder's grid. What drives a DAC comes from flops.
+    """
+    config = taxel.config
+    low_bits = (config.grid - 1).bit_length()
+    if config.frontend == "analog":
+        m.d.comb += taxel.reference_code.eq(reference << low_bits)
+        if config.closes:
+            m.d.comb += taxel.half_width.eq(half_width << low_bits)
+        return taxel.above, taxel.below if config.has_polarity else Const(0)
+
+    sample = Signal(signed(config.sample_bits - low_bits), name="newest")
+    newest: Any = taxel.sample[low_bits:].as_signed()
+    if not config.has_polarity:  # a sample below zero never asks: it counts as zero
+        sample = Signal(config.sample_bits - 1, name="newest")
+        newest = Mux(taxel.sample[-1], 0, taxel.sample[:-1])
+    takes = taxel.enable & taxel.sample_valid
+    if not taxel.sleeps:
+        takes |= ~taxel.enable & own.enabled
+        newest = Mux(taxel.enable, newest, 0)
+    with m.If(takes):
+        m.d.sync += sample.eq(newest)
+    difference = Signal(signed(len(sample) + 1))
+    m.d.comb += difference.eq(sample - reference)
+    above = Signal()
+    over = difference > half_width if config.encoder.strict else difference >= half_width
+    if not config.has_polarity:
+        m.d.comb += above.eq(over)
+        return above, Const(0)
+    below = Signal()
+    m.d.comb += [above.eq(over), below.eq(difference < -half_width)]
+    return above, below

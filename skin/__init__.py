@@ -1,0 +1,1 @@
+"""Signals that go in: textures and their scans, and a user's recordings."""

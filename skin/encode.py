@@ -1,0 +1,255 @@
+"""Encode an image, or samples of one's own, into address events (docs/guide/files.md)."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from base.errors import InputError
+from model.address_events import Events
+from model.config import ReadoutConfig
+from model.events.recording import Recording
+from skin.recordings.options import Preparation
+from skin.samples import fit_array, read_samples
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+    from skin.recordings.quality import Quality
+
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".gif", ".webp", ".pgm", ".ppm")
+
+Model = Literal["cycle", "functional"]
+"""With contention and link, or without."""
+
+
+@dataclass(frozen=True)
+class Encoded:
+    """Events of one input, and the samples that they encode.
+
+    Parameters
+    ----------
+    recording : Recording
+    codes : int32 array, shape (ticks, taxels)
+    clipped : int
+        Samples beyond full scale.
+    notes : tuple of str
+        Assumptions about columns, units and rate of the input.
+    warnings : tuple of str
+    """
+
+    recording: Recording
+    codes: NDArray[np.int32]
+    clipped: int
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    def quality(self) -> Quality:
+        """Return load, late and merged decisions, SNR and bound; of events of the cycle model."""
+        from skin.recordings.quality import measure_quality
+
+        return measure_quality(self.recording.config, self.codes, self.recording.events)
+
+    def all_warnings(self, quality: Quality) -> tuple[str, ...]:
+        """Return the warnings on the input and on the quality of its events."""
+        from skin.recordings.folder import quality_warnings
+
+        return (*self.warnings, *quality_warnings(self.recording.config, [self.codes], quality))
+
+
+def encode_image(
+    path: Path, config: ReadoutConfig, preset_name: str = "physical", start_row: float = 0.0, model: str = "cycle"
+) -> Encoded:
+    """Return the events of an array that slides over an image.
+
+    Parameters
+    ----------
+    path : Path
+        One of ``IMAGE_SUFFIXES``.
+    config : ReadoutConfig
+        The preset sets its sample rate and clock.
+    preset_name : "physical" or "paper"
+    start_row : float
+        Image row of the array's top edge, in pixels.
+    model : "cycle" or "functional"
+
+    Raises
+    ------
+    InputError
+        If the image cannot be read or is too small.
+    """
+    from skin.textures.presets import preset
+
+    scan = preset(preset_name)
+    pixels = _read_image(path)
+    config = scan.configure(config)
+    codes, clipped = scan.samples(config, pixels, start_row)
+    return _encoded(path, config, codes, clipped, model, {"preset": preset_name, "start_row": start_row})
+
+
+def encode_samples(
+    path: Path,
+    config: ReadoutConfig,
+    given: Collection[str] = (),
+    prepared: Mapping[str, Any] | None = None,
+    model: str = "cycle",
+) -> Encoded:
+    """Return the events of samples in a file: taken as they stand, or prepared where time stamps or options ask for it.
+
+    Parameters
+    ----------
+    path : Path
+        One of ``skin.samples.ARRAY_SUFFIXES``.
+    config : ReadoutConfig
+    given : collection of str
+        Fields of ``config`` that the user set; the others follow the recording.
+    prepared : mapping of str to object, optional
+        Fields of ``skin.recordings.options.Preparation`` that the user set.
+    model : "cycle" or "functional"
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, its rate is unknown, or a code is out of range.
+    """
+    from skin.recordings.fitting import SLOW_HZ, with_clock, with_seconds
+    from skin.textures.presets import quantise
+
+    prepared = prepared or {}
+    scale = prepared.get("scale")
+    percentile = scale is not None and scale.startswith("p")
+    if set(prepared) - {"scale"} or percentile or (path.suffix.lower() == ".csv" and _has_time(path)):
+        return _encode_prepared(path, config, given, prepared, model)
+    samples = read_samples(path)
+    if "sample_rate_hz" not in given:
+        if samples.rate_hz is None:
+            raise InputError(f"{path} does not say its sampling rate; add --sample-rate HZ")
+        config = config.replace(sample_rate_hz=samples.rate_hz)
+    size_given = bool({"rows", "columns"} & set(given))
+    values, rows, columns = fit_array(samples.values, config.rows, config.columns, size_given)
+    config = with_seconds(config.replace(rows=rows, columns=columns), given)
+    if values.dtype.kind in "iu" and scale is None:
+        metadata: dict[str, Any] = {"input": "codes"}
+        codes, clipped = _checked_codes(path, values, config), 0
+    else:
+        factor = _scale_factor(scale, values, config)
+        with np.errstate(over="ignore"):  # what overflows to infinity saturates, as all that is out of range
+            codes, clipped = quantise(values.astype(np.float64) * factor, config.sample_bits)
+        metadata = {"input": "full scale", "scale": factor}
+    if "clocks_per_sample" not in given and config.sample_rate_hz < SLOW_HZ:
+        config = with_clock(config, [codes])
+    return _encoded(path, config, codes, clipped, model, metadata)
+
+
+def _encode_prepared(
+    path: Path, config: ReadoutConfig, given: Collection[str], prepared: Mapping[str, Any], model: str
+) -> Encoded:
+    """Return the events of a recording without time stamps and baseline, in full scale."""
+    from skin.recordings.folder import read_set
+    from skin.recordings.table import read_table
+
+    options = Preparation(**prepared)
+    if "scale" not in prepared and options.baseline == "none":  # values mean the same as without time stamps
+        codes = read_table(path, options).codes
+        options = dataclasses.replace(options, scale=repr(1 / config.full_scale if codes else 1.0))
+    found = read_set(path, options, config, given)
+    if found.clipped and "scale" not in prepared and options.baseline == "none":
+        raise InputError(
+            f"{path} has {found.clipped} values beyond full scale; take the baseline off with --baseline first, or "
+            f"add --scale max"
+        )
+    metadata = {"input": "recording", "scale": found.scale, "baseline": options.baseline}
+    made = _encoded(path, found.config, found.codes[0], found.clipped, model, metadata)
+    return dataclasses.replace(made, notes=tuple(found.notes), warnings=tuple(found.warnings))
+
+
+def _encoded(
+    path: Path, config: ReadoutConfig, codes: NDArray[np.int32], clipped: int, model: str, metadata: dict[str, Any]
+) -> Encoded:
+    """Return the events that leave while the samples last; events that would leave later are not seen."""
+    if model not in get_args(Model):
+        raise InputError(f"model must be one of {', '.join(get_args(Model))}, not {model!r}")
+    duration = len(codes) * config.clocks_per_sample
+    metadata = {"name": path.stem, "source": path.name, "model": model} | metadata
+    return Encoded(
+        Recording(_events(config, codes, model, duration), config, duration, metadata=metadata), codes, clipped
+    )
+
+
+def _events(config: ReadoutConfig, codes: NDArray[np.int32], model: str, duration: int) -> Events:
+    if model == "cycle":
+        from model.readout import Stimulus, simulate
+
+        return simulate(config, Stimulus.from_samples(config, codes))
+    from model.taxel import encode_timed, uncontended_events
+
+    events = uncontended_events(config, *encode_timed(config, codes))
+    return events[events["t"] < duration]
+
+
+def _read_image(path: Path) -> NDArray[Any]:
+    """Return the gray values of an image in units of an 8-bit pixel, shape (height, width)."""
+    from PIL import Image
+
+    try:
+        data = path.open("rb")
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from None
+    try:
+        with data, Image.open(data) as image:
+            return _gray(image)
+    except Exception:  # the many decoders raise as many types
+        raise InputError(
+            f"{path} is damaged or not an image that can be read; save it as .png with 8 or 16 bits"
+        ) from None
+
+
+def _gray(image: Image) -> NDArray[Any]:
+    if image.mode.startswith("I"):  # 16 bits, which a conversion to 8 would cut off instead of scaling
+        return np.asarray(image, dtype=np.float64) / 257.0
+    return np.asarray(image.convert("L"))
+
+
+def _has_time(source: Path) -> bool:
+    """Return whether a .csv has a column that is no taxel; errors of the file are left to its reader."""
+    from skin.recordings.table import read_table
+
+    try:
+        return bool(read_table(source, Preparation()).notes)
+    except InputError:
+        return False
+
+
+def _checked_codes(source: Path, values: NDArray[Any], config: ReadoutConfig) -> NDArray[np.int32]:
+    low, high = -config.full_scale, config.full_scale - 1
+    wrong = np.argwhere((values < low) | (values > high))
+    if len(wrong):
+        tick, taxel = (int(i) for i in wrong[0])
+        raise InputError(
+            f"{source} has the code {values[tick, taxel]} at tick {tick}, taxel {taxel}, outside "
+            f"{low}..{high} "
+            f"of {config.sample_bits} bits; add --sample-bits, or --scale FACTOR to read them as numbers"
+        )
+    return values.astype(np.int32)
+
+
+def _scale_factor(scale: str | None, values: NDArray[Any], config: ReadoutConfig) -> float:
+    """Return the factor from the unit of the values to full scale; "max" puts the largest at full scale."""
+    if scale == "max":
+        largest = float(np.abs(values.astype(np.float64)).max())
+        # The positive end of the range is one code short of full scale.
+        return (1.0 - 1.0 / config.full_scale) / largest if largest else 1.0
+    try:
+        factor = 1.0 if scale is None else float(scale)
+    except ValueError:
+        factor = math.nan
+    if not (math.isfinite(factor) and factor != 0):
+        raise InputError(f"--scale takes a number other than 0, or max, not {scale!r}")
+    return factor

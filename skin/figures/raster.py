@@ -1,0 +1,273 @@
+"""Raster pictures of address events: time across, taxels down, ON and OFF in colour-blind-safe colours."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from base.figures.style import GREY, OFF_COLOUR, ON_COLOUR, UNMATCHED_COLOUR, check_picture_path, save_figure
+from model.address_events import Events, taxel_of
+from model.config import ReadoutConfig
+from model.events.compare import unmatched
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_WIDTH_IN = 10.0
+_TICK_LIMIT = 4000  # events drawn one by one; more become an image, which takes the same time for any number
+_RING_LIMIT = 300  # marked events drawn as large rings; more become dots
+_BINS = 1100  # columns of that image: a little wider than a pixel of the axes
+_LINES = 12  # signals drawn at most
+_POINTS = 4000  # points of a signal drawn at most
+
+
+def plot_comparison(
+    pair: tuple[Events, Events],
+    config: ReadoutConfig,
+    path: Path,
+    labels: tuple[str, str] = ("RTL", "model"),
+    title: str = "",
+    signal: NDArray[np.floating[Any]] | None = None,
+    texture: NDArray[Any] | None = None,
+    duration_clocks: int | None = None,
+) -> None:
+    """Draw two recordings of one readout above each other; events without an equal are ringed in black.
+
+    Parameters
+    ----------
+    pair : two arrays of EVENT_DTYPE, shape (events,)
+        The recordings; the first is drawn above the second.
+    config : ReadoutConfig
+        Array size and clock.
+    path : Path
+        Picture to write: .png, .pdf or .svg.
+    labels : (str, str)
+        Names of the two.
+    title : str, optional
+        Line above everything.
+    signal : float array, shape (ticks, taxels), optional
+        Samples in full scale (+-1.0), drawn above the events; some of the taxels where there are many.
+    texture : array, shape (height, width) or (height, width, 3), optional
+        The scanned part of the image, drawn at the top: the array passes its width in the duration.
+    duration_clocks : int, optional
+        End of the time axis; by default the last event or the last sample.
+
+    Raises
+    ------
+    InputError
+        If the picture cannot be written.
+    """
+    check_picture_path(path)
+    end_ms = _end_ms(config, pair, signal, duration_clocks)
+    marks = unmatched(*pair)
+    figure, axes = _panels(title, texture is not None, signal is not None, 2, config)
+    if texture is not None:
+        _draw_texture(axes["texture"], texture, end_ms)
+    if signal is not None:
+        _draw_signals(axes["signal"], signal, config)
+    any_alone = bool(marks[0].any() or marks[1].any())
+    for name, events, mark, label in zip(("raster0", "raster1"), pair, marks, labels, strict=True):
+        alone = int(mark.sum())
+        remark = "all events equal" if not (marks[0].any() or marks[1].any()) else f"{alone:,} without an equal"
+        _draw_events(axes[name], events, config, end_ms, mark)
+        _caption(axes[name], label, f"{len(events):,} events, {remark}")
+    _legend(axes["raster0"], config, any_alone)
+    _finish(figure, axes, end_ms, path)
+
+
+def plot_signals(
+    events: Events,
+    signal: NDArray[np.floating[Any]],
+    config: ReadoutConfig,
+    path: Path,
+    title: str = "",
+    label: str = "signal",
+    duration_clocks: int | None = None,
+) -> None:
+    """Draw signals above the events they belong to.
+
+    Parameters
+    ----------
+    events : ndarray of EVENT_DTYPE, shape (events,)
+    signal : float array, shape (ticks, taxels)
+        In full scale; row k is the sample tick at clock ``k * clocks_per_sample``.
+    label : str
+        Name of the signals.
+    config, path, title, duration_clocks
+        As for :func:`plot_comparison`.
+    """
+    check_picture_path(path)
+    end_ms = _end_ms(config, (events,), signal, duration_clocks)
+    figure, axes = _panels(title, False, True, 1, config)
+    _draw_signals(axes["signal"], signal, config, label)
+    _draw_events(axes["raster0"], events, config, end_ms, np.zeros(len(events), np.bool_))
+    _caption(axes["raster0"], "events", f"{len(events):,} events")
+    _legend(axes["raster0"], config, False)
+    _finish(figure, axes, end_ms, path)
+
+
+# -- panels ------------------------------------------------------------------------------------------
+
+
+def _end_ms(
+    config: ReadoutConfig,
+    recordings: tuple[Events, ...],
+    signal: NDArray[Any] | None,
+    duration_clocks: int | None,
+) -> float:
+    """Return the end of the time axis in ms."""
+    if duration_clocks is None:
+        ends = [int(events["t"][-1]) + 1 for events in recordings if len(events)]
+        ends += [len(signal) * config.clocks_per_sample] if signal is not None else []
+        duration_clocks = max(ends, default=config.clocks_per_sample)
+    return max(duration_clocks, 1) * 1e3 / config.clock_hz
+
+
+def _panels(
+    title: str, texture: bool, signal: bool, rasters: int, config: ReadoutConfig
+) -> tuple[Figure, dict[str, Axes]]:
+    """Return a figure with one panel below the other on a common time axis."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    raster_in = min(max(1.0, 0.045 * config.taxels), 3.0)
+    heights = {"texture": 1.0} if texture else {}
+    heights |= {"signal": 1.5} if signal else {}
+    heights |= {f"raster{i}": raster_in for i in range(rasters)}
+    figure = Figure(figsize=(_WIDTH_IN, sum(heights.values()) + 0.45 * len(heights) + 0.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    grid = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=list(heights.values()))
+    axes = dict(zip(heights, grid[:, 0], strict=True))
+    for panel in axes.values():
+        panel.spines[["top", "right"]].set_visible(False)
+        panel.tick_params(labelsize=8, length=3)
+    if title:
+        figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
+    return figure, axes
+
+
+def _caption(panel: Axes, label: str, remark: str = "") -> None:
+    panel.set_title(label, loc="left", fontsize=9.5, fontweight="bold", pad=4)
+    panel.set_title(remark, loc="center", fontsize=8.5, color=GREY, pad=4)
+
+
+def _draw_texture(panel: Axes, texture: NDArray[Any], end_ms: float) -> None:
+    """Draw the image over the time in which it is scanned."""
+    panel.imshow(texture, cmap="gray", aspect="auto", extent=(0, end_ms, 0, 1), interpolation="antialiased")
+    panel.set_yticks([])
+    panel.spines[:].set_visible(False)
+    _caption(panel, "texture")
+
+
+def _draw_signals(panel: Axes, signal: NDArray[Any], config: ReadoutConfig, label: str = "signal") -> None:
+    """Draw the samples of evenly spaced taxels."""
+    from matplotlib import colormaps
+
+    ticks, taxels = signal.shape
+    chosen = np.unique(np.linspace(0, taxels - 1, min(taxels, _LINES)).round().astype(int))
+    stride = max(1, -(-ticks // _POINTS))
+    time_ms = np.arange(0, ticks, stride) * 1e3 / config.sample_rate_hz
+    colours = colormaps["cividis"](np.linspace(0.05, 0.8, len(chosen)))
+    for taxel, colour in zip(chosen, colours, strict=True):
+        panel.plot(time_ms, signal[::stride, taxel], color=colour, lw=0.7, alpha=0.85, rasterized=True)
+    panel.set_ylabel("full scale", fontsize=8)
+    panel.margins(y=0.08)
+    shown = f"{len(chosen)} of {taxels} taxels" if len(chosen) < taxels else ""
+    _caption(panel, label, shown)
+
+
+def _draw_events(panel: Axes, events: Events, config: ReadoutConfig, end_ms: float, mark: NDArray[np.bool_]) -> None:
+    """Draw events as short upright ticks, one line of them per taxel, taxel 0 at the top."""
+    time_ms = events["t"] * (1e3 / config.clock_hz)
+    taxel = taxel_of(events, config)
+    if len(events) <= _TICK_LIMIT:
+        _draw_ticks(panel, time_ms, taxel, events["p"])
+    else:
+        _draw_density(panel, time_ms, taxel, events["p"], config, end_ms)
+    few = mark.sum() <= _RING_LIMIT
+    style: dict[str, Any] = (
+        {"s": 45, "facecolors": "none", "edgecolors": UNMATCHED_COLOUR, "linewidths": 1.1}
+        if few
+        else {"s": 1.5, "color": UNMATCHED_COLOUR, "linewidths": 0}
+    )
+    panel.scatter(time_ms[mark], taxel[mark], zorder=4, rasterized=True, clip_on=False, **style)
+    if 1 < config.columns < config.taxels and config.rows <= 32:
+        for row in range(1, config.rows):
+            panel.axhline(row * config.columns - 0.5, color="#dddddd", lw=0.5, zorder=0)
+    every = -(-config.rows // 8)
+    panel.set_yticks(np.arange(0, config.rows, every) * config.columns)
+    panel.set_ylim(config.taxels - 0.5, -0.5)
+    panel.set_ylabel("taxel", fontsize=8)
+
+
+def _draw_ticks(
+    panel: Axes, time_ms: NDArray[np.floating[Any]], taxel: NDArray[np.int64], on: NDArray[np.bool_]
+) -> None:
+    """Draw every event by itself."""
+    for which, colour in ((on, ON_COLOUR), (~on, OFF_COLOUR)):
+        at, line = time_ms[which], taxel[which]
+        panel.vlines(at, line - 0.4, line + 0.4, colors=colour, lw=0.9, rasterized=True)
+
+
+def _draw_density(
+    panel: Axes,
+    time_ms: NDArray[np.floating[Any]],
+    taxel: NDArray[np.int64],
+    on: NDArray[np.bool_],
+    config: ReadoutConfig,
+    end_ms: float,
+) -> None:
+    """Draw events as an image: hue from the share of ON, opacity from the number of events in a cell."""
+    from matplotlib.colors import to_rgb
+
+    column = np.minimum((time_ms * (_BINS / end_ms)).astype(np.int64), _BINS - 1)
+    inside = column >= 0
+    cell = taxel * _BINS + column
+    shape = (config.taxels, _BINS)
+    size = config.taxels * _BINS
+    total = np.bincount(cell[inside], minlength=size)[:size].reshape(shape)
+    share = np.bincount(cell[inside & on], minlength=size)[:size].reshape(shape) / np.maximum(total, 1)
+    picture = np.empty((*shape, 4))
+    picture[..., :3] = share[..., None] * to_rgb(ON_COLOUR) + (1 - share[..., None]) * to_rgb(OFF_COLOUR)
+    typical = max(1.0, float(np.percentile(total[total > 0], 90)))
+    picture[..., 3] = np.where(total, np.clip(0.35 + 0.65 * total / typical, 0, 1), 0)
+    if config.taxels <= 128:  # a gap between taxels, where there is room for one
+        picture = np.repeat(picture, 5, axis=0)
+        picture[4::5, :, 3] = 0
+    extent = (0, end_ms, config.taxels - 0.5, -0.5)
+    panel.imshow(picture, aspect="auto", extent=extent, interpolation="antialiased", zorder=2)
+
+
+def _legend(panel: Axes, config: ReadoutConfig, any_marked: bool) -> None:
+    from matplotlib.lines import Line2D
+
+    def key(colour: str, label: str, marker: str = "|") -> Line2D:
+        face = "none" if marker == "o" else colour
+        return Line2D([], [], color=colour, marker=marker, ls="", ms=7, mfc=face, mew=1.6, label=label)
+
+    keys = [key(ON_COLOUR, "ON"), key(OFF_COLOUR, "OFF")] if config.has_polarity else [key(ON_COLOUR, "event")]
+    if any_marked:
+        keys.append(key(UNMATCHED_COLOUR, "no equal", "o"))
+    panel.legend(
+        handles=keys,
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=len(keys),
+        frameon=False,
+        fontsize=8.5,
+        handletextpad=0.1,
+        columnspacing=1.0,
+        borderaxespad=0.1,
+    )
+
+
+def _finish(figure: Figure, axes: dict[str, Axes], end_ms: float, path: Path) -> None:
+    """Label the time axis and write the picture."""
+    last = list(axes.values())[-1]
+    last.set_xlim(0, end_ms)
+    last.set_xlabel("time (ms)", fontsize=8.5)
+    save_figure(figure, path)

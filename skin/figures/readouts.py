@@ -1,0 +1,36 @@
+"""How readouts look in all figures: encoders as the registry has them, and frames."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from base.figures.style import PALETTE
+from model.encoders import registry
+
+FRAME = "frame"
+"""Name of the frame readout, in points and data."""
+
+
+class Look(NamedTuple):
+    """Title of a readout, and colour and marker of its line."""
+
+    title: str
+    colour: str
+    marker: str
+
+
+LOOKS = {encoder.name: Look(encoder.title, encoder.colour, encoder.marker) for encoder in registry.ENCODERS} | {
+    FRAME: Look("frames", PALETTE["black"], "s")
+}
+"""By the name of the readout."""
+
+
+def look(readout: str) -> Look:
+    """Return the look of a readout.
+
+    Raises
+    ------
+    InputError
+        If it is neither an encoder nor frames.
+    """
+    return LOOKS[FRAME] if readout == FRAME else LOOKS[registry.named(readout).name]

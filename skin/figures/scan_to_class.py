@@ -1,0 +1,336 @@
+"""Fig. 8: one scan on its way from the texture through the network to the evidence for each class."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from base.figures.style import GREY, OFF_COLOUR, ON_COLOUR, PALETTE, dress, new_figure, save_figure
+from model.address_events import taxel_of
+from model.events.recording import Recording
+from skin.textures.physical import PhysicalScan
+from skin.textures.scan import Scan
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+CLASS_COLOURS = tuple(
+    PALETTE[name] for name in ("blue", "vermilion", "green", "purple", "orange", "sky", "black", "grey")
+)
+"""Colours of the classes; more classes take them again."""
+
+_INK = "#333333"
+_WAY, _ARRAY = PALETTE["vermilion"], PALETTE["blue"]  # not among the greys of a texture
+_SHOWN = 3  # taxels whose signal is drawn
+_NOTE = 0.15  # this part of a panel's width has room for words
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """One scan and what the network makes of it.
+
+    Attributes
+    ----------
+    name, true : str
+        Of the texture or own recording, and of its class.
+    label : int
+        Of the class, an index into ``class_names``.
+    tested : bool
+        It was none of those that the network learned from.
+    scan : Scan or None
+        None of own recordings, which are no scans.
+    pixels : uint8 array, shape (height, width), or None
+        The texture.
+    recording : Recording
+        Its events.
+    signals : array, shape (ticks, taxels)
+        Samples in full scales.
+    start_s, step_s : float
+        Begin of the first time step, and length of a step.
+    spikes : array, shape (steps, hidden)
+        Spikes of the hidden neurons, 0 or 1.
+    evidence : array, shape (steps, classes)
+        Sum of output spikes or membranes so far, as ``meaning`` says.
+    class_names : tuple of str
+    meaning : str
+        What the evidence is, in words.
+    right, tests : int
+        How many of so many test images the network classified rightly; 0 of 0 where that is not known.
+    numbers : mapping of str to str
+        What else is said above the panels ``signals``, ``events``, ``hidden`` and ``evidence``.
+    """
+
+    name: str
+    true: str
+    label: int
+    tested: bool
+    scan: Scan | None
+    pixels: NDArray[np.uint8] | None
+    recording: Recording
+    signals: NDArray[np.float64]
+    start_s: float
+    step_s: float
+    spikes: NDArray[np.float32]
+    evidence: NDArray[np.float32]
+    class_names: tuple[str, ...]
+    meaning: str
+    right: int = 0
+    tests: int = 0
+    numbers: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def predicted(self) -> str:
+        """Class of the largest evidence at the end."""
+        return self.class_names[int(self.evidence[-1].argmax())]
+
+    @property
+    def ends_ms(self) -> NDArray[np.floating[Any]]:
+        """End of every time step in milliseconds."""
+        return 1e3 * (self.start_s + self.step_s * np.arange(1, len(self.spikes) + 1))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what the network says, for a file: hidden spikes as pairs (step, neuron)."""
+        return {
+            "image": self.name,
+            "of_the_test_fold": self.tested,
+            "preset": None if self.scan is None else self.scan.name,
+            "readout": self.recording.config.to_dict(),
+            "events": len(self.recording.events),
+            "start_s": self.start_s,
+            "step_s": self.step_s,
+            "class_names": list(self.class_names),
+            "true": self.true,
+            "predicted": self.predicted,
+            "test_images_right": [self.right, self.tests],
+            "evidence": self.evidence.tolist(),
+            "hidden_spikes": np.argwhere(self.spikes).tolist(),
+        }
+
+
+def plot_scan(played: Played, path: Path) -> None:
+    """Draw a scan on its way through the network; see :func:`draw_scan`."""
+    save_figure(draw_scan(played), path)
+
+
+def draw_scan(played: Played) -> Figure:
+    """Return texture, taxel signals with their events, events of all taxels, hidden spikes and evidence."""
+    true, predicted = played.true, played.predicted
+    verdict = "right" if true == predicted else "wrong"
+    noun = "recording" if played.pixels is None else "image"
+    learned = f"test {noun}" if played.tested else f"training {noun}"
+    title = f"{played.name} ({learned}): true {true}, predicted {predicted}, {verdict}"
+    if played.tests:
+        title += f"; {played.right} of {played.tests} test {noun}s are right"
+    figure = new_figure(12, 8.4, title)
+    grid = figure.add_gridspec(4, 2, width_ratios=(1, 2.9), height_ratios=(1.5, 1.3, 1.5, 1.4))
+    draw_source = _draw_array if played.pixels is None else _draw_texture
+    draw_source(figure.add_subplot(grid[:2, 0]), played)
+    _draw_zoom(figure.add_subplot(grid[2, 0]), played)
+    _draw_final(figure.add_subplot(grid[3, 0]), played)
+    panels = [figure.add_subplot(grid[0, 1])]
+    panels += [figure.add_subplot(grid[row, 1], sharex=panels[0]) for row in (1, 2, 3)]
+    for panel, draw in zip(panels, (_draw_signals, _draw_events, _draw_hidden, _draw_evidence), strict=True):
+        draw(panel, played)
+        panel.grid(visible=False)
+    panels[0].set_xlim(0, 1e3 * played.recording.duration_s)
+    panels[-1].set_xlabel("time (ms)", fontsize=8.5)
+    return figure
+
+
+def _draw_texture(panel: Axes, played: Played) -> None:
+    """Draw the image, the array where it starts, and the way of the scan."""
+    from matplotlib.patches import Rectangle
+
+    config, scan = played.recording.config, played.scan
+    pixels = played.pixels
+    assert pixels is not None
+    assert scan is not None
+    height, width = pixels.shape
+    pitch = scan.taxel_pitch_px if isinstance(scan, PhysicalScan) else 1.0
+    across, down = ((n - 1) * pitch + 1 for n in (config.columns, config.rows))
+    rightwards = isinstance(scan, PhysicalScan) or width > height  # the paper's scan follows the longer side
+    if rightwards and not isinstance(scan, PhysicalScan):
+        across, down = down, across
+    dress(panel, "texture and scan")
+    panel.grid(visible=False)
+    panel.imshow(pixels, cmap="gray", vmin=0, vmax=255)
+    from matplotlib.patheffects import withStroke
+
+    way = (width, down) if rightwards else (across, height)
+    halo = [withStroke(linewidth=4.5, foreground="white")]
+    panel.add_patch(Rectangle((-0.5, -0.5), *way, fill=False, ec=_WAY, lw=2, path_effects=halo))
+    panel.add_patch(Rectangle((-0.5, -0.5), across, down, fill=False, ec=_ARRAY, lw=2.5, path_effects=halo))
+    beside = 0.05 * min(width, height)  # what the array covers may be less than a line of the picture
+    long, far = (width, down + beside) if rightwards else (height, across + beside)
+    ends = ((0.02 * long, far), (0.97 * long, far))
+    start, end = ends if rightwards else tuple((y, x) for x, y in ends)
+    panel.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "color": _WAY, "lw": 2.5, "path_effects": halo})
+    place, offset = ((width / 2, far), (0, -6)) if rightwards else ((far, height / 2), (6, 0))
+    panel.annotate("way of the array", place, xytext=offset, textcoords="offset points", color=_WAY, fontsize=8.5,
+                   fontweight="bold", path_effects=halo, rotation=0 if rightwards else 90,
+                   ha="center" if rightwards else "left", va="top" if rightwards else "center")  # fmt: skip
+    panel.set_xlabel(f"pixels; {config.rows} x {config.columns} taxels, {scan.name} scan", fontsize=8.5)
+
+
+def _draw_array(panel: Axes, played: Played) -> None:
+    """Draw how far each taxel of an own recording moved."""
+    config = played.recording.config
+    moved = np.ptp(played.signals, axis=0).reshape(config.rows, config.columns)
+    dress(panel, "movement of each taxel")
+    panel.grid(visible=False)
+    image = panel.imshow(moved, cmap="viridis", vmin=0)
+    panel.figure.colorbar(image, ax=panel, shrink=0.7, label="full scales")
+    panel.set_xticks(range(config.columns))
+    panel.set_yticks(range(config.rows))
+    panel.set_xlabel(f"column; {config.rows} x {config.columns} taxels", fontsize=8.5)
+    panel.set_ylabel("row", fontsize=8.5)
+
+
+def _draw_signals(panel: Axes, played: Played) -> None:
+    """Draw the samples of some taxels, one above the other, with their events on the line."""
+    shown = _shown(played)
+    gap = 1.15 * max(float(np.ptp(played.signals[:, shown], axis=0).max()), 1e-6)
+    for lane, taxel in enumerate(shown):
+        _draw_taxel(panel, played, int(taxel), -lane * gap, 2.5, slice(None))
+    panel.axvspan(*(1e3 * s for s in _zoom(played)), color="#e5e5e5", zorder=0)
+    panel.set_yticks([-lane * gap for lane in range(len(shown))], [f"taxel {taxel}" for taxel in shown])
+    handles, labels = panel.get_legend_handles_labels()
+    kinds = len(set(labels))
+    panel.legend(handles[:kinds], labels[:kinds], loc="lower right", bbox_to_anchor=(1, 1), ncols=2, frameon=False,
+                 fontsize=8, handletextpad=0.1, markerscale=2.5, borderaxespad=0.1)  # fmt: skip
+    dress(panel, "pressure signals and their events")
+    _above(panel, played, "signals", f"lanes {gap:.2g} full scales apart", before_legend=True)
+
+
+def _draw_zoom(panel: Axes, played: Played) -> None:
+    """Draw a few milliseconds of one taxel, event by event."""
+    config = played.recording.config
+    first, last = (round(s * config.sample_rate_hz) for s in _zoom(played))
+    shown = _shown(played)
+    taxel = int(shown[len(shown) // 2])
+    _draw_taxel(panel, played, taxel, 0.0, 5.0, slice(first, max(last, first + 2)))
+    dress(panel, f"taxel {taxel}, the grey part")
+    panel.grid(visible=False)
+    panel.set_xlabel("time (ms)", fontsize=8.5)
+    panel.set_ylabel("full scales", fontsize=8.5)
+
+
+def _shown(played: Played) -> NDArray[np.int64]:
+    """Return the taxels whose signals are drawn: first, middle and last."""
+    return np.unique(np.linspace(0, played.recording.config.taxels - 1, _SHOWN).astype(np.int64))
+
+
+def _zoom(played: Played) -> tuple[float, float]:
+    """Return the time window of the closer look: 20 ms of a scan; of an own recording where its taxel moves most."""
+    duration_s, rate_hz = played.recording.duration_s, played.recording.config.sample_rate_hz
+    start_s, length_s = duration_s / 4, 0.02
+    if played.scan is None:
+        shown = _shown(played)
+        moves = np.abs(np.diff(played.signals[:, shown[len(shown) // 2]], prepend=0.0))
+        length_s = max(length_s, 24 / rate_hz)
+        start_s = max(0.0, min(moves.argmax() / rate_hz, duration_s) - length_s / 2)
+    return start_s, min(start_s + length_s, duration_s)
+
+
+def _draw_taxel(panel: Axes, played: Played, taxel: int, offset: float, size: float, ticks: slice) -> None:
+    """Draw the signal of a taxel, moved by an offset, with its events on the line."""
+    config, events = played.recording.config, played.recording.events
+    signal = played.signals[:, taxel] + offset
+    number = np.arange(len(signal))[ticks]
+    panel.plot(1e3 * number / config.sample_rate_hz, signal[ticks], color=_INK, lw=0.7)
+    index = taxel_of(events, config)
+    for on, marker, colour in ((True, "^", ON_COLOUR), (False, "v", OFF_COLOUR)):
+        clocks = events["t"][(index == taxel) & (events["p"] == on)]
+        at = np.minimum(clocks // config.clocks_per_sample, len(signal) - 1)
+        inside = (at >= number[0]) & (at <= number[-1])
+        if on or config.has_polarity:
+            label = ("ON" if on else "OFF") if config.has_polarity else "event"
+            panel.plot(1e3 * clocks[inside] / config.clock_hz, signal[at[inside]], marker, color=colour, ms=size,
+                       mew=0, label=label)  # fmt: skip
+
+
+def _draw_events(panel: Axes, played: Played) -> None:
+    """Draw the address events of all taxels."""
+    config, events = played.recording.config, played.recording.events
+    index = taxel_of(events, config)
+    for on, colour in ((True, ON_COLOUR), (False, OFF_COLOUR)):
+        chosen = events["p"] == on
+        panel.plot(1e3 * events["t"][chosen] / config.clock_hz, index[chosen], ls="", marker="|", ms=2, mew=0.6,
+                   color=colour, alpha=0.8, rasterized=True)  # fmt: skip
+    panel.set_ylim(config.taxels - 0.5, -0.5)
+    panel.set_ylabel("taxel", fontsize=8.5)
+    dress(panel, "address events")
+    _above(panel, played, "events", f"{len(events):,} events of {config.taxels} taxels")
+
+
+def _draw_hidden(panel: Axes, played: Played) -> None:
+    """Draw the spikes of the hidden neurons."""
+    step, neuron = np.nonzero(played.spikes)
+    panel.plot(played.ends_ms[step], neuron, ls="", marker="|", ms=2, mew=0.7, color=_INK, rasterized=True)
+    panel.set_ylim(played.spikes.shape[1] - 0.5, -0.5)
+    panel.set_ylabel("neuron", fontsize=8.5)
+    if played.start_s > 0:
+        panel.axvspan(0, 1e3 * played.start_s, color="#eeeeee", zorder=0)
+        if played.start_s >= _NOTE * played.recording.duration_s:
+            panel.text(500 * played.start_s, played.spikes.shape[1] / 2, "events do not\ncount yet", fontsize=8,
+                       color=GREY, ha="center", va="center")  # fmt: skip
+    dress(panel, "hidden neurons")
+    steps = f"steps of {1e3 * played.step_s:g} ms"
+    _above(panel, played, "hidden", f"{played.spikes.sum():,.0f} spikes of {played.spikes.shape[1]} neurons, {steps}")
+
+
+def _draw_evidence(panel: Axes, played: Played) -> None:
+    """Draw the evidence for each class; the winner is thick, and it and the true class are named beside the panel."""
+    winner = int(played.evidence[-1].argmax())
+    for label, name in enumerate(played.class_names):
+        won = label == winner
+        panel.plot(played.ends_ms, played.evidence[:, label], color=_colour(label), lw=2.4 if won else 1.1,
+                   zorder=3 if won else 2, label=name)  # fmt: skip
+    dress(panel, "evidence for each class")
+    _above(panel, played, "evidence", played.meaning)
+    panel.set_ylabel("logit", fontsize=8.5)
+    top = float(played.evidence[-1, winner])
+    low, high = panel.get_ylim()
+    for label in dict.fromkeys((winner, played.label)):
+        place = top if label == winner else min(float(played.evidence[-1, label]), top - 0.13 * (high - low))
+        panel.annotate(played.class_names[label], (1, place), xytext=(5, 0), xycoords=panel.get_yaxis_transform(),
+                       textcoords="offset points", ha="left", va="center", fontsize=8.5, color=_colour(label),
+                       fontweight="bold" if label == winner else "normal", annotation_clip=False)  # fmt: skip
+
+
+def _draw_final(panel: Axes, played: Played) -> None:
+    """Draw the SoftMax of the evidence at the end; the true class is named."""
+    shares = np.exp(played.evidence[-1] - played.evidence[-1].max())
+    shares = 100 * shares / shares.sum()
+    true = played.label
+    panel.barh(range(len(shares)), shares, color=[_colour(label) for label in range(len(shares))])
+    names = [f"{name} (true)" if label == true else name for label, name in enumerate(played.class_names)]
+    panel.set_yticks(range(len(names)), names)
+    for label, tick in enumerate(panel.get_yticklabels()):
+        tick.set_color(_colour(label))
+    panel.invert_yaxis()
+    panel.set_xlim(0, 118)
+    panel.set_xticks(range(0, 101, 25))
+    for label, share in enumerate(shares):
+        mark = ", wins" if label == int(shares.argmax()) else ""
+        panel.text(share + 1, label, f"{share:.0f} %{mark}", va="center", fontsize=8)
+    dress(panel, "SoftMax at the end (%)")
+    panel.grid(visible=False)
+
+
+def _above(panel: Axes, played: Played, name: str, text: str, before_legend: bool = False) -> None:
+    """Write above a panel, at its right end, what it shows, and its numbers, if there are any."""
+    text = "; ".join([text, *([played.numbers[name]] if name in played.numbers else [])])
+    title = panel.set_title(text, fontsize=8, color=GREY, pad=4, loc="right")
+    if before_legend:
+        title.set_x(0.845)
+
+
+def _colour(label: int) -> str:
+    return CLASS_COLOURS[label % len(CLASS_COLOURS)]

@@ -1,0 +1,49 @@
+"""The picture of the study of slow signals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from base.figures.style import dress, new_figure, save_figure
+from model.encoders import registry
+from skin.figures.readouts import FRAME, look
+from skin.recordings.fitting import TAU_S
+
+
+def plot_study(data: dict[str, Any], path: Path) -> None:
+    """Draw SNR against data rate: a line for each encoder, and uniform sampling at the rates of LCS."""
+    figure = new_figure(7.2, 4.4, f"Slow signals: {data['source']}, {data['rate_hz']:g} samples/s")
+    panel = figure.subplots()
+    dress(panel)
+    for encoder in registry.ENCODERS:
+        line = [p for p in data["points"] if p["encoding"] == encoder.name and p["data_rate_bps"] > 0]
+        panel.plot(
+            [point["data_rate_bps"] for point in line],
+            [point["snr_db"] for point in line],
+            color=encoder.colour,
+            marker=encoder.marker,
+            lw=1.3,
+            ms=5,
+            label=encoder.title + (f", tau {1e3 * TAU_S:g} ms" if encoder.leaks else ""),
+        )
+        for point in line:
+            if encoder is registry.ENCODERS[0]:  # the lines are alike
+                panel.annotate(f"{point['resolution']} b", (point["data_rate_bps"], point["snr_db"]), xytext=(-4, 5),
+                               textcoords="offset points", ha="right", fontsize=7.5,
+                               color=encoder.colour)  # fmt: skip
+    same = [(p["data_rate_bps"], p["uniform"]["snr_db"]) for p in data["points"] if p["uniform"]]
+    panel.plot(
+        *zip(*sorted(same), strict=True),
+        color=look(FRAME).colour,
+        marker=look(FRAME).marker,
+        ms=3,
+        lw=1.0,
+        ls="--",
+        label="uniform sampling, best bits for the rate",
+    )
+    panel.set_xscale("log")
+    panel.set_xlabel("data rate (bit/s)", fontsize=8.5)
+    panel.set_ylabel("reconstruction SNR (dB)", fontsize=8.5)
+    panel.legend(fontsize=8, frameon=False, loc="upper left")
+    save_figure(figure, path)

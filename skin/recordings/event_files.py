@@ -1,0 +1,69 @@
+"""Event files of a user's recordings, kept by all that makes them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Collection
+from dataclasses import asdict
+from pathlib import Path
+
+import model
+from base.errors import InputError
+from base.workers.pool import WorkerPool
+from model import __version__
+from model.config import ReadoutConfig
+from skin.recordings.folder import quality_warnings, read_set, sources_of, write_folder
+from skin.recordings.options import Preparation
+
+_MODEL, _HERE = Path(model.__file__).parent, Path(__file__).parent
+
+KEPT = Path("out/recordings")
+"""Where event files of folders go that a command encodes on its way."""
+
+
+def kept_events(
+    place: Path,
+    options: Preparation,
+    config: ReadoutConfig,
+    given: Collection[str] = (),
+    progress: Callable[[], object] | None = None,
+    out: Path = KEPT,
+    pool: WorkerPool | None = None,
+    flat: bool = False,
+) -> tuple[Path, tuple[str, ...]]:
+    """Return the folder of event files of a folder of class folders, made unless it is there, and warnings.
+
+    With ``flat`` recordings may lie beside the class folders, and a file may stand alone: they have no class.
+
+    Its name has a digest of the recordings, the options, the configuration and the model's own files, so
+    what something else made is never taken for it.
+    """
+    digest = hashlib.sha256(json.dumps([__version__, asdict(options), config.to_dict(), sorted(given)]).encode())
+    for file in sorted([*_MODEL.rglob("*.py"), *_HERE.glob("*.py")]):
+        digest.update(file.read_bytes())
+    for source in sources_of(place, flat):
+        try:
+            digest.update(source.name.encode() + source.path.suffix.encode() + b"\0" + source.path.read_bytes())
+        except OSError as error:
+            raise InputError(f"cannot read {source.path}: {error.strerror}") from None
+    folder = out / f"{place.resolve().name}-{digest.hexdigest()[:12]}"
+    if folder.is_dir():
+        return folder, ()
+    recordings = read_set(place, options, config, given, progress, flat)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        part = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=out))
+    except OSError as error:
+        raise InputError(f"cannot make a folder in {out}: {error.strerror}") from None
+    try:
+        quality, _ = write_folder(recordings, part, pool)
+        part.chmod(0o755)
+        if not folder.is_dir():
+            os.replace(part, folder)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+    return folder, (*recordings.warnings, *quality_warnings(recordings.config, recordings.codes, quality))

@@ -1,0 +1,294 @@
+"""A folder of recordings, a sub-folder for each class: read, suited with one configuration, encoded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from base.errors import InputError
+from base.workers.pool import Local, WorkerPool, each
+from model.address_events import Events
+from model.config import ReadoutConfig
+from model.events.recording import Recording
+from model.readout import Stimulus, simulate
+from skin.recordings.fitting import array_of, steepest_step, with_clock, with_seconds
+from skin.recordings.options import Preparation
+from skin.recordings.prepare import prepare
+from skin.recordings.quality import Quality, measure_quality, pooled
+from skin.recordings.table import read_table
+from skin.samples import ARRAY_SUFFIXES
+
+MUCH_LATE = 0.01
+"""Part of the events above which late ones, or merged decisions, are worth a warning."""
+
+LOW_SNR_DB = 10.0
+"""Reconstruction SNR below which an LCS readout is worth a warning."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """One file of a set.
+
+    Attributes
+    ----------
+    path : Path
+    name : str
+        Path relative to the folder, without its ending, with slashes: equal file names in two classes stay apart.
+    class_name : str or None
+        First folder below the set's; None for a file by itself.
+    """
+
+    path: Path
+    name: str
+    class_name: str | None
+
+
+@dataclass(frozen=True, eq=False)
+class RecordingSet:
+    """Recordings as codes, with the one configuration of all.
+
+    Attributes
+    ----------
+    name : str
+        Of the folder, or of the file.
+    sources : tuple of Source
+    codes : list of int32 arrays, shape (ticks, taxels)
+        In the order of the sources.
+    config : ReadoutConfig
+    options : Preparation
+        That made the codes.
+    scale : float
+        Factor from the unit of the files to full scale.
+    clipped : int
+        Samples beyond full scale.
+    notes, warnings : tuple of str
+        What was taken for what; what the user should mend, with the option that does.
+    """
+
+    name: str
+    sources: tuple[Source, ...]
+    codes: list[NDArray[np.int32]]
+    config: ReadoutConfig
+    options: Preparation
+    scale: float
+    clipped: int
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    def recording(self, number: int) -> tuple[Recording, Quality]:
+        """Return the events of a recording, from the cycle-exact model, and how well they render it."""
+        return self._named(number, *encoded(self.config, self.codes[number]))
+
+    def each_recording(self, pool: WorkerPool | None = None) -> Iterator[tuple[Source, Recording, Quality]]:
+        """Give every recording with its events and their quality, in order; a pool works them out."""
+        found = each(pool or Local(1), encoded, ((self.config, codes) for codes in self.codes))
+        for number, (events, quality) in enumerate(found):
+            yield self.sources[number], *self._named(number, events, quality)
+
+    def _named(self, number: int, events: Events, quality: Quality) -> tuple[Recording, Quality]:
+        source = self.sources[number]
+        metadata = {"name": source.name, "source": source.path.name, "model": "cycle", "dataset": self.name}
+        metadata |= {"input": "recording"} | self.said_of(source)
+        clocks = len(self.codes[number]) * self.config.clocks_per_sample
+        return Recording(events, self.config, clocks, metadata=metadata), quality
+
+    def said_of(self, source: Source) -> dict[str, Any]:
+        """Return what an event file shall say of its recording: by the same preparation others can be compared."""
+        said = {"scale": self.scale, "prepared": self.options.chosen()}
+        return said | ({} if source.class_name is None else {"class": source.class_name})
+
+
+def encoded(config: ReadoutConfig, codes: NDArray[np.int32]) -> tuple[Events, Quality]:
+    """Return the events of codes, from the cycle-exact model, and how well they render them."""
+    events = simulate(config, Stimulus.from_samples(config, codes))
+    return events, measure_quality(config, codes, events)
+
+
+def sources_of(folder: Path, flat: bool = False) -> tuple[Source, ...]:
+    """Return the recordings of a folder of class folders, in the order of their names, or one file as the only one.
+
+    With ``flat`` files may lie beside the class folders, and have no class.
+
+    Raises
+    ------
+    InputError
+        If there is none, or one lies beside the class folders.
+    """
+    if not folder.is_dir():
+        return (Source(folder, folder.stem, None),)
+    found = []
+    try:
+        paths = sorted(path for path in folder.rglob("*") if path.suffix.lower() in ARRAY_SUFFIXES)
+    except OSError as error:
+        raise InputError(f"cannot read {folder}: {error.strerror}") from None
+    for path in paths:
+        parts = path.relative_to(folder).parts
+        if any(part.startswith(".") for part in parts) or not path.is_file():
+            continue
+        if len(parts) < 2 and not flat:
+            raise InputError(f"{path} lies beside the class folders; move it into the folder of its class")
+        found.append(
+            Source(path, path.relative_to(folder).with_suffix("").as_posix(), parts[0] if len(parts) > 1 else None)
+        )
+    if not found:
+        raise InputError(
+            f"{folder} holds no recordings; give a folder with one folder for each class, and files that end in "
+            f"{', '.join(ARRAY_SUFFIXES)} in them"
+        )
+    names = [source.name for source in found]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError(f"{folder} holds {twice} twice, with two endings; remove one of them")
+    return tuple(found)
+
+
+def read_set(
+    place: Path,
+    options: Preparation,
+    config: ReadoutConfig,
+    given: Collection[str] = (),
+    progress: Callable[[], object] | None = None,
+    flat: bool = False,
+) -> RecordingSet:
+    """Return the recordings of a folder, or of one file, with the configuration that suits them.
+
+    Parameters
+    ----------
+    place : Path
+        Folder of class folders, or a file.
+    options : Preparation
+    config : ReadoutConfig
+        What the user wants.
+    given : collection of str
+        Fields of it that the user set; of the others, array, rate, clock and time constants follow the recordings.
+    progress : callable, optional
+        Called after each file.
+    flat : bool
+        As ``sources_of`` takes it.
+    """
+    sources = sources_of(place, flat)
+    tables = []
+    for source in sources:
+        tables.append(read_table(source.path, options))
+        if progress is not None:
+            progress()
+    prepared = prepare(
+        tables, options, config.sample_bits, config.sample_rate_hz if "sample_rate_hz" in given else None
+    )
+    taxels = tables[0].values.shape[1]
+    config = _with_array(config, taxels, given, tables[0].path).replace(sample_rate_hz=prepared.rate_hz)
+    config = with_seconds(config, given)
+    if "clocks_per_sample" not in given:
+        config = with_clock(config, prepared.codes)
+    return RecordingSet(
+        name=place.resolve().name if place.is_dir() else place.stem,
+        sources=sources,
+        codes=prepared.codes,
+        config=config,
+        options=options,
+        scale=prepared.scale,
+        clipped=prepared.clipped,
+        notes=tuple(dict.fromkeys(note for table in tables for note in table.notes)),
+        warnings=(*prepared.warnings, *_unseen(config, prepared.codes)),
+    )
+
+
+def _with_array(config: ReadoutConfig, taxels: int, given: Collection[str], path: Path) -> ReadoutConfig:
+    """Return the configuration with an array of so many taxels, the user's if it fits."""
+    if {"rows", "columns"} & set(given) or config.taxels == taxels:
+        if config.taxels != taxels:
+            raise InputError(
+                f"{path} has {taxels} taxels, the array has {config.rows} x {config.columns} = {config.taxels}; "
+                f"give --rows and --columns, or neither, or choose columns with --taxel-columns"
+            )
+        return config
+    if (size := array_of(taxels)) is None:
+        raise InputError(f"no array of at most 64 x 64 has {taxels} taxels; leave some out with --taxel-columns")
+    return config.replace(rows=size[0], columns=size[1])
+
+
+def _unseen(config: ReadoutConfig, recordings: list[NDArray[np.int32]]) -> list[str]:
+    """Return a sentence on what an encoder without OFF events cannot see."""
+    if config.has_polarity:
+        return []
+    seen = sum(int((codes > 0).sum()) for codes in recordings)
+    below = sum(int((codes < -config.step).sum()) for codes in recordings)
+    if below <= 0.2 * (seen + below):
+        return []
+    return [
+        f"{below / (seen + below):.0%} of what the signals do is below zero, which {config.encoder.title} cannot see; "
+        f"turn the sign with a negative --scale FACTOR, choose another --baseline, or --encoding lcs"
+    ]
+
+
+def write_folder(
+    recordings: RecordingSet,
+    out: Path,
+    pool: WorkerPool | None = None,
+    progress: Callable[[], object] | None = None,
+) -> tuple[Quality, tuple[str, ...]]:
+    """Write an event file for every recording, ``OUT/class/name.npz``, and say how well they render the recordings.
+
+    Parameters
+    ----------
+    recordings : RecordingSet
+    out : Path
+    pool : WorkerPool, optional
+        Who works the events out, this process by default; they do not depend on it.
+    progress : callable, optional
+        Called after each file.
+
+    Returns
+    -------
+    Quality
+        Of all recordings together.
+    tuple of str
+        Warnings, with the options that mend what they warn of.
+    """
+    parts = []
+    for source, recording, quality in recordings.each_recording(pool):
+        path = out / f"{source.name}.npz"
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot make the folder {path.parent}: {error.strerror}; choose another --out") from None
+        recording.save(path)
+        parts.append(quality)
+        if progress is not None:
+            progress()
+    total = pooled(parts)
+    return total, quality_warnings(recordings.config, recordings.codes, total)
+
+
+def quality_warnings(config: ReadoutConfig, recordings: list[NDArray[np.int32]], quality: Quality) -> tuple[str, ...]:
+    """Return what a readout loses of some recordings, each with the option that mends it."""
+    warnings = []
+    more = f"raise --clocks-per-sample above {config.clocks_per_sample}, or leave it out"
+    if not quality.events:
+        warnings.append("no taxel ever sends an event; raise --scale or --resolution, or look at --baseline")
+    elif quality.late + quality.merged > MUCH_LATE * quality.expected:
+        warnings.append(
+            f"the link is too slow: {quality.late} of {quality.expected} events are late, {quality.merged} decisions "
+            f"merged; {more}"
+        )
+    step, limit = steepest_step(config, recordings)
+    if step > limit:
+        mend = "--decide-every clock" if config.decide_every == "sample" else more
+        warnings.append(
+            f"steps of {step} codes from sample to sample are beyond the {limit:.0f} of the decoder's bound; {mend}"
+        )
+    elif not quality.bound_holds and not (quality.late or quality.merged):
+        warnings.append(
+            "the reconstruction leaves the decoder's bound: it takes a taxel that waits for the link for one whose "
+            "window has closed; choose --encoding lcs"
+            if config.encoder.windowed
+            else "the reconstruction leaves the decoder's bound; lower --scale"
+        )
+    if quality.events and config.has_polarity and quality.snr_db < LOW_SNR_DB:
+        warnings.append(f"the reconstruction has {quality.snr_db:.1f} dB only; raise --resolution or --scale")
+    return tuple(warnings)

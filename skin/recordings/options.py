@@ -1,0 +1,84 @@
+"""How a user's recordings are read and brought to full scale: one object, which commands make options of."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+from base.errors import InputError
+from model.config import parameter
+
+Decimal = Literal["auto", "point", "comma"]
+TimeUnit = Literal["auto", "s", "ms", "us", "ns"]
+Baseline = Literal["none", "first", "median", "highpass"]
+
+GUIDE = "docs/guide/recordings.md"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Preparation:
+    """What lies between the files of a sensor and the codes of the readout.
+
+    Parameters
+    ----------
+    taxel_columns : str
+        Columns that are taxels, by name or number from 1, as ``2-17`` or ``s1,s2``; all but time if empty.
+    delimiter : str
+        What parts the cells of a .csv: a character, ``tab`` or ``space``; found by itself if empty.
+    decimal : "auto", "point" or "comma"
+    time_column : str
+        Column of time stamps, by name or number, or ``none``; found by itself if empty.
+    time_unit : "auto", "s", "ms", "us" or "ns"
+    baseline : "none", "first", "median" or "highpass"
+        What is taken off every taxel of a recording: its first value, its median, or all below ``highpass_hz``.
+    highpass_hz : float
+    scale : str
+        Factor to full scale, ``max``, or a percentile of the magnitudes of all recordings as ``p99.9``.
+    """
+
+    taxel_columns: str = parameter("", "", GUIDE, "columns of the file that are taxels, as 2-17 or s1,s2 [all]")
+    delimiter: str = parameter("", "", GUIDE, "between the cells of a .csv, or tab, space [found]")
+    decimal: Decimal = parameter("auto", "", GUIDE, "decimal point or comma of a .csv")
+    time_column: str = parameter("", "", GUIDE, "column of time stamps, by name or number, or none [found]")
+    time_unit: TimeUnit = parameter("auto", "", GUIDE, "unit of the time stamps")
+    baseline: Baseline = parameter("none", "", GUIDE, "taken off every taxel")
+    highpass_hz: float = parameter(0.1, "Hz", GUIDE, "corner of --baseline highpass")
+    scale: str = parameter("max", "", GUIDE, "factor to full scale, max, or a percentile as p99.9")
+
+    def __post_init__(self) -> None:
+        for name, choices in (("decimal", Decimal), ("time_unit", TimeUnit), ("baseline", Baseline)):
+            if (value := getattr(self, name)) not in get_args(choices):
+                option = "--" + name.replace("_", "-")
+                raise InputError(f"{option} must be one of {', '.join(get_args(choices))}, not {value!r}")
+        if len(self.delimiter) > 1 and self.delimiter not in ("tab", "space"):
+            raise InputError(f"--delimiter is one character, tab or space, not {self.delimiter!r}")
+        if not (math.isfinite(self.highpass_hz) and self.highpass_hz > 0):
+            raise InputError(f"--highpass must be a positive number of hertz, not {self.highpass_hz!r}")
+        self.percentile()
+
+    def chosen(self) -> dict[str, Any]:
+        """Return the fields that do not have their default, but for the scale."""
+        return {
+            field.name: getattr(self, field.name)
+            for field in dataclasses.fields(self)
+            if field.name != "scale" and getattr(self, field.name) != field.default
+        }
+
+    def percentile(self) -> float | None:
+        """Return the percentile of the magnitudes that becomes full scale, 100 for ``max``; None for a factor."""
+        if self.scale == "max":
+            return 100.0
+        text = self.scale.removeprefix("p")
+        try:
+            number = float(text)
+        except ValueError:
+            number = math.nan
+        if text != self.scale:
+            if not 0 < number <= 100:
+                raise InputError(f"--scale takes a percentile as p99.9, above p0 and up to p100, not {self.scale!r}")
+            return number
+        if not (math.isfinite(number) and number != 0):
+            raise InputError(f"--scale takes a number other than 0, max, or a percentile as p99.9, not {self.scale!r}")
+        return None

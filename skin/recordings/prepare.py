@@ -1,0 +1,186 @@
+"""From tables of a sensor to codes: one rate, no baseline, one scale for all recordings of a set."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from base.errors import InputError
+from skin.recordings.options import Preparation
+from skin.recordings.table import Table, Values
+from skin.textures.presets import quantise
+
+JITTER = 0.02
+"""Part of a sample period by which time stamps may miss the grid before a recording is resampled."""
+
+MUCH_CLIPPED = 1e-3
+"""Part of the samples above which clipping is worth a warning."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """Recordings as codes, in the order of their tables.
+
+    Attributes
+    ----------
+    codes : list of int32 arrays, shape (ticks, taxels)
+    rate_hz : float
+        Samples per second of all.
+    scale : float
+        Factor from the unit of the files to full scale.
+    clipped : int
+        Samples beyond full scale, all together.
+    warnings : tuple of str
+        What the user should know, with the option that mends it.
+    """
+
+    codes: list[NDArray[np.int32]]
+    rate_hz: float
+    scale: float
+    clipped: int
+    warnings: tuple[str, ...]
+
+
+def prepare(tables: Sequence[Table], options: Preparation, sample_bits: int, rate_hz: float | None = None) -> Prepared:
+    """Return recordings at one rate and scale, as codes.
+
+    Parameters
+    ----------
+    tables : sequence of Table
+        Of equally many taxels.
+    options : Preparation
+    sample_bits : int
+        W.
+    rate_hz : float, optional
+        By default that of the time stamps, the median of all recordings.
+
+    Raises
+    ------
+    InputError
+        If no rate is known, or the recordings do not have the same number of taxels.
+    """
+    widths = {table.values.shape[1]: table.path for table in tables}
+    if len(widths) > 1:
+        (a, first), (b, second) = list(widths.items())[:2]
+        raise InputError(f"{first} has {a} taxels, {second} has {b}; choose the same ones with --taxel-columns")
+    rate_hz = rate_hz or _common_rate(tables)
+    warnings = _columns_that_are_no_signal(tables)
+    signals = []
+    resampled = 0
+    for table in tables:
+        signal, moved = on_grid(table, rate_hz)
+        resampled += moved
+        signals.append(without_baseline(signal, rate_hz, options))
+    if resampled:
+        warnings.append(f"{resampled} of {len(tables)} recordings do not have even time stamps: resampled, linearly")
+    scale = scale_of(signals, options, sample_bits)
+    with np.errstate(over="ignore"):  # what overflows saturates, as all that is out of range
+        found = [quantise(signal * scale, sample_bits) for signal in signals]
+    clipped, samples = sum(n for _, n in found), sum(codes.size for codes, _ in found)
+    if clipped > MUCH_CLIPPED * samples:
+        remedy = "--scale max" if options.baseline != "none" else "--baseline first, or --scale max"
+        warnings.append(f"{clipped / samples:.1%} of the samples are beyond full scale and clipped; try {remedy}")
+    warnings += _baseline_left(found, options, sample_bits)
+    return Prepared([codes for codes, _ in found], rate_hz, scale, clipped, tuple(warnings))
+
+
+def _common_rate(tables: Sequence[Table]) -> float:
+    """Return the sampling rate of recordings that say it, in four digits; refuse where none does or they disagree."""
+    rates = []
+    for table in tables:
+        if table.time_s is not None:
+            steps = np.diff(table.time_s)  # the mean, which jitter does not move, of all that are no gaps
+            rates.append(1 / float(steps[steps < 3 * np.median(steps)].mean()))
+        elif table.rate_hz is not None:
+            rates.append(table.rate_hz)
+        else:
+            raise InputError(f"{table.path} does not say its sampling rate; add --sample-rate HZ")
+    rate = float(f"{statistics.median(rates):.4g}")
+    furthest = max(range(len(rates)), key=lambda k: abs(np.log(rates[k] / rate)))
+    if not 0.5 < rates[furthest] / rate < 2:
+        raise InputError(
+            f"{tables[furthest].path} has {rates[furthest]:.4g} samples/s, the others {rate:.4g}; give the rate of all "
+            f"with --sample-rate HZ, or --time-unit"
+        )
+    return rate
+
+
+def on_grid(table: Table, rate_hz: float) -> tuple[Values, bool]:
+    """Return the signals of a recording at an even rate, and whether they had to be resampled for it."""
+    from scipy.interpolate import make_interp_spline
+
+    time_s = table.time_s
+    if time_s is None:
+        return table.values, False
+    period = 1 / rate_hz
+    if np.abs(time_s - np.arange(len(time_s)) * period).max() <= JITTER * period:
+        return table.values, False
+    if (gap := float(np.diff(time_s).max())) > 1000 * period:
+        raise InputError(f"{table.path} has a gap of {gap:.4g} s in its time stamps; cut it into two recordings")
+    grid = np.arange(int(time_s[-1] * rate_hz + 1e-6) + 1) * period
+    return np.asarray(make_interp_spline(time_s, table.values, k=1)(np.minimum(grid, time_s[-1]))), True
+
+
+def without_baseline(signal: Values, rate_hz: float, options: Preparation) -> Values:
+    """Return a recording without the baseline of its taxels, shape (ticks, taxels)."""
+    if options.baseline == "first":
+        return np.asarray(signal - signal[0])
+    if options.baseline == "median":
+        return np.asarray(signal - np.median(signal, axis=0))
+    if options.baseline == "highpass":
+        from scipy.signal import butter, lfilter
+
+        if options.highpass_hz >= rate_hz / 2:
+            raise InputError(f"--highpass must be below half of {rate_hz:g} samples/s, not {options.highpass_hz:g}")
+        numerator, denominator = butter(1, options.highpass_hz, "highpass", fs=rate_hz)
+        return np.asarray(lfilter(numerator, denominator, signal - signal[0], axis=0))  # starts at rest
+    return signal
+
+
+def scale_of(signals: Sequence[Values], options: Preparation, sample_bits: int) -> float:
+    """Return the one factor that brings all recordings to full scale."""
+    percentile = options.percentile()
+    if percentile is None:
+        return float(options.scale)
+    magnitudes = np.concatenate([np.abs(signal).ravel() for signal in signals])
+    top = float(np.percentile(magnitudes, percentile))
+    # The positive end of the range is one code short of full scale.
+    return (1.0 - 2.0 ** (1 - sample_bits)) / top if top > 0 else 1.0
+
+
+# -- warnings ----------------------------------------------------------------------------------------
+
+
+def _columns_that_are_no_signal(tables: Sequence[Table]) -> list[str]:
+    """Return a sentence on columns that never change, and on those that rise in every recording."""
+    still = [all(np.ptp(table.values[:, k]) == 0 for table in tables) for k in range(tables[0].values.shape[1])]
+    rising = [
+        all(len(table.values) > 2 and (np.diff(table.values[:, k]) > 0).all() for table in tables)
+        for k in range(tables[0].values.shape[1])
+    ]
+    warnings = []
+    for marks, what, remedy in (
+        (still, "never changes", "leave it out with --taxel-columns"),
+        (rising, "rises steadily", "if it is time or a counter, say so with --time-column, or leave it out"),
+    ):
+        found = [tables[0].names[k] for k, mark in enumerate(marks) if mark]
+        if found:
+            more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+            warnings.append(f"column {found[0]!r}{more} {what}; {remedy}")
+    return warnings
+
+
+def _baseline_left(found: Sequence[tuple[NDArray[np.int32], int]], options: Preparation, sample_bits: int) -> list[str]:
+    """Return a sentence where signals move little on a large baseline, so that most of full scale is unused."""
+    moved = max(int(np.ptp(codes, axis=0).max()) for codes, _ in found)
+    largest = max(int(np.abs(codes).max()) for codes, _ in found)
+    if options.baseline == "none" and largest > 4 * moved and largest > 2 ** (sample_bits - 4):
+        return [
+            f"the signals stand on a baseline and use {moved / 2 ** (sample_bits - 1):.1%} of full scale only; "
+            f"take it off with --baseline first, median or highpass"
+        ]
+    return []

@@ -1,0 +1,135 @@
+"""What a readout made of a recording: load of the bus, late and merged decisions, reconstruction."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from base.errors import InputError
+from model.address_events import Events, taxel_of
+from model.config import ReadoutConfig
+from model.events.recording import Recording
+from model.taxel import EVENT_LATENCY, counts_of_events, decode, encode, error_bound
+
+MOST_VALUES = 2**28
+"""Largest number of values that are rebuilt (2 GiB): a longer recording is hardly meant."""
+
+CLOCKS_PER_EVENT = {"stream": 1, "four_phase": 7}
+"""Clocks that the link needs for an event at best (docs/design/microarchitecture.md)."""
+
+
+@dataclass(frozen=True)
+class Quality:
+    """How well a readout renders some samples; sums over recordings are made by :func:`pooled`.
+
+    Attributes
+    ----------
+    samples, seconds : int, float
+        Number of samples, ticks times taxels, and duration.
+    events, expected : int
+        Events that left, and those that would have without contention.
+    late, merged : int
+        Events that left after the tick of their cause; decisions that never became events of their own.
+    load, peak_load : float
+        Part of the time in which the link is busy: on average, and in the worst tick.
+    signal, noise : float
+        Mean squares, in codes: of the samples about the mean of their taxel, and of their difference from the
+        reconstruction.
+    bound_holds : bool
+        Whether the difference stays within the bound of the decoder at every tick (without OFF events: its upper end).
+    """
+
+    samples: int
+    seconds: float
+    events: int
+    expected: int
+    late: int
+    merged: int
+    load: float
+    peak_load: float
+    signal: float
+    noise: float
+    bound_holds: bool
+
+    @property
+    def snr_db(self) -> float:
+        """Return the reconstruction SNR in dB; infinite where nothing is lost."""
+        if not self.noise or not self.signal:
+            return math.inf if not self.noise else -math.inf
+        return 10 * math.log10(self.signal / self.noise)
+
+
+def measure_quality(config: ReadoutConfig, codes: NDArray[np.int32], events: Events) -> Quality:
+    """Return how well the events of a readout render the codes that it was given.
+
+    Parameters
+    ----------
+    config : ReadoutConfig
+    codes : int32 array, shape (ticks, taxels)
+    events : array of EVENT_DTYPE, shape (events,)
+        In clocks from the first sample on.
+    """
+    expected = np.abs(encode(config, codes).astype(np.int64))
+    counts, late = counts_of_events(config, events, len(codes))
+    sent = np.zeros(expected.shape, np.int64)
+    tick = (events["t"] - EVENT_LATENCY) // config.clocks_per_sample
+    seen = (tick >= 0) & (tick < len(codes))
+    np.add.at(sent, (tick[seen], taxel_of(events, config)[seen]), 1)
+    per_tick, cost = sent.sum(1), CLOCKS_PER_EVENT[config.link]
+    error = codes - decode(config, counts, late)
+    low, high = error_bound(config)
+    holds = bool(error.max() <= high and (not config.has_polarity or error.min() >= low))
+    return Quality(
+        samples=codes.size,
+        seconds=len(codes) / config.sample_rate_hz,
+        events=len(events),
+        expected=int(expected.sum()),
+        late=int(np.maximum(sent - expected, 0).sum()),
+        merged=max(int(expected.sum()) - len(events), 0),
+        load=cost * len(events) / (len(codes) * config.clocks_per_sample),
+        peak_load=cost * int(per_tick.max()) / config.clocks_per_sample,
+        signal=float(np.mean((codes - codes.mean(0)) ** 2)),
+        noise=float(np.mean(error**2)),
+        bound_holds=holds,
+    )
+
+
+def pooled(parts: list[Quality]) -> Quality:
+    """Return the quality of several recordings together; means are weighted by samples or time, peaks are the worst."""
+    samples, seconds = sum(p.samples for p in parts), math.fsum(p.seconds for p in parts)
+    return Quality(
+        samples=samples,
+        seconds=seconds,
+        events=sum(p.events for p in parts),
+        expected=sum(p.expected for p in parts),
+        late=sum(p.late for p in parts),
+        merged=sum(p.merged for p in parts),
+        load=math.fsum(p.load * p.seconds for p in parts) / seconds,
+        peak_load=max(p.peak_load for p in parts),
+        signal=math.fsum(p.signal * p.samples for p in parts) / samples,
+        noise=math.fsum(p.noise * p.samples for p in parts) / samples,
+        bound_holds=all(p.bound_holds for p in parts),
+    )
+
+
+def decode_recording(recording: Recording) -> NDArray[np.float64]:
+    """Return the reconstruction of a recording, shape (ticks, taxels), in full scale.
+
+    An event counts for the sample tick in which it left, (t - 3) // clocks_per_sample. One that had to wait
+    for the link may count for a later tick than that of its cause, or, after the last tick, for none.
+    """
+    config = recording.config
+    ticks = -(-recording.duration_clocks // config.clocks_per_sample)
+    stated = recording.metadata.get("ticks")  # a recording may last longer than its samples, to see the last events
+    if type(stated) is int and 0 <= stated < ticks:
+        ticks = stated
+    if ticks * config.taxels > MOST_VALUES:
+        raise InputError(
+            f"the recording lasts {ticks} ticks of {config.taxels} taxels, more than decode writes "
+            f"({MOST_VALUES} values); cut it into shorter ones"
+        )
+    counts, late = counts_of_events(config, recording.events, ticks)
+    return decode(config, counts, late) / config.full_scale

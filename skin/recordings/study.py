@@ -1,0 +1,161 @@
+"""Which encoder at which resolution gives what SNR at what data rate, beside uniform sampling at the same rate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from base.workers.pool import Local, Shared, WorkerPool, each
+from model.config import ReadoutConfig
+from model.encoders import registry
+from model.readout import Stimulus, simulate
+from skin.recordings.fitting import array_of, with_clock, with_seconds
+from skin.recordings.folder import read_set
+from skin.recordings.options import Preparation
+from skin.recordings.quality import measure_quality, pooled
+from skin.textures.presets import quantise
+
+RESOLUTIONS = (2, 3, 4, 5, 6, 7, 8, 9, 10)
+SAMPLE_BITS = 14
+"""W of the study, so that 10 bit leave two below the step."""
+
+UNIFORM_BITS = range(1, SAMPLE_BITS - 1)
+"""Up to two bits less than the samples have, or uniform sampling would lose nothing and have no finite SNR."""
+
+RATE_HZ, SECONDS, TAXELS = 100.0, 10.0, 16
+"""Samples per second, length and taxels of the generated signals."""
+
+Codes = NDArray[np.int32]
+
+
+def slow_signals(seed: int = 0) -> list[Codes]:
+    """Return generated pressures of a slow skin, codes of shape (ticks, taxels) each: presses, strokes and taps.
+
+    Each taxel has a gain of its own, and white noise of 1/2000 of full scale rms.
+    """
+    random = np.random.default_rng(seed)
+    time_s = np.arange(int(RATE_HZ * SECONDS))[:, None] / RATE_HZ
+    taxel = np.arange(TAXELS)[None, :]
+
+    def edge(at_s: float) -> NDArray[np.float64]:
+        return np.asarray(1 / (1 + np.exp(-4 * (time_s - at_s - 0.05 * taxel))))
+
+    def bump(at_s: float, width_s: float, delay_s: float) -> NDArray[np.float64]:
+        return np.asarray(np.exp(-(((time_s - at_s - delay_s * taxel) / width_s) ** 2)))
+
+    touches = [
+        edge(2) - edge(7),
+        bump(1, 0.4, 0.4),
+        np.sum([bump(at, 0.12, 0.02) for at in (1, 3, 4.5, 6.5, 8.5)], axis=0),
+    ]
+    signals = []
+    for touch in touches:
+        gains = random.uniform(0.6, 0.95, TAXELS)
+        signals.append(quantise(touch * gains + random.normal(0, 1 / 2000, touch.shape), SAMPLE_BITS)[0])
+    return signals
+
+
+def study_data(
+    place: Path | None = None, pool: WorkerPool | None = None, progress: Callable[[], object] | None = None
+) -> dict[str, Any]:
+    """Return SNR and data rate of every encoder and resolution, and of uniform sampling at the same data rate.
+
+    Parameters
+    ----------
+    place : Path, optional
+        A user's recordings, as ``read_set`` takes them; generated slow signals by default.
+    pool : WorkerPool, optional
+        Who does the work, this process by default; the result does not depend on it.
+    progress : callable, optional
+        Called after each point.
+
+    Returns
+    -------
+    dict
+        ``source``, ``rate_hz``, ``rows``, ``columns``, ``recordings``, and ``points``: ``encoding``, ``resolution``,
+        ``snr_db``, ``data_rate_bps``, ``events_per_s``, ``clock_hz``, ``tau_s`` (of encoders that leak), and
+        ``uniform`` with the ``snr_db``, ``bits`` and ``frame_rate_hz`` of uniform sampling with no more bit/s.
+    """
+    base = ReadoutConfig(sample_bits=SAMPLE_BITS)
+    if place is None:
+        size = array_of(TAXELS)
+        assert size is not None
+        recordings, base = slow_signals(), base.replace(rows=size[0], columns=size[1], sample_rate_hz=RATE_HZ)
+        source = "generated slow signals"
+    else:
+        found = read_set(place, Preparation(baseline="first"), base, {"clocks_per_sample"})
+        recordings, base, source = found.codes, found.config, found.name
+    configs = [
+        with_seconds(base.replace(encoding=encoding, resolution=resolution, clocks_per_sample=64), ())
+        for encoding in registry.NAMES
+        for resolution in RESOLUTIONS
+    ]
+    points = []
+    jobs = ((config,) for config in configs)
+    for point in each(pool or Local(1), _point, jobs, Shared.of("recordings", recordings)):
+        points.append(point)
+        if progress is not None:
+            progress()
+    return {
+        "source": source,
+        "rate_hz": base.sample_rate_hz,
+        "rows": base.rows,
+        "columns": base.columns,
+        "recordings": len(recordings),
+        "points": points,
+    }
+
+
+def _point(recordings: Sequence[Codes], config: ReadoutConfig) -> dict[str, Any]:
+    """Return what one configuration makes of the recordings, with a clock that their slopes need."""
+    config, parts = with_clock(config, recordings), []
+    for codes in recordings:
+        events = simulate(config, Stimulus.from_samples(config, codes))
+        parts.append(measure_quality(config, codes, events))
+    quality = pooled(parts)
+    events_per_s = quality.events / quality.seconds
+    bps = events_per_s * config.event_bits
+    return {
+        "encoding": config.encoding,
+        "resolution": config.resolution,
+        "snr_db": quality.snr_db,
+        "data_rate_bps": bps,
+        "events_per_s": events_per_s,
+        "clock_hz": config.clock_hz,
+        "tau_s": config.tau_s if config.encoder.leaks else None,
+        "late": quality.late,
+        "merged": quality.merged,
+        "uniform": uniform(recordings, bps, config.sample_rate_hz, config.sample_bits),
+    }
+
+
+def uniform(recordings: Sequence[Codes], bps: float, rate_hz: float, sample_bits: int) -> dict[str, Any] | None:
+    """Return the best uniform sampling of at most so many bit/s: all taxels at one rate, held until the next sample.
+
+    Of every number of bits the rate that the bits leave is tried, up to that of the recordings; the best SNR counts.
+    None where not even one bit a second is left for a taxel.
+    """
+    best: dict[str, Any] | None = None
+    taxels = recordings[0].shape[1]
+    signal = sum(float(((codes - codes.mean(0)) ** 2).sum()) for codes in recordings)
+    for bits in UNIFORM_BITS:
+        frame_rate_hz = min(bps / (bits * taxels), rate_hz)
+        if frame_rate_hz < 1:
+            continue
+        step = 2 ** (sample_bits - bits)
+        noise = 0.0
+        for codes in recordings:
+            ticks = np.arange(len(codes))
+            held = np.ceil(np.floor(ticks * frame_rate_hz / rate_hz + 1e-9) * rate_hz / frame_rate_hz - 1e-9).astype(
+                int
+            )
+            rounded = np.clip(np.rint(codes / step), -(2 ** (bits - 1)), 2 ** (bits - 1) - 1) * step
+            noise += float(((codes - rounded[np.minimum(held, ticks)]) ** 2).sum())
+        snr_db = float(10 * np.log10(signal / noise)) if noise else float("inf")
+        if best is None or snr_db > best["snr_db"]:
+            best = {"snr_db": snr_db, "bits": bits, "frame_rate_hz": frame_rate_hz}
+    return best

@@ -1,0 +1,217 @@
+"""Reads one recording of a sensor: a table of numbers with a line per sample, time stamps among its columns or not."""
+
+from __future__ import annotations
+
+import io
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from base.errors import InputError
+from skin.recordings.options import Preparation
+from skin.samples import ARRAY_SUFFIXES, read_samples
+
+Values = NDArray[np.float64]
+
+UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Units of time stamps in seconds."""
+
+_TIME_NAME = re.compile(
+    r"^\W*(t|times?|time[ _-]?stamps?|date|datetime|secs?|seconds|millis|micros|ms|us)(?![a-z])", re.IGNORECASE
+)
+_UNIT = re.compile(r"(?:^|[\s(\[_/])(s|sec|secs|seconds|ms|millis|us|µs|micros|ns)[\s)\]]*$", re.IGNORECASE)
+_UNIT_NAMES = {"sec": "s", "secs": "s", "seconds": "s", "millis": "ms", "µs": "us", "micros": "us"}
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """One recording as it stands in its file.
+
+    Attributes
+    ----------
+    path : Path
+    values : float64 array, shape (ticks, taxels)
+        In the unit of the file.
+    names : tuple of str
+        Of the taxels' columns.
+    codes : bool
+        Whether all values are whole numbers without a point.
+    time_s : float64 array, shape (ticks,), or None
+        Time stamps in seconds, where a column has them.
+    rate_hz : float or None
+        Sampling rate, where the file states one.
+    notes : tuple of str
+        What was taken for what, for the user.
+    """
+
+    path: Path
+    values: Values
+    names: tuple[str, ...]
+    codes: bool
+    time_s: Values | None
+    rate_hz: float | None
+    notes: tuple[str, ...]
+
+
+def read_table(path: Path, options: Preparation) -> Table:
+    """Return the recording of a .csv, .npy or .npz file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is no table of finite numbers, lacks a column that the options name, or its time
+        stamps do not rise.
+    """
+    if path.suffix.lower() == ".csv":
+        values, names, codes = _read_csv(path, options)
+        rate_hz = None
+    elif path.suffix.lower() in ARRAY_SUFFIXES:
+        samples = read_samples(path)
+        flat = samples.values.reshape(len(samples.values), -1)
+        values, codes, rate_hz = flat.astype(np.float64), samples.values.dtype.kind in "iu", samples.rate_hz
+        names = tuple(f"{number}" for number in range(1, values.shape[1] + 1))
+    else:
+        raise InputError(f"{path} is no table of samples; they come as {', '.join(ARRAY_SUFFIXES)}")
+    time_column, notes = _time_column(path, values, names, options)
+    chosen = _chosen_columns(path, names, options.taxel_columns)
+    if time_column is not None and options.taxel_columns == "":
+        chosen = [number for number in chosen if number != time_column]
+    if not chosen:
+        raise InputError(f"{path} has no column but its time stamps; give one for each taxel")
+    time_s = None
+    if time_column is not None and "counter" not in " ".join(notes):
+        time_s, note = _seconds(path, values[:, time_column], names[time_column], options)
+        notes = (*notes, note)
+    return Table(path, values[:, chosen], tuple(names[k] for k in chosen), codes, time_s, rate_hz, notes)
+
+
+# -- text --------------------------------------------------------------------------------------------
+
+
+def _read_csv(path: Path, options: Preparation) -> tuple[Values, tuple[str, ...], bool]:
+    """Return the numbers of a text file, the names of its columns, and whether all are whole numbers."""
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path} is not text; save it as comma-separated values in UTF-8") from None
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    if not lines:
+        raise InputError(f"{path} holds no samples; give at least one line of numbers")
+    delimiter = {"tab": "\t", "space": None, "": _delimiter(lines)}.get(options.delimiter, options.delimiter)
+    comma = options.decimal == "comma" or (options.decimal == "auto" and delimiter != "," and "," in lines[-1])
+    if comma and delimiter == ",":
+        raise InputError("a decimal comma needs another delimiter; add --delimiter, such as ';'")
+    cells = [cell.strip().strip('"') for cell in lines[0].split(delimiter)]
+    headed = not all(_is_number(cell.replace(",", ".") if comma else cell) for cell in cells)
+    body = lines[1:] if headed else lines
+    if not body:
+        raise InputError(f"{path} holds no samples below its header; give at least one line of numbers")
+    numbers = "\n".join(body).replace('"', "")
+    if comma:
+        numbers = numbers.replace(",", ".")
+    try:
+        values = np.loadtxt(io.StringIO(numbers), np.float64, delimiter=delimiter, comments=None, ndmin=2)
+    except ValueError as error:
+        reason = " ".join(str(error).split()).split(";")[0].rstrip(".")
+        raise InputError(
+            f"{path} is not a table of numbers: {reason[:1].lower() + reason[1:]}; --delimiter and --decimal say how "
+            f"it is written"
+        ) from None
+    if wrong := np.argwhere(~np.isfinite(values)).tolist():
+        line, column = wrong[0]
+        raise InputError(
+            f"{path} has {values[line, column]} in sample {line + 1}, column {column + 1}; replace it, or leave the "
+            f"column out with --taxel-columns"
+        )
+    names = tuple(cells) if headed else tuple(str(number) for number in range(1, values.shape[1] + 1))
+    if len(names) != values.shape[1]:
+        raise InputError(f"{path} names {len(names)} columns and has {values.shape[1]}; repair its header")
+    return values, names, re.search(r"[.eE]", numbers) is None
+
+
+def _delimiter(lines: list[str]) -> str | None:
+    """Return what parts the cells: tab, semicolon or comma where there is one, else white space (None)."""
+    return next((mark for mark in ("\t", ";", ",") if all(mark in line for line in lines[-2:])), None)
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+# -- columns -----------------------------------------------------------------------------------------
+
+
+def _chosen_columns(path: Path, names: tuple[str, ...], text: str) -> list[int]:
+    """Return the columns that a list such as ``2-17,20`` or ``s1,s2`` names; all where it is empty."""
+    if not text:
+        return list(range(len(names)))
+    chosen: list[int] = []
+    for part in (part.strip() for part in text.split(",")):
+        ends = re.fullmatch(r"(\d+)-(\d+)", part)
+        if part not in names and ends is not None:
+            chosen += [_column(path, names, str(n)) for n in range(int(ends[1]), min(int(ends[2]), 10**6) + 1)]
+        else:
+            chosen.append(_column(path, names, part))
+    return chosen
+
+
+def _column(path: Path, names: tuple[str, ...], text: str) -> int:
+    """Return the number from 0 of a column, which is given by its name, or by its number from 1."""
+    if text in names:
+        return names.index(text)
+    if text.isdigit() and 1 <= int(text) <= len(names):
+        return int(text) - 1
+    raise InputError(f"{path} has no column {text!r}; it has {len(names)}: {', '.join(names[:8])}")
+
+
+def _time_column(
+    path: Path, values: Values, names: tuple[str, ...], options: Preparation
+) -> tuple[int | None, tuple[str, ...]]:
+    """Return the column that is no taxel but time, or a counter of samples, and a note that says so."""
+    if options.time_column == "none":
+        return None, ()
+    if options.time_column:
+        return _column(path, names, options.time_column), ()
+    named = [number for number, name in enumerate(names) if _TIME_NAME.match(name)]
+    rising = [number for number in range(values.shape[1]) if len(values) > 2 and (np.diff(values[:, number]) > 0).all()]
+    if named:
+        return named[0], (f"column {names[named[0]]!r} is taken as time stamps, by its name",)
+    if rising[:1] != [0] or len(rising) == values.shape[1]:
+        return None, ()
+    if (np.diff(values[:, 0]) == 1).all():
+        return 0, (f"column {names[0]!r} rises by one from line to line: taken as a counter, and left out",)
+    return 0, (f"column {names[0]!r} rises steadily: taken as time stamps; --time-column none keeps it as a taxel",)
+
+
+def _seconds(path: Path, stamps: Values, name: str, options: Preparation) -> tuple[Values, str]:
+    """Return time stamps in seconds from the first, and a note of their unit and rate."""
+    steps = np.diff(stamps)
+    if len(stamps) < 2:
+        raise InputError(f"{path} has one sample only; a recording needs two at least")
+    if (steps <= 0).any():
+        line = int(np.argmax(steps <= 0)) + 2
+        raise InputError(
+            f"{path}: the time stamp of sample {line} is not later than the one before; sort the samples, or give "
+            f"--time-column none and --sample-rate HZ"
+        )
+    step = float(np.median(steps))
+    unit: str
+    if options.time_unit != "auto":
+        unit = options.time_unit
+    elif found := _UNIT.search(name):
+        unit = _UNIT_NAMES.get(found[1].lower(), found[1].lower())
+    elif (steps == 1).all():
+        raise InputError(f"{path}: the time stamps rise by one; say of what by --time-unit s, ms, us or ns")
+    else:
+        unit = "s" if step < 1 else "ms" if step < 1e3 else "us" if step < 1e6 else "ns"
+    seconds = (stamps - stamps[0]) * UNITS_S[unit]
+    return seconds, f"time stamps are in {unit}"

@@ -1,0 +1,71 @@
+"""How the recordings of a training were read, scaled and encoded, so that others can be taken in the same way."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from base.errors import InputError
+from model.config import ReadoutConfig
+from model.events.recording import Recording
+from skin.recordings.folder import RecordingSet, read_set
+from skin.recordings.options import Preparation
+
+EVERY_FIELD = frozenset(field.name for field in dataclasses.fields(ReadoutConfig))
+"""All of them are said: none follows the recordings."""
+
+
+@dataclass(frozen=True)
+class OwnReadout:
+    """The readout of some own recordings.
+
+    Attributes
+    ----------
+    config : ReadoutConfig
+    options : Preparation
+        With the scale as it came out.
+    """
+
+    config: ReadoutConfig
+    options: Preparation
+
+    @classmethod
+    def of(cls, recording: Recording) -> OwnReadout | None:
+        """Return that of an event file of own recordings; None of others."""
+        prepared, scale = recording.metadata.get("prepared"), recording.metadata.get("scale")
+        if not isinstance(prepared, dict) or not isinstance(scale, float):
+            return None
+        return cls.from_dict({"readout": recording.config.to_dict(), "prepared": prepared, "scale": scale})
+
+    @property
+    def prepared(self) -> dict[str, Any]:
+        """All fields of the preparation."""
+        return dataclasses.asdict(self.options)
+
+    def read(self, place: Path) -> RecordingSet:
+        """Return other recordings, taken as these were."""
+        return read_set(place, self.options, self.config, EVERY_FIELD)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values."""
+        prepared = self.options.chosen()
+        return {"readout": self.config.to_dict(), "prepared": prepared, "scale": float(self.options.scale)}
+
+    @classmethod
+    def from_dict(cls, fields: dict[str, Any]) -> OwnReadout:
+        """Return what ``to_dict`` gave, also from a JSON file.
+
+        Raises
+        ------
+        InputError
+            If the fields are not those.
+        """
+        try:
+            options = Preparation(**fields["prepared"], scale=repr(float(fields["scale"])))
+            return cls(ReadoutConfig.from_dict(fields["readout"]), options)
+        except (KeyError, TypeError, ValueError):
+            raise InputError(
+                "preparation, scale and readout of own recordings are damaged; encode them again"
+            ) from None

@@ -1,0 +1,205 @@
+"""Reads a user's own samples, .npy, .npz or .csv, and writes reconstructed ones (docs/guide/files.md)."""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from base.errors import InputError
+from base.files import atomic_write, check_writable
+from model.config import MAX_SIDE
+
+ARRAY_SUFFIXES = (".npy", ".npz", ".csv")
+
+_ARRAY = "samples"
+_RATE = "sample_rate_hz"
+_NOT_A_CODE = re.compile(rb"[.eEnN]")  # what only a floating-point number has: point, exponent, nan, inf
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Samples as they stand in a file.
+
+    Attributes
+    ----------
+    values : integer or float array, shape (ticks, taxels) or (ticks, rows, columns)
+        Integers are codes, floats are in full scale (+-1.0).
+    rate_hz : float or None
+        Sampling rate, where the file states one.
+    """
+
+    values: NDArray[Any]
+    rate_hz: float | None = None
+
+
+def read_samples(path: Path) -> Samples:
+    """Return the samples of a .npy, .npz or .csv file.
+
+    A .npz holds one array, or one named ``samples`` among others; a scalar ``sample_rate_hz`` gives the rate.
+    A .csv has one line per sample tick, values separated by commas, optionally under one header line; it
+    holds codes if no number in it has a point or an exponent.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or is not a finite numerical array of two or three dimensions.
+    """
+    read = {".npy": _read_npy, ".npz": _read_npz, ".csv": _read_csv}.get(path.suffix.lower())
+    if read is None:
+        raise InputError(f"{path} is no array file; samples come as {', '.join(ARRAY_SUFFIXES)}")
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from None
+    samples = read(path, data)
+    _check_values(path, samples.values)
+    if samples.rate_hz is not None and not (math.isfinite(samples.rate_hz) and samples.rate_hz > 0):
+        raise InputError(f"{path} states the sampling rate {samples.rate_hz:g}; it must be a positive number")
+    return samples
+
+
+def _read_npy(path: Path, data: bytes) -> Samples:
+    try:
+        return Samples(np.lib.format.read_array(io.BytesIO(data), allow_pickle=False))
+    except Exception:  # the reader raises almost any type, depending on what is damaged
+        raise InputError(f"{path} is damaged or not a numerical .npy file; save it with numpy.save") from None
+
+
+def _read_npz(path: Path, data: bytes) -> Samples:
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            members = {name.removesuffix(".npy"): archive.read(name) for name in archive.namelist()}
+        found = {
+            name: np.lib.format.read_array(io.BytesIO(member), allow_pickle=False) for name, member in members.items()
+        }
+    except Exception:  # as above
+        raise InputError(f"{path} is damaged or not a numerical .npz file; save it with numpy.savez") from None
+    rate = found.pop(_RATE, None)
+    if rate is not None and (rate.size != 1 or rate.dtype.kind not in "iuf"):
+        raise InputError(f"{path} has a {_RATE} that is not one number; give it in hertz")
+    names = [_ARRAY] if _ARRAY in found else sorted(found)
+    if len(names) != 1:
+        held = ", ".join(names) if names else "nothing"
+        raise InputError(f"{path} holds {held}; name the array of samples {_ARRAY!r}")
+    return Samples(found[names[0]], None if rate is None else float(rate.reshape(())))
+
+
+def _read_csv(path: Path, data: bytes) -> Samples:
+    text = data.removeprefix(b"\xef\xbb\xbf")  # the mark that spreadsheets put in front of UTF-8
+    first, _, rest = text.partition(b"\n")
+    if not any(_is_number(cell) for cell in first.split(b",")):  # a header names columns, it holds no number
+        text = rest
+    if not text.strip():
+        raise InputError(f"{path} holds no samples; give at least one line of numbers")
+    kind = float if _NOT_A_CODE.search(text) else np.int64
+    try:
+        return Samples(np.loadtxt(io.BytesIO(text), kind, delimiter=",", comments=None, ndmin=2))
+    except (ValueError, OverflowError) as error:
+        reason = " ".join(str(error).split()).split(";")[0].rstrip(".")
+        raise InputError(
+            f"{path} is not a table of numbers separated by commas: {reason[:1].lower() + reason[1:]}"
+        ) from None
+
+
+def _is_number(cell: bytes) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _check_values(path: Path, values: NDArray[Any]) -> None:
+    if values.dtype.kind not in "iuf":
+        raise InputError(
+            f"{path} holds {values.dtype} values; samples are integers (codes) or floats (full scale +-1.0)"
+        )
+    if values.ndim not in (2, 3):
+        remedy = "; reshape a single taxel to (ticks, 1)" if values.ndim == 1 else ""
+        wanted = "(ticks, taxels) or (ticks, rows, columns)"
+        raise InputError(f"{path} has the shape {values.shape}; samples have {wanted}{remedy}")
+    if not values.size:
+        raise InputError(f"{path} has the shape {values.shape}: no samples; give at least one tick and one taxel")
+    if values.dtype.kind == "f" and not np.isfinite(values).all():
+        place = tuple(int(i) for i in np.argwhere(~np.isfinite(values))[0])
+        raise InputError(f"{path} has {values[place]} at {list(place)}; replace what is not a finite number")
+
+
+# -- array size --------------------------------------------------------------------------------------
+
+
+def fit_array(values: NDArray[Any], rows: int, columns: int, size_given: bool) -> tuple[NDArray[Any], int, int]:
+    """Return values of shape (ticks, rows * columns), and the array size.
+
+    Parameters
+    ----------
+    values : array, shape (ticks, taxels) or (ticks, rows, columns)
+    rows, columns : int
+        Array size wanted.
+    size_given : bool
+        Whether the user chose it; if not, values of three dimensions bring their own.
+
+    Raises
+    ------
+    InputError
+        If the values do not fit the array; its text says which size would do.
+    """
+    shape = values.shape[1:]
+    flat = values.reshape(len(values), -1)
+    if len(shape) == 2 and not size_given:
+        rows, columns = int(shape[0]), int(shape[1])
+    elif shape not in ((rows, columns), (rows * columns,)):
+        if len(shape) == 2:
+            raise InputError(
+                f"the samples are of {shape[0]} x {shape[1]} taxels, the array has {rows} x {columns}; "
+                f"use --rows {shape[0]} --columns {shape[1]}"
+            )
+        raise InputError(
+            f"the samples have {shape[0]} columns, the array has {rows} x {columns} = {rows * columns} "
+            f"taxels; {_suggest_size(shape[0])}"
+        )
+    return flat, rows, columns
+
+
+def _suggest_size(taxels: int) -> str:
+    """Return a remedy: the array size nearest to one row, or to a square, that has this many taxels."""
+    if taxels <= MAX_SIDE:
+        return f"use --rows 1 --columns {taxels}"
+    for rows in range(math.isqrt(taxels), 1, -1):
+        if taxels % rows == 0 and taxels // rows <= MAX_SIDE:
+            return f"use --rows {rows} --columns {taxels // rows}, or another split of {taxels}"
+    return f"no array of at most {MAX_SIDE} x {MAX_SIDE} has {taxels} taxels, so leave some out"
+
+
+# -- output ------------------------------------------------------------------------------------------
+
+
+def check_samples_path(path: Path) -> None:
+    """Refuse an output of unknown kind, or in a folder that does not exist, before any work is done."""
+    if path.suffix.lower() not in ARRAY_SUFFIXES:
+        raise InputError(f"signals are written as {', '.join(ARRAY_SUFFIXES)}, not {path.name}; rename the output")
+    check_writable(path)
+
+
+def write_samples(path: Path, values: NDArray[np.float64], rate_hz: float) -> None:
+    """Write signals, shape (ticks, taxels), in full scale; :func:`read_samples` reads them again.
+
+    The .npz also holds the sampling rate. The .csv has a header and twelve decimals.
+    """
+    check_samples_path(path)
+    with atomic_write(path) as file:
+        if path.suffix.lower() == ".npz":
+            np.savez_compressed(file, samples=values, sample_rate_hz=np.array(rate_hz))
+        elif path.suffix.lower() == ".npy":
+            np.save(file, values)
+        else:
+            header = ",".join(f"taxel {i}" for i in range(values.shape[1]))
+            np.savetxt(file, values, fmt="%.12f", delimiter=",", header=header, comments="")

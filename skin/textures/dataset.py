@@ -1,0 +1,293 @@
+"""Texture images with their classes: a directory of class folders, or the embedded default.
+
+``open_dataset`` finds the images. A directory holds one folder of 8-bit gray PNG files per class, as the
+Kylberg textures do, and is checked against its SHA256SUMS file when it has one. Without a directory, the
+CC0 photographs of brick, grass and gravel that ship inside scikit-image are cut into patches.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import struct
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from base.errors import InputError
+
+EMBEDDED = "embedded"
+"""The name that stands for the embedded default, wherever a directory can be given."""
+
+ENVIRONMENT_VARIABLE = "ESKIN_DATA"
+"""Names the dataset directory where no option does."""
+
+SEARCHED = ("data/kylberg", "../shared/data/kylberg")
+"""Directories searched last, relative to the repository root and to the working directory."""
+
+SUMS_FILE = "SHA256SUMS"
+"""``sha256sum`` output that lists every image of a directory as ``class/name.png``."""
+
+EMBEDDED_SHA256 = {
+    "brick": "7966caf324f6ba843118d98f7a07746d22f6a343430add0233eca5f6eaaa8fcf",
+    "grass": "b6b6022426b38936c43a4ac09635cd78af074e90f42ffa8227ac8b7452d39f89",
+    "gravel": "c48615b451bf1e606fbd72c0aa9f8cc0f068ab7111ef7d93bb9b0f2586440c12",
+}
+"""The CC0 photographs inside scikit-image, 512 x 512 pixels each, by class (see ``skimage.data.brick``)."""
+
+PATCH_WIDTH_PX, PATCH_HEIGHT_PX = 256, 64
+"""Size of an embedded patch: long enough to slide along, and two by eight of them fill a photograph."""
+
+
+@dataclass(frozen=True)
+class Texture:
+    """One texture image and its class; the pixels are read on demand.
+
+    Attributes
+    ----------
+    name : str
+        Class and image, unique and stable, as ``brick/brick-00``.
+    class_name : str
+    label : int
+        Index of the class in ``Dataset.class_names``.
+    path : Path
+        PNG file that holds it.
+    crop : (top, left, height, width) or None
+        The part of that file in pixels; None for all of it.
+    """
+
+    name: str
+    class_name: str
+    label: int
+    path: Path
+    crop: tuple[int, int, int, int] | None = None
+
+    def load(self) -> NDArray[np.uint8]:
+        """Return the pixels, uint8 of shape (height, width)."""
+        pixels = read_gray_png(self.path)
+        if self.crop is None:
+            return pixels
+        top, left, height, width = self.crop
+        return pixels[top : top + height, left : left + width].copy()
+
+
+@dataclass(frozen=True)
+class Dataset(Sequence[Texture]):
+    """Textures in a stable order, class by class.
+
+    Attributes
+    ----------
+    name : str
+        ``embedded``, or the name of the directory.
+    class_names : tuple of str
+        In alphabetical order; a label is an index into them.
+    textures : tuple of Texture
+    """
+
+    name: str
+    class_names: tuple[str, ...]
+    textures: tuple[Texture, ...]
+
+    def __len__(self) -> int:
+        return len(self.textures)
+
+    def __iter__(self) -> Iterator[Texture]:
+        return iter(self.textures)
+
+    def __getitem__(self, index):  # type: ignore[no-untyped-def]  # int or slice, as of a tuple
+        return self.textures[index]
+
+    @property
+    def labels(self) -> NDArray[np.int64]:
+        """Label of every texture, shape (len(self),)."""
+        return np.array([texture.label for texture in self.textures], np.int64)
+
+    def limit(self, count: int) -> Dataset:
+        """Return a dataset of at most ``count`` textures, spread evenly over this one."""
+        if count < 1:
+            raise InputError(f"the number of images must be at least 1, not {count}")
+        if count >= len(self):
+            return self
+        chosen = tuple(self.textures[i * len(self) // count] for i in range(count))
+        return Dataset(self.name, self.class_names, chosen)
+
+
+def open_dataset(where: str | Path | None = None) -> Dataset:
+    """Return the dataset at a place, or the first that is found.
+
+    Parameters
+    ----------
+    where : str or Path, optional
+        A directory, or ``embedded``. By default ``$ESKIN_DATA`` (a directory, or ``embedded``), else
+        ``data/kylberg`` or ``../shared/data/kylberg`` if there is one, else the embedded default.
+
+    Raises
+    ------
+    InputError
+        If a directory that was named does not exist, or a directory is not a dataset.
+    """
+    if where is not None and str(where):
+        return _named_dataset(str(where), "dataset directory")
+    if variable := os.environ.get(ENVIRONMENT_VARIABLE):
+        return _named_dataset(variable, f"${ENVIRONMENT_VARIABLE}")
+    for base in (Path(__file__).resolve().parents[2], Path.cwd()):
+        for place in SEARCHED:
+            if (base / place).is_dir():
+                return directory_dataset(base / place)
+    return embedded_dataset()
+
+
+def _named_dataset(where: str, what: str) -> Dataset:
+    if where == EMBEDDED:
+        return embedded_dataset()
+    if not Path(where).is_dir():
+        raise InputError(
+            f"{what} {where} is not a directory; give one with a folder of PNG images per class, or {EMBEDDED!r}"
+        )
+    return directory_dataset(Path(where))
+
+
+# -- a directory of class folders --------------------------------------------------------------------
+
+
+def directory_dataset(root: Path) -> Dataset:
+    """Return the dataset of a directory of class folders, verified if it has a SHA256SUMS file.
+
+    With that file every listed image must be there with the right sum, and no class folder or image may be
+    there that it does not list. Names that start with a dot are ignored.
+
+    Parameters
+    ----------
+    root : Path
+        Directory with one folder of PNG files per class.
+    """
+    folders = sorted(p for p in root.iterdir() if p.is_dir() and not p.name.startswith("."))
+    found = {
+        folder.name: sorted(
+            p.name for p in folder.iterdir() if p.suffix.lower() == ".png" and not p.name.startswith(".")
+        )
+        for folder in folders
+    }
+    if not found:
+        raise InputError(f"dataset directory {root} has no class folders; put the PNG images of each class in one")
+    if (root / SUMS_FILE).is_file():
+        _verify(root, found)
+    for class_name, names in found.items():
+        if not names:
+            raise InputError(f"class folder {root / class_name} has no PNG images; add some or remove it")
+    textures = tuple(
+        Texture(f"{class_name}/{Path(name).stem}", class_name, label, root.absolute() / class_name / name)
+        for label, (class_name, names) in enumerate(found.items())
+        for name in names
+    )
+    return Dataset(root.resolve().name, tuple(found), textures)
+
+
+def _verify(root: Path, found: dict[str, list[str]]) -> None:
+    """Check the images of a directory, by class, against its SHA256SUMS file."""
+    listed = _read_sums(root / SUMS_FILE)
+    classes = {name.split("/")[0] for name in listed}
+    if unknown := [name for name in found if name not in classes]:
+        raise InputError(
+            f"unknown class folder {unknown[0]} in {root}: {SUMS_FILE} lists no image of it; "
+            f"remove it, or remove {SUMS_FILE} to use the directory unchecked"
+        )
+    present = {f"{class_name}/{name}" for class_name, names in found.items() for name in names}
+    if extra := sorted(present - set(listed)):
+        raise InputError(f"unknown image {extra[0]} in {root}: {SUMS_FILE} does not list it; remove it")
+    for name, digest in listed.items():
+        if name not in present:
+            raise InputError(f"image {name} of {SUMS_FILE} is missing in {root}; copy the dataset again")
+        if _sha256(root / name) != digest:
+            raise InputError(f"image {name} in {root} has the wrong SHA-256 sum; copy the dataset again")
+
+
+def _read_sums(path: Path) -> dict[str, str]:
+    """Return the sums of a SHA256SUMS file by ``class/name.png``."""
+    listed = {}
+    for number, line in enumerate(_read(path).decode("utf-8", "replace").splitlines(), 1):
+        if not line.strip():
+            continue
+        digest, _, name = line.partition(" ")
+        name = name[1:]  # behind the blank or asterisk of text or binary mode
+        parts = name.split("/")
+        if len(digest) != 64 or len(parts) != 2 or not name.lower().endswith(".png") or parts[0] == "..":
+            raise InputError(f"line {number} of {path} is not '<SHA-256 sum>  <class>/<name>.png': {line[:80]!r}")
+        listed[name] = digest.lower()
+    return listed
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(_read(path)).hexdigest()
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from None
+
+
+def read_gray_png(path: Path) -> NDArray[np.uint8]:
+    """Return the pixels of an 8-bit gray PNG file, uint8 of shape (height, width).
+
+    Colour, palette, 16-bit and two-channel images are refused, not converted: there is more than one way to,
+    and the event rates depend on it.
+    """
+    from PIL import Image
+
+    try:
+        with Image.open(path, formats=("PNG",)) as image:
+            image.load()
+            mode, pixels = image.mode, np.asarray(image)
+    except FileNotFoundError:
+        raise InputError(f"image {path} does not exist; give a PNG file") from None
+    except (OSError, SyntaxError, ValueError, struct.error, Image.DecompressionBombError) as error:
+        raise InputError(f"image {path} is damaged or no PNG file ({error}); copy it again") from None
+    if mode != "L":
+        raise InputError(f"image {path} must be 8-bit gray, not {mode}; convert it to 8-bit gray (mode L) first")
+    return np.ascontiguousarray(pixels, np.uint8)
+
+
+# -- the embedded default ----------------------------------------------------------------------------
+
+
+def embedded_dataset() -> Dataset:
+    """Return the patches of the photographs inside scikit-image: 16 of each of 3 classes.
+
+    A patch is 256 pixels wide and 64 high; they do not overlap and are numbered row by row.
+    """
+    textures = []
+    for label, class_name in enumerate(EMBEDDED_SHA256):
+        path = _skimage_file(f"{class_name}.png", EMBEDDED_SHA256[class_name])
+        height, width = read_gray_png(path).shape
+        corners = [
+            (top, left)
+            for top in range(0, height - PATCH_HEIGHT_PX + 1, PATCH_HEIGHT_PX)
+            for left in range(0, width - PATCH_WIDTH_PX + 1, PATCH_WIDTH_PX)
+        ]
+        for number, corner in enumerate(corners):
+            name = f"{class_name}/{class_name}-{number:02d}"
+            crop = (*corner, PATCH_HEIGHT_PX, PATCH_WIDTH_PX)
+            textures.append(Texture(name, class_name, label, path, crop))
+    return Dataset(EMBEDDED, tuple(EMBEDDED_SHA256), tuple(textures))
+
+
+def _skimage_file(name: str, digest: str) -> Path:
+    """Return the path of a data file of the installed scikit-image, without importing it."""
+    spec = find_spec("skimage")
+    if spec is None or not spec.submodule_search_locations:
+        raise InputError(
+            "the embedded dataset needs scikit-image, which is not installed; install it or give --dataset DIR"
+        )
+    path = Path(spec.submodule_search_locations[0]) / "data" / name
+    if not path.is_file() or _sha256(path) != digest:
+        raise InputError(
+            f"the installed scikit-image does not ship the expected data/{name}; "
+            f"install the version in constraints.txt or give --dataset DIR"
+        )
+    return path

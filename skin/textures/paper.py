@@ -1,0 +1,165 @@
+"""The scan of the original model, with which the published event rates were made (docs/guide/textures.md)."""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from base.errors import InputError
+from model.config import ReadoutConfig
+from skin.textures.scan import Scan, Signals, gray
+
+
+@dataclass(frozen=True, kw_only=True)
+class PaperScan(Scan):
+    """The original model: one-pixel taxel offsets, every 4th pixel, a slowed-down sensor.
+
+    Taxel (i, j) reads the pixels of image column j from row i downwards, all ``height - rows + 1`` of them.
+    An image that is wider than high is turned first, so the scan runs along its longer side.
+
+    Parameters
+    ----------
+    pixel_step : int
+        Of every so many pixels the first is kept: 200 um of taxel pitch in pixels of 45 um, rounded.
+    upsampling : int
+        Factor of the polyphase filter from kept pixels to the played line.
+    kaiser_beta : float
+        Window of that filter.
+    half_length : int
+        Half-length of that filter in kept pixels (it has 2 * half_length * upsampling + 1 taps).
+    playback_hz : float
+        Samples per second of the played line: 80,080 samples last 0.4004 s, 65 mm/s.
+    sensor_time_base_hz : float
+        Samples per second for which the sensor is discretised; seven times faster than playback, as in the
+        original, so that in playback time the sensor is seven times slower.
+    max_slew_per_s : float
+        maxSR in full scales per second, from which the loop times follow.
+    nlcs_loop_divisor : float
+        N-LCS loop time: round(LSB tau / (LSB + tau maxSR) / nlcs_loop_divisor / dt) samples of the line.
+    lcs_skip_s, nlcs_skip_s : float
+        Events before this time do not count; the rate still divides by the whole scan.
+    """
+
+    name = "paper"
+
+    pixel_step: int = 4
+    upsampling: int = 560
+    kaiser_beta: float = 5.0
+    half_length: int = 10
+    playback_hz: float = 200_000.0
+    sensor_time_base_hz: float = 1_400_000.0
+    max_slew_per_s: float = 120.0
+    nlcs_loop_divisor: float = 3.0
+    lcs_skip_s: float = 0.010
+    nlcs_skip_s: float = 0.100
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, least in (("pixel_step", 1), ("upsampling", 2), ("half_length", 1)):
+            value = getattr(self, name)
+            if type(value) is not int or value < least:
+                raise InputError(f"{name} must be a whole number from {least}, not {value!r}")
+
+    def loop_samples(self, config: ReadoutConfig, tau_s: float | None = None) -> int:
+        """Return the loop time in samples of the played line, at least 1.
+
+        LSB / maxSR; with a leak LSB tau / (LSB + tau maxSR) / 3 (docs/specification.md, section 6).
+        """
+        lsb = 2.0**-config.resolution
+        if config.encoder.leaks:
+            tau_s = config.tau_s if tau_s is None else tau_s
+            loop_s = lsb * tau_s / (lsb + tau_s * self.max_slew_per_s) / self.nlcs_loop_divisor
+        else:
+            loop_s = lsb / self.max_slew_per_s
+        return max(1, round(loop_s * self.playback_hz))
+
+    def configure(self, config: ReadoutConfig, tau_s: float | None = None) -> ReadoutConfig:
+        """Return the configuration that samples and decides once per loop time; see ``Scan.configure``.
+
+        The reference starts at D, with a leak at 0.
+        """
+        tau_s = config.tau_s if tau_s is None else tau_s
+        leaky = config.encoder.leaks
+        if leaky and not (math.isfinite(tau_s) and tau_s > 0):
+            raise InputError(f"tau must be a positive number of seconds, not {tau_s!r}")
+        rate_hz = self.playback_hz / self.loop_samples(config, tau_s)
+        leak = self._leak(config, tau_s, rate_hz) if leaky else {}
+        reset = 0 if leaky else config.step
+        return config.replace(sample_rate_hz=rate_hz, decide_every="sample", reference_reset=reset, **leak)
+
+    def duration_s(self, config: ReadoutConfig, shape: tuple[int, int]) -> float:
+        """Return the length in seconds of the played line."""
+        return self._kept_pixels(config, shape) * self.upsampling / self.playback_hz
+
+    def skipped_ticks(self, config: ReadoutConfig) -> int:
+        """Return the number of sample ticks before ``lcs_skip_s`` or ``nlcs_skip_s``."""
+        skip_s = self.nlcs_skip_s if config.encoder.leaks else self.lcs_skip_s
+        # Tick n is sample (n + 1) * every - 1 of the line; the first that counts is at or behind the skip.
+        every = self._every(config)
+        return -(-(round(skip_s * self.playback_hz) + 1) // every) - 1
+
+    def signals(self, config: ReadoutConfig, image: ArrayLike, start_row: float = 0.0) -> Signals:
+        """Return the sensor outputs at the end of every loop time; see ``Scan.signals``.
+
+        The scan is linear in the pixels: its response to every single kept pixel is worked out once and kept.
+        """
+        pixels = gray(image)
+        every = self._every(config)
+        if start_row != 0:
+            raise InputError(f"start row must be 0 in the paper preset, not {start_row:g}; use the physical preset")
+        kept = self._kept_pixels(config, pixels.shape)
+        turned = pixels.T if pixels.shape[1] > pixels.shape[0] else pixels
+        length = turned.shape[0] - config.rows + 1
+        lines = np.empty((kept, config.rows, config.columns))
+        for row in range(config.rows):
+            lines[:, row] = turned[row : row + length : self.pixel_step, : config.columns]
+        return _paper_response(self, kept, every) @ lines.reshape(kept, config.taxels)
+
+    def _kept_pixels(self, config: ReadoutConfig, shape: tuple[int, int]) -> int:
+        """Return how many pixels of a line are kept."""
+        long, wide = max(shape), min(shape)
+        if long - config.rows < self.pixel_step or wide < config.columns:
+            raise InputError(
+                f"an image {shape[1]} pixels wide and {shape[0]} high is too small for {config.rows} x "
+                f"{config.columns} taxels in the paper preset; it needs {config.rows + self.pixel_step} "
+                f"pixels along the scan and {config.columns} across"
+            )
+        return -(-(long - config.rows + 1) // self.pixel_step)
+
+    def _every(self, config: ReadoutConfig) -> int:
+        """Return the samples of the played line per sample tick."""
+        every = self.playback_hz / config.sample_rate_hz
+        whole = round(every)
+        if whole < 1 or abs(every - whole) > 1e-6 * every:
+            raise InputError(
+                f"sample_rate_hz must be {self.playback_hz:g} divided by a whole number in the paper preset, "
+                f"not {config.sample_rate_hz:g}; take the configuration from configure()"
+            )
+        return whole
+
+
+@functools.lru_cache(maxsize=2)
+def _paper_response(scan: PaperScan, kept: int, every: int) -> Signals:
+    """Return the sampled sensor response to each kept pixel alone, shape (ticks, kept).
+
+    Tick n is sample (n + 1) * every - 1 of the played line: the loop time ends with it, as in the original.
+    Takes up to 92 MB, for a whole Kylberg line with every = 1.
+    """
+    from scipy import signal
+
+    ticks = kept * scan.upsampling // every
+    response = np.empty((ticks, kept))
+    taps = 2 * scan.half_length * scan.upsampling + 1
+    window = ("kaiser", scan.kaiser_beta)
+    lowpass = signal.firwin(taps, 1.0 / scan.upsampling, window=window)
+    block = 16  # bounds the memory of the line at full rate
+    for start in range(0, kept, block):
+        unit = np.eye(kept)[:, start : start + block]
+        line = signal.resample_poly(unit, scan.upsampling, 1, axis=0, window=lowpass)
+        response[:, start : start + block] = scan.sensor(line, scan.sensor_time_base_hz)[every - 1 :: every]
+    response.setflags(write=False)
+    return response

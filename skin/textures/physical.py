@@ -1,0 +1,139 @@
+"""The scan that the paper describes (docs/guide/textures.md)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from base.errors import InputError
+from model.config import ReadoutConfig
+from skin.textures.scan import Scan, Signals, gray
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhysicalScan(Scan):
+    """What the paper describes: an array of 200 um pitch slides left to right over the image at 65 mm/s.
+
+    Taxel (r, c) starts r pitches below ``start_row`` and c pitches right of the left edge; the scan ends when
+    the last column reaches the right edge. Pixel centres are points, in between the image is bilinear. The
+    array is put down at the start: the sensor starts from rest, so its first output is the contact.
+
+    Parameters
+    ----------
+    taxel_pitch_m : float
+        Distance of neighbouring taxels in metres (paper, section II).
+    pixel_pitch_m : float
+        Distance of neighbouring pixels in metres: a Kylberg image of 576 pixels is 26 mm wide.
+    speed_m_per_s : float
+        Speed of the slide.
+    lowest_time_base_hz : float
+        The sensor is solved on the sample ticks, or on whole fractions of them until it is solved this often.
+    """
+
+    name = "physical"
+
+    taxel_pitch_m: float = 200e-6
+    pixel_pitch_m: float = 26e-3 / 576
+    speed_m_per_s: float = 65e-3
+    lowest_time_base_hz: float = 20_000.0
+
+    @property
+    def taxel_pitch_px(self) -> float:
+        """Distance of neighbouring taxels in pixels."""
+        return self.taxel_pitch_m / self.pixel_pitch_m
+
+    def configure(self, config: ReadoutConfig, tau_s: float | None = None) -> ReadoutConfig:
+        """Return the configuration, with the leak of ``tau_s`` where there is one; see ``Scan.configure``."""
+        if not config.encoder.leaks or tau_s is None:
+            return config
+        return config.replace(**self._leak(config, tau_s, config.sample_rate_hz))
+
+    def duration_s(self, config: ReadoutConfig, shape: tuple[int, int]) -> float:
+        """Return the length in seconds of the slide: a whole number of sample periods."""
+        return self._ticks(config, shape) / config.sample_rate_hz
+
+    def skipped_ticks(self, config: ReadoutConfig) -> int:
+        """Return 0: all events count."""
+        return 0
+
+    def start_rows(self, config: ReadoutConfig, shape: tuple[int, int], count: int) -> list[float]:
+        """Return evenly spaced start rows, from the top of an image to the lowest that fits.
+
+        Parameters
+        ----------
+        config : ReadoutConfig
+            Array.
+        shape : (int, int)
+            Height and width of the image in pixels.
+        count : int
+            How many, at least 1; a single one is row 0.
+        """
+        if count < 1:
+            raise InputError(f"the number of start rows must be at least 1, not {count}")
+        return [float(row) for row in np.linspace(0.0, self._lowest_start_row(config, shape), count)]
+
+    def signals(self, config: ReadoutConfig, image: ArrayLike, start_row: float = 0.0) -> Signals:
+        """Return the sensor outputs at the sample ticks; see ``Scan.signals``."""
+        pixels = gray(image)
+        lowest = self._lowest_start_row(config, pixels.shape)
+        if not 0 <= start_row <= lowest:
+            raise InputError(
+                f"start row must be in 0..{lowest:.6g} for {config.rows} x {config.columns} taxels "
+                f"on an image {pixels.shape[0]} pixels high, not {start_row:g}"
+            )
+        pitch, finer = self.taxel_pitch_px, self._finer(config)
+        step = self._step_px(config) / finer
+        count = (self._ticks(config, pixels.shape) - 1) * finer + 1
+        rows = _interpolate(pixels, start_row + pitch * np.arange(config.rows)).T
+        lines = np.empty((count, config.rows, config.columns))
+        travelled = step * np.arange(count)
+        for column in range(config.columns):
+            lines[:, :, column] = _interpolate(rows, travelled + pitch * column)
+        response = self.sensor(lines.reshape(count, config.taxels), config.sample_rate_hz * finer)
+        return np.ascontiguousarray(response[::finer])
+
+    def _step_px(self, config: ReadoutConfig) -> float:
+        """Return the way in pixels between two sample ticks."""
+        return self.speed_m_per_s / self.pixel_pitch_m / config.sample_rate_hz
+
+    def _finer(self, config: ReadoutConfig) -> int:
+        """Return how often the sensor is solved per sample tick."""
+        return max(1, math.ceil(self.lowest_time_base_hz / config.sample_rate_hz - 1e-9))
+
+    def _lowest_start_row(self, config: ReadoutConfig, shape: tuple[int, int]) -> float:
+        room = shape[0] - 1 - self.taxel_pitch_px * (config.rows - 1)
+        if room < 0 or shape[1] - 1 - self.taxel_pitch_px * (config.columns - 1) <= 0:
+            raise InputError(
+                f"an image {shape[1]} pixels wide and {shape[0]} high is too small for {config.rows} x "
+                f"{config.columns} taxels in the physical preset, {self.taxel_pitch_px:.3g} pixels apart; "
+                f"use a smaller array or a larger image"
+            )
+        return room
+
+    def _ticks(self, config: ReadoutConfig, shape: tuple[int, int]) -> int:
+        self._lowest_start_row(config, shape)
+        way = shape[1] - 1 - self.taxel_pitch_px * (config.columns - 1)
+        # The last tick stands at the right edge or before it; the margin is for rounding only.
+        return math.floor(way / self._step_px(config) + 1e-9) + 1
+
+
+def _interpolate(values: NDArray[np.float64], positions: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+    """Return values, linear along axis 0, at positions in 0..len(values) - 1."""
+    below = np.clip(positions.astype(np.intp), 0, max(len(values) - 2, 0))
+    above = np.minimum(below + 1, len(values) - 1)
+    part = np.clip(positions - below, 0.0, 1.0)[:, None]
+    result: NDArray[np.float64] = values[below] * (1.0 - part) + values[above] * part
+    return result
+
+
+def large_enough(image: NDArray[np.uint8], config: ReadoutConfig) -> NDArray[np.uint8]:
+    """Return an embedded texture, repeated where the array is larger than it: half its width is left for the scan."""
+    pitch = PhysicalScan().taxel_pitch_px
+    height = math.ceil(config.rows * pitch) + 1
+    width = math.ceil(config.columns * pitch) + image.shape[1] // 2
+    repeats = (-(-height // image.shape[0]), -(-width // image.shape[1]))
+    return np.tile(image, repeats)

@@ -1,0 +1,30 @@
+"""From a texture image to the samples of the taxel array, in two presets (docs/specification.md, section 6).
+
+``PaperScan`` has the constants of the original model, with which the published event rates were made, and
+``PhysicalScan`` is what the paper describes. All their constants are fields. A scan never repeats what
+``ReadoutConfig`` says (array, sample rate, bits): ``configure`` sets the fields that belong to the preset,
+``signals`` and ``samples`` then follow the configuration. The readings behind it: docs/guide/textures.md.
+"""
+
+from __future__ import annotations
+
+from typing import get_args
+
+from base.errors import InputError
+from skin.textures.paper import PaperScan
+from skin.textures.physical import PhysicalScan
+from skin.textures.scan import Preset, Scan, Signals, quantise
+
+__all__ = ["PRESETS", "PaperScan", "PhysicalScan", "Preset", "Scan", "Signals", "preset", "quantise"]
+
+
+PRESETS: dict[Preset, Scan] = {"paper": PaperScan(), "physical": PhysicalScan()}
+"""The scan of each preset, with the constants of the specification."""
+
+
+def preset(name: str) -> Scan:
+    """Return the scan of a preset by its name."""
+    for known in get_args(Preset):
+        if name == known:
+            return PRESETS[known]
+    raise InputError(f"preset must be one of {', '.join(get_args(Preset))}, not {name!r}")

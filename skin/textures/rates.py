@@ -1,0 +1,240 @@
+"""The mean event rate of the whole taxel array over a dataset."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from base.errors import InputError
+from base.workers.pool import Local, WorkerPool, each
+from model.config import ReadoutConfig
+from skin.textures.dataset import Dataset
+from skin.textures.presets import Scan, Signals, quantise
+
+PUBLISHED_RATES_HZ = {
+    ("lcs", 2): 2429.48,
+    ("lcs", 4): 20338.54,
+    ("lcs", 6): 99110.85,
+    ("lcs", 8): 400133.97,
+    ("nlcs", 4): 3009.60,
+    ("nlcs", 6): 12359.05,
+    ("nlcs", 8): 49640.13,
+    ("nlcs", 10): 199268.60,
+}
+"""Published events/s of 8 x 8 taxels, mean of 240 Kylberg images, by encoding and resolution (tau 200 ms)."""
+
+PAPER_TAU_S = 0.2
+"""N-LCS time constant of the published rates in seconds, and the default of the command."""
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Event rates of one readout over a dataset.
+
+    Attributes
+    ----------
+    population_rate_hz : float
+        Events/s of the whole array, mean over all scans.
+    rate_std_hz : float
+        Standard deviation of that rate over the scans.
+    events : int
+        Events that count, all scans together.
+    clipped_samples : int
+        Samples outside full scale, all scans together.
+    images, scans : int
+        Number of images, and of scans: one per image and start row.
+    scan_s : float
+        Mean length of a scan in seconds.
+    tau_s : float or None
+        The time constant that the integers give; None for an encoder without a leak.
+    """
+
+    population_rate_hz: float
+    rate_std_hz: float
+    events: int
+    clipped_samples: int
+    images: int
+    scans: int
+    scan_s: float
+    tau_s: float | None
+
+
+def measure_rates(
+    dataset: Dataset,
+    scan: Scan,
+    config: ReadoutConfig,
+    start_rows: Sequence[float] = (0.0,),
+    pool: WorkerPool | None = None,
+    progress: Callable[[], object] | None = None,
+) -> Rates:
+    """Return the event rates of a readout over a dataset, with every request taken at once.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    scan : Scan
+        Preset, from ``skin.textures.presets.preset``.
+    config : ReadoutConfig
+        From ``scan.configure``.
+    start_rows : sequence of float
+        Image rows at which the array's row 0 slides, one scan each; only 0 in the ``paper`` preset.
+    pool : WorkerPool, optional
+        Who does the work, this process by default; the result does not depend on it.
+    progress : callable, optional
+        Called after each image.
+
+    Raises
+    ------
+    InputError
+        If the dataset is empty, or an image is damaged or too small.
+    """
+    if not start_rows:
+        raise InputError("a rate needs at least one image and one start row; the list of start rows is empty")
+
+    results = [
+        found
+        for image in each_image(dataset, _rates_of, (scan, config, tuple(start_rows)), pool, progress)
+        for found in image
+    ]
+    events, clipped, seconds = (np.array(column) for column in zip(*results, strict=True))
+    rates = events / seconds
+    return Rates(
+        population_rate_hz=float(rates.mean()),
+        rate_std_hz=float(rates.std()),
+        events=int(events.sum()),
+        clipped_samples=int(clipped.sum()),
+        images=len(dataset),
+        scans=len(results),
+        scan_s=math.fsum(seconds) / len(seconds),
+        tau_s=config.tau_s if config.encoder.leaks else None,
+    )
+
+
+class Image(NamedTuple):
+    """A texture as it is sent to whoever scans it.
+
+    Attributes
+    ----------
+    name : str
+    pixels : uint8 array, shape (height, width)
+    """
+
+    name: str
+    pixels: NDArray[np.uint8]
+
+
+def _rates_of(
+    image: Image, scan: Scan, config: ReadoutConfig, start_rows: Sequence[float]
+) -> list[tuple[int, int, float]]:
+    """Return events, clipped samples and length of the scans of an image."""
+    scans = (scan_image(image, scan, [config], start_row) for start_row in start_rows)
+    return [(int(found.counts.sum()), found.clipped, found.seconds) for found in scans]
+
+
+@dataclass(frozen=True, eq=False)
+class Scanned:
+    """One scan of one image, encoded with every request taken at once.
+
+    Attributes
+    ----------
+    counts : int64 array, shape (configurations, taxels)
+        Events that count, of every configuration and taxel.
+    clipped : int
+        Samples outside full scale.
+    seconds : float
+        Length of the scan.
+    signals : float64 array, shape (ticks, taxels)
+        Output of the sensors in full scale.
+    """
+
+    counts: NDArray[np.int64]
+    clipped: int
+    seconds: float
+    signals: Signals
+
+
+def scan_image(image: Image, scan: Scan, configs: Sequence[ReadoutConfig], start_row: float = 0.0) -> Scanned:
+    """Return the events of one scan of an image.
+
+    Parameters
+    ----------
+    image : Image
+    scan : Scan
+    configs : sequence of ReadoutConfig
+        From ``scan.configure``; of one array, sample rate and number of bits, since they share their samples.
+    start_row : float
+        Image row at which the array's row 0 slides.
+    """
+    from model.taxel import count_events
+
+    try:
+        signals = scan.signals(configs[0], image.pixels, start_row)
+        seconds = scan.duration_s(configs[0], image.pixels.shape)
+    except InputError as error:
+        raise InputError(f"image {image.name}: {error}") from None
+    samples, clipped = quantise(signals, configs[0].sample_bits)
+    counts = np.stack([count_events(config, samples) for config in configs])
+    for found, config in zip(counts, configs, strict=True):
+        if skipped := scan.skipped_ticks(config):
+            found -= count_events(config, samples[:skipped])
+    return Scanned(counts, clipped, seconds, signals)
+
+
+Watch = Callable[[str, int], AbstractContextManager[Callable[[], object]]]
+"""Takes what is done and its number of pieces, and gives what to call after each, as ``base.progress.bar``."""
+
+
+@contextmanager
+def unwatched(text: str, total: int) -> Iterator[Callable[[], object]]:
+    """Show nothing."""
+    yield lambda: None
+
+
+def each_image(
+    dataset: Dataset,
+    work: Callable[..., Any],
+    arguments: tuple[Any, ...],
+    pool: WorkerPool | None = None,
+    progress: Callable[[], object] | None = None,
+) -> Iterator[Any]:
+    """Give what a function makes of every image, in their order.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    work : callable
+        Takes an Image and the arguments.
+    arguments : tuple
+    pool : WorkerPool, optional
+        Who does the work, this process by default.
+    progress : callable, optional
+        Called after each image.
+    """
+    if not len(dataset):
+        raise InputError("event rates need at least one image; the dataset is empty")
+    jobs = ((Image(texture.name, texture.load()), *arguments) for texture in dataset)
+
+    def told(found: Any) -> Any:
+        if progress is not None:
+            progress()
+        return found
+
+    # The first image fills the caches that threads then share.
+    yield told(work(*next(jobs)))
+    yield from map(told, each(pool or Local(1), work, jobs))
+
+
+def published_rate_hz(dataset: Dataset, scan: Scan, config: ReadoutConfig) -> float | None:
+    """Return the published rate that a measurement should give, or None if it is of something else."""
+    whole = dataset.name == "kylberg" and len(dataset) == 240
+    array = (config.rows, config.columns) == (8, 8)
+    tau = not config.encoder.leaks or abs(config.tau_s / PAPER_TAU_S - 1) < 0.01
+    if scan.name == "paper" and whole and array and tau:
+        return PUBLISHED_RATES_HZ.get((config.encoding, config.resolution))
+    return None

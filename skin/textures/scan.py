@@ -1,0 +1,179 @@
+"""What the two presets of the texture scan share: the sensor, the quantiser and the checks of an image."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from base.errors import InputError
+from model.config import ReadoutConfig
+
+Preset = Literal["paper", "physical"]
+"""Names of the presets in commands and files."""
+
+Signals = NDArray[np.float64]
+"""Sensor outputs in units of full scale, shape (ticks, taxels); taxel (r, c) is column r * columns + c."""
+
+
+def quantise(signals: ArrayLike, sample_bits: int) -> tuple[NDArray[np.int32], int]:
+    """Return the codes of signals and how many of them were clipped (docs/specification.md, section 6).
+
+    Parameters
+    ----------
+    signals : float array, any shape
+        In units of full scale, +-1.0.
+    sample_bits : int
+        W, bits of a signed sample.
+
+    Returns
+    -------
+    codes : int32 array, same shape
+        Rounded half to even and saturated to -2**(W-1) .. 2**(W-1) - 1.
+    clipped : int
+        Number of samples outside that range.
+    """
+    full_scale = 1 << (sample_bits - 1)
+    scaled = np.multiply(signals, float(full_scale))
+    np.rint(scaled, out=scaled)
+    # NaN fails both comparisons of a clip, but not this one.
+    inside = np.count_nonzero((scaled >= -full_scale) & (scaled < full_scale))
+    if inside < scaled.size:
+        if np.isnan(scaled).any():
+            raise InputError("signals must be numbers, not NaN; check the image they come from")
+        np.clip(scaled, -full_scale, full_scale - 1, out=scaled)
+    return scaled.astype(np.int32), int(scaled.size - inside)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scan(ABC):
+    """What both presets share: the sensor and the scale of a pixel.
+
+    Parameters
+    ----------
+    sensor_numerator, sensor_denominator : tuple of float
+        Coefficients of the sensor's transfer function, highest power of s (rad/s) first:
+        1000 s / (s^2 + 1007 s + 7000), a POSFET with 7 rad/s high-pass and a pole at 1000 rad/s.
+    pixel_full_scale : float
+        Pixel value that stands for 1.0 full scale: 2^8 for 8-bit images.
+    """
+
+    name: ClassVar[Preset]
+
+    sensor_numerator: tuple[float, ...] = (1000.0, 0.0)
+    sensor_denominator: tuple[float, ...] = (1.0, 1007.0, 7000.0)
+    pixel_full_scale: float = 256.0
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, tuple):
+                if not all(math.isfinite(v) for v in value):
+                    raise InputError(f"{field.name} must be finite numbers, not {value}")
+            elif not (math.isfinite(value) and value > 0):
+                raise InputError(f"{field.name} must be a positive number, not {value!r}")
+        if len(self.sensor_denominator) <= len(self.sensor_numerator) or self.sensor_denominator[0] == 0:
+            raise InputError(
+                f"sensor_denominator must be of higher order than sensor_numerator, not {self.sensor_denominator}"
+            )
+
+    # -- what a preset says ----------------------------------------------------------------------
+
+    @abstractmethod
+    def configure(self, config: ReadoutConfig, tau_s: float | None = None) -> ReadoutConfig:
+        """Return the configuration with the fields that the preset prescribes.
+
+        Parameters
+        ----------
+        config : ReadoutConfig
+            Encoding, resolution, array and everything that the preset leaves open.
+        tau_s : float, optional
+            Wanted time constant of a leak in seconds; by default the one that ``config`` has.
+        """
+
+    @abstractmethod
+    def duration_s(self, config: ReadoutConfig, shape: tuple[int, int]) -> float:
+        """Return the length in seconds of the scan of an image of this shape (height, width)."""
+
+    @abstractmethod
+    def skipped_ticks(self, config: ReadoutConfig) -> int:
+        """Return the number of sample ticks at the start of a scan whose events do not count."""
+
+    @abstractmethod
+    def signals(self, config: ReadoutConfig, image: ArrayLike, start_row: float = 0.0) -> Signals:
+        """Return the sensor outputs at the sample ticks of the configuration.
+
+        Parameters
+        ----------
+        config : ReadoutConfig
+            Array and sample rate, from ``configure``.
+        image : array, shape (height, width)
+            Gray values in units of an 8-bit pixel, integer or float.
+        start_row : float
+            Image row, in pixels from the top, of the array's row 0; always 0 in ``paper``.
+
+        Returns
+        -------
+        float64 array, shape (ticks, taxels)
+            In units of full scale.
+
+        Raises
+        ------
+        InputError
+            If the image is not gray, not finite, or too small for the array.
+        """
+
+    # -- common ----------------------------------------------------------------------------------
+
+    def samples(self, config: ReadoutConfig, image: ArrayLike, start_row: float = 0.0) -> tuple[NDArray[np.int32], int]:
+        """Return the codes of all taxels, int32 of shape (ticks, taxels), and how many were clipped."""
+        return quantise(self.signals(config, image, start_row), config.sample_bits)
+
+    def sensor(self, line: Signals, rate_hz: float) -> Signals:
+        """Return the sensor's response to lines sampled at a rate, starting from rest.
+
+        The sensor is solved exactly for a line that is straight between its samples (first-order hold).
+
+        Parameters
+        ----------
+        line : float array, shape (ticks, lines)
+            Pixel values.
+        rate_hz : float
+            Samples per second.
+
+        Returns
+        -------
+        float64 array, shape (ticks, lines)
+            In units of full scale.
+        """
+        from scipy import signal
+
+        system = (self.sensor_numerator, self.sensor_denominator)
+        numerator, denominator, _ = signal.cont2discrete(system, 1.0 / rate_hz, method="foh")
+        scaled = np.ravel(numerator) / self.pixel_full_scale
+        response: Signals = signal.lfilter(scaled, denominator, line, axis=0)
+        return response
+
+    def _leak(self, config: ReadoutConfig, tau_s: float, sample_rate_hz: float) -> dict[str, Any]:
+        """Return the fields of a leak for a time constant."""
+        leak = ReadoutConfig.from_tau(tau_s, 1.0 / sample_rate_hz)
+        return {"leak_shift": leak.leak_shift, "leak_period": leak.leak_period}
+
+
+def gray(image: ArrayLike) -> NDArray[np.float64]:
+    """Return an image as a finite float64 array of shape (height, width)."""
+    pixels = np.asarray(image)
+    if pixels.ndim != 2 or pixels.dtype.kind not in "uif":
+        raise InputError(
+            f"an image must be a gray array of shape (height, width), not {pixels.dtype} of shape "
+            f"{pixels.shape}; convert it to gray"
+        )
+    values = pixels.astype(np.float64)
+    if not np.isfinite(values).all():
+        raise InputError("an image must not contain NaN or infinity; replace those pixels")
+    return values

@@ -1,0 +1,116 @@
+"""Compare what spiking readouts and a frame readout send on the same scans (docs/reference/frame.md)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from model.config import ReadoutConfig
+from model.encoders import registry
+from model.frame_config import FrameConfig
+from skin.textures.dataset import Dataset
+from skin.textures.presets import Scan
+from skin.textures.rates import Rates, measure_rates
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from base.workers.pool import WorkerPool
+
+
+def compare_traffic(
+    textures: Dataset,
+    scan: Scan,
+    config: ReadoutConfig,
+    frame: FrameConfig,
+    tau_s: float | None = None,
+    pool: WorkerPool | None = None,
+    progress: Callable[[], object] | None = None,
+) -> dict[str, Any]:
+    """Return what every spiking readout, and the frame readout, send while an array slides over textures.
+
+    Parameters
+    ----------
+    textures : Dataset
+    scan : Scan
+    config : ReadoutConfig
+        Array and resolution; every encoding is taken.
+    frame : FrameConfig
+    tau_s : float, optional
+        Time constant of encoders with a leak; without it that of ``config``.
+    pool : WorkerPool, optional
+    progress : callable, optional
+        Called after each texture of each readout.
+
+    Returns
+    -------
+    dict
+        Scan, array and ``tau_s``; ``spiking_traffic`` by encoding, ``frame_traffic`` as ``frame``.
+    """
+    configs = {
+        encoding: scan.configure(config.replace(encoding=encoding), tau_s if registry.named(encoding).leaks else None)
+        for encoding in registry.NAMES
+    }
+    sent = {
+        encoding: spiking_traffic(one, measure_rates(textures, scan, one, pool=pool, progress=progress), frame)
+        for encoding, one in configs.items()
+    }
+    return {
+        "dataset": textures.name,
+        "images": len(textures),
+        "preset": scan.name,
+        "rows": config.rows,
+        "columns": config.columns,
+        "resolution": config.resolution,
+        "tau_s": next(one.tau_s for one in configs.values() if one.encoder.leaks),
+        **sent,
+        "frame": frame_traffic(frame),
+    }
+
+
+def spiking_traffic(config: ReadoutConfig, rates: Rates, frame: FrameConfig) -> dict[str, Any]:
+    """Return what a spiking readout sends.
+
+    Parameters
+    ----------
+    config : ReadoutConfig
+    rates : Rates
+        Its mean event rate over some scans.
+    frame : FrameConfig
+        The frame readout beside it.
+
+    Returns
+    -------
+    dict
+        ``events_per_s``, ``bits_per_event``, ``bits_per_s``, ``events_per_taxel_per_s``; ``ratio_to_frame`` of the
+        bits; and ``equal_frame_rate_hz``, the frame rate at which frames of the same N need as many bits.
+    """
+    bits = rates.population_rate_hz * config.event_bits
+    return {
+        "events_per_s": rates.population_rate_hz,
+        "bits_per_event": config.event_bits,
+        "bits_per_s": bits,
+        "events_per_taxel_per_s": rates.population_rate_hz / config.taxels,
+        "ratio_to_frame": bits / frame.bit_rate_hz,
+        "equal_frame_rate_hz": bits / (frame.resolution * frame.taxels),
+    }
+
+
+def frame_traffic(frame: FrameConfig) -> dict[str, Any]:
+    """Return what the frame readout sends: N bits per taxel and frame, whatever the signal does.
+
+    Returns
+    -------
+    dict
+        ``words_per_s``, ``bits_per_word``, ``bits_per_s`` (samples) and ``word_bits_per_s`` (with the filling of each
+        frame's last word), ``conversions_per_taxel_per_s``, ``frame_rate_hz``, ``words_per_frame``, ``clock_hz``.
+    """
+    return {
+        "words_per_s": frame.word_rate_hz,
+        "bits_per_word": frame.word_bits,
+        "bits_per_s": frame.bit_rate_hz,
+        "word_bits_per_s": frame.word_rate_hz * frame.word_bits,
+        "conversions_per_taxel_per_s": frame.frame_rate_hz,
+        "frame_rate_hz": frame.frame_rate_hz,
+        "words_per_frame": frame.words_per_frame,
+        "clock_hz": frame.clock_hz,
+    }

@@ -1,0 +1,130 @@
+"""Read the settings of an experiment and the points of a sweep from the texts of a command line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, get_args
+
+from base.errors import InputError
+from model.encoders import registry
+from snn.data.bins import BinConfig
+from snn.data.frame_steps import FRAMES, FrameKind, FrameSteps
+from snn.experiments.experiment import Experiment
+from snn.experiments.recipes import BASELINES, RECIPES
+from snn.flat import hints_of
+from snn.network_config import HINTS, NetworkConfig
+from snn.training import TrainConfig
+
+VARIANTS = {encoder.name: ("", "on") if encoder.polarity else ("",) for encoder in registry.ENCODERS}
+"""Variants of an encoder's events (``snn.data.record``), behind its resolution: lcs:6:on."""
+
+
+def parse_settings(texts: list[str], option: str = "--set") -> dict[str, Any]:
+    """Return fields of NetworkConfig and TrainConfig from the ``name=value`` texts of an option."""
+    hints = hints_of(TrainConfig) | HINTS
+    for name in ("inputs", "classes", "epochs"):
+        del hints[name]
+    found: dict[str, Any] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals or name not in hints:
+            raise InputError(f"{option} takes NAME=VALUE with a name of {', '.join(sorted(hints))}, not {text!r}")
+        hint = hints[name]
+        try:
+            if hint is bool:
+                found[name] = {"true": True, "false": False}[value.lower()]
+            else:
+                found[name] = value if get_args(hint) else hint(value)
+        except (KeyError, ValueError):
+            noun = {bool: "true or false", int: "a whole number", float: "a number"}.get(hint, "a word")
+            raise InputError(f"{option} {name} takes {noun}, not {value!r}") from None
+    return found
+
+
+def parse_grid(texts: list[str]) -> dict[str, list[Any]]:
+    """Return the values to try from ``name=value,value`` texts."""
+    found: dict[str, list[Any]] = {}
+    for text in texts:
+        name, _, values = text.partition("=")
+        if name in found:
+            raise InputError(f"--grid has {name} twice; give its values with commas between")
+        found[name] = [parse_settings([f"{name}={value}"], "--grid")[name] for value in values.split(",")]
+    return found
+
+
+def idle_settings(made: Experiment, settings: list[str] | None) -> tuple[str, list[str]]:
+    """Return the kind of network of an experiment, and what of ``--set`` and ``--grid`` means nothing to it."""
+    config = NetworkConfig.from_dict({"inputs": 1, "classes": 1} | made.network)
+    known = {*hints_of(NetworkConfig), *hints_of(type(config.units)), *hints_of(TrainConfig), "kind"}
+    given = [("--set", name) for name in parse_settings(settings or [])]
+    given += [("--grid", name) for name in made.grid or {}]
+    return config.kind, [f"{option} {name}" for option, name in given if name not in known]
+
+
+def parse_points(text: str) -> list[tuple[str, str]]:
+    """Return readout and numbers of every point: resolution, rate and bits of frames, or of a baseline frames per step.
+
+    Raises
+    ------
+    InputError
+        If the text is not points with commas between, or a point is there twice.
+    """
+    readouts = (*registry.NAMES, *BASELINES, *get_args(FrameKind))
+    found = []
+    for part in text.split(","):
+        readout, _, numbers = part.strip().partition(":")
+        bits, _, variant = numbers.partition(":")
+        whole = bits.isascii() and bits.isdigit() and variant in VARIANTS.get(readout, ("",))
+        if readout not in readouts or not (whole or readout in get_args(FrameKind)):
+            raise InputError(
+                f"--points takes ENCODER:RESOLUTION with an encoder of {', '.join(registry.NAMES)}, {FRAMES} in "
+                f"hertz and bits, or BASELINE:FRAMES_PER_STEP with one of {', '.join(BASELINES)}, with commas between, "
+                f"not {part.strip()!r}"
+            )
+        point = (readout, f"{int(bits)}{f':{variant}' if variant else ''}" if whole else numbers)
+        if point in found:
+            raise InputError(f"--points has {':'.join(point)} twice; leave one out")
+        found.append(point)
+    return found
+
+
+def experiment_of(
+    recipe: str, settings: Mapping[str, Any], epochs: int, bins: BinConfig, frames: str | None = None, **fields: Any
+) -> Experiment:
+    """Return the experiment of a recipe.
+
+    Parameters
+    ----------
+    recipe : str
+        A name of ``snn.experiments.recipes.RECIPES``.
+    settings : mapping of str to object
+        Fields of NetworkConfig and TrainConfig in place of those of the recipe.
+    epochs : int
+    bins : BinConfig
+        Time bins of events; their length is the step of frames.
+    frames : str, optional
+        Frames instead of events, as ``FrameSteps.parse`` takes them.
+    **fields
+        Other fields of Experiment; None stands for the default.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, or a field does not fit another.
+    """
+    if recipe not in RECIPES:
+        raise InputError(f"recipe must be one of {', '.join(RECIPES)}, not {recipe!r}")
+    steps = None if frames is None else FrameSteps.parse(frames, bins.bin_s)
+    values = RECIPES[recipe]
+    if steps is not None and steps.step_s > bins.bin_s:
+        values = values | {"shift_steps": round(values.get("shift_steps", 0) * bins.bin_s / steps.step_s)}
+    values = values | dict(settings)
+    of_training = hints_of(TrainConfig)
+    training = {name: value for name, value in values.items() if name in of_training}
+    return Experiment(
+        frames=steps,
+        bins=bins if steps is None else BinConfig(),
+        network={name: value for name, value in values.items() if name not in of_training},
+        train=TrainConfig.from_dict(training | {"epochs": epochs}),
+        **{name: value for name, value in fields.items() if value is not None},
+    )

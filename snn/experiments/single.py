@@ -1,0 +1,115 @@
+"""Train one network on one fold, and write its result and weights."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from base.files import write_json
+from snn.checkpoint import Checkpoint
+from snn.data.folds import stratified_folds
+from snn.data.recordings import own_readout
+from snn.data.scans import ScanData, Split
+from snn.exchange.weights import Weights, save_weights
+from snn.experiments.experiment import Experiment
+from snn.train import predicted_classes, train
+from snn.training import Epoch, Training
+
+
+@dataclass(frozen=True)
+class Fold:
+    """Images of one fold of a cross-validation.
+
+    Parameters
+    ----------
+    data : ScanData
+    number, of : int
+        Fold that is tested, from 0, and number of folds.
+    test, images : int64 arrays
+        Images to test, and images to learn.
+    """
+
+    data: ScanData
+    number: int
+    of: int
+    test: NDArray[np.int64]
+    images: NDArray[np.int64]
+
+    @classmethod
+    def choose(cls, data: ScanData, number: int, of: int) -> Fold:
+        """Return a stratified fold of some data."""
+        test = stratified_folds(data.image_labels, of)[number]
+        return cls(data, number, of, test, np.setdiff1d(np.arange(len(data.image_labels)), test))
+
+
+def train_fold(
+    experiment: Experiment,
+    fold: Fold,
+    seed: int,
+    out: Path,
+    *,
+    checkpoint_every: int = 5,
+    device: str = "cpu",
+    watch_test: bool = False,
+    progress: Callable[[Epoch], None] | None = None,
+) -> tuple[Training, dict[str, Any]]:
+    """Train a network on a fold, and write ``result.json`` and ``weights.npz``; called again, it goes on.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        Its grid is not used.
+    fold : Fold
+    seed : int
+        Of weights, order and augmentation.
+    out : Path
+        Folder of checkpoint, result and weights.
+    checkpoint_every : int
+        Epochs between checkpoints.
+    device : str
+        As torch names it.
+    watch_test : bool
+        Note the test accuracy of every epoch too; it selects nothing.
+    progress : callable, optional
+        Called after each epoch.
+
+    Returns
+    -------
+    (Training, dict)
+        The trained network with its history, and the content of ``result.json``.
+    """
+    data, labels = fold.data, fold.data.image_labels[fold.test]
+    split = Split(data, fold.images, fold.test if watch_test else None)
+    checkpoint = Checkpoint(out / "checkpoint.pt", checkpoint_every)
+    training = train(
+        split,
+        experiment.network_config(data),
+        experiment.train,
+        seed,
+        progress=progress,
+        checkpoint=checkpoint,
+        device=device,
+    )
+    predicted = predicted_classes(training.network, data, fold.test, device)
+    result = {
+        "experiment": experiment.to_dict(),
+        "fold": fold.number,
+        "folds": fold.of,
+        "seed": seed,
+        "class_names": list(data.class_names),
+        "accuracy": float((predicted == labels).mean()),
+        "labels": labels.tolist(),
+        "predicted": predicted.tolist(),
+        "history": [dataclasses.asdict(epoch) for epoch in training.history],
+    }
+    if experiment.events and (own := own_readout(Path(experiment.events))):
+        result["recordings"] = own.to_dict()
+    write_json(out / "result.json", result)
+    save_weights(out / "weights.npz", Weights(training.network, data.class_names, data.step_s))
+    return training, result

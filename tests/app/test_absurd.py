@@ -1,0 +1,135 @@
+"""Ignored options, absurd numbers, files of other commands: a sentence or a right result."""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from app.options import build_config
+from base.errors import InputError
+from model.address_events import no_events
+from model.config import ReadoutConfig
+from model.events.recording import Recording
+
+HUGE = "1" + "0" * 400
+
+
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        ("power --rates r.json", "--rates has no effect on the published rates; add --mode consistent or "),
+        ("power --dataset embedded", "--dataset has no effect on the published rates; add --mode consistent or "),
+        ("power --preset physical --mode paper", "--preset has no effect on the published rates; add --mode "),
+        ("power --rates r.json --correct pads", "--rates has no effect on the published rates; add --mode "),
+        ("power --noise 1e300", "noise must be in 1e-15..1e+15 volts, not 1e+300"),
+        ("power --noise 1e-300", "noise must be in 1e-15..1e+15 volts, not 1e-300"),
+        ("power --tau 1e300", "tau must be in 1e-15..1e+15 seconds, not 1e+300"),
+        ("power --set io_voltage_v=1e300", "io_voltage_v must be in 1e-30..1e+15, not 1e+300"),
+        ("explore --noise 1e300", "noise must be in 1e-15..1e+15 volts, not 1e+300"),
+        ("explore --bandwidth 1e300", "signal_bandwidth_hz must be in 1e-30..1e+15, not 1e+300"),
+        ("explore --event-rate 1e300", "event rate must be a number of events/s from 0, not 1e+300"),
+        (f"explore --rate-resolution {HUGE}", "a number is too large ("),
+        (f"explore --noise {HUGE}", "noise must be a positive number of volts, not inf"),
+        ("encode x.csv -o e.npz --sample-rate 1e308", "sample_rate_hz must be in 1e-09..1e+12 hertz, not 1e+308"),
+        ("encode x.csv -o e.npz --sample-rate 1e-300", "sample_rate_hz must be in 1e-09..1e+12 hertz, not 1e-300"),
+        ("encode x.csv -o e.npz --sample-rate inf", "--sample-rate takes a finite number, not 'inf'"),
+        ("frames --frame-rate 1e308", "sample_rate_hz must be in 1e-09..1e+12 hertz, not 1e+308"),
+        ("report -o new/page.html", "cannot write new/page.html: the folder new does not exist; create it first"),
+        ("encode x.csv -o new/e.npz", "cannot write new/e.npz: the folder new does not exist; create it first"),
+    ],
+)
+def test_refused_in_one_sentence(line: str, sentence: str, call: Any, folder: Path) -> None:
+    (folder / "x.csv").write_text("0.1,0.2\n")
+    code, out, err = call(line)
+    assert (code, out) == (2, "")
+    assert err.startswith(f"error: {sentence}"), err
+    assert err.count("\n") == 1
+    assert sorted(path.name for path in folder.iterdir()) == ["x.csv"]
+
+
+@pytest.mark.parametrize("line", ["power --mode consistent --synthesis s.json", "explore --synthesis s.json"])
+def test_a_file_with_a_number_beyond_floats_is_named(line: str, call: Any, folder: Path) -> None:
+    (folder / "s.json").write_text(f'{{"readout": "lcs", "clock_hz": {HUGE}}}')
+    code, out, err = call(line)
+    assert (code, out) == (2, "")
+    assert err == "error: the synthesis report s.json is not JSON: a number of 401 digits stands in it\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("{", "the configuration c.json is not JSON: "),
+        ("[]", "the configuration c.json must be a JSON object, not list"),
+        ('{"rows": 0}', "the configuration c.json: rows must be in 1..64, not 0"),
+        ('{"row": 3}', "the configuration c.json: unknown configuration field 'row'; known are "),
+        (f'{{"rows": {HUGE}}}', "the configuration c.json is not JSON: a number of 401 digits stands in it"),
+        (f'{{"sample_rate_hz": {HUGE[:300]}}}', "the configuration c.json: sample_rate_hz must be of type float"),
+    ],
+)
+def test_a_wrong_configuration_is_named(text: str, sentence: str, call: Any, folder: Path) -> None:
+    (folder / "c.json").write_text(text)
+    code, out, err = call("rates --config c.json")
+    assert (code, out) == (2, "")
+    assert err.startswith(f"error: {sentence}"), err
+
+
+def test_the_file_beside_the_verilog_is_a_configuration(folder: Path) -> None:
+    from rtl.delivery import write
+
+    wanted = ReadoutConfig(rows=2, columns=3, encoding="nlcs", resolution=4)
+    write(wanted, folder)
+    config, given = build_config({"resolution": 5}, None, folder / "eskin_readout.json")
+    assert config == wanted.replace(resolution=5)
+    assert given == set(wanted.to_dict())
+
+
+def test_a_configuration_may_come_through_a_pipe(folder: Path) -> None:
+    """As the shell's ``--config <(...)``, which can be read once."""
+    os.mkfifo("pipe")
+    writer = threading.Thread(target=lambda: Path("pipe").write_text('{"rows": 3}'))
+    writer.start()
+    config, given = build_config({}, None, Path("pipe"))
+    writer.join()
+    assert (config, given) == (ReadoutConfig(rows=3), {"rows"})
+
+
+def test_explore_says_whose_event_rates_it_takes(call: Any) -> None:
+    sentence = "event rates: those of textures in the physical scan, which come with the project; --event-rate gives"
+    code, out, err = call("explore")
+    assert (code, err) == (0, "")
+    assert out.startswith(sentence)
+    code, out, err = call("explore --json")
+    assert (code, err.startswith(sentence)) == (0, True)
+    assert json.loads(out)["cheapest"]
+    code, out, err = call("explore --event-rate 1000")
+    assert (code, err, "event rates: those of textures" in out) == (0, "", False)
+
+
+def test_the_folder_of_all_defaults_is_made(call: Any, folder: Path) -> None:
+    (folder / "x.csv").write_text("0.1,0.2\n0.2,0.1\n")
+    code, _, err = call("encode x.csv -o out/e.npz --rows 1 --columns 2 --sample-rate 1000")
+    assert code == 0, err
+    assert (folder / "out" / "e.npz").is_file()
+
+
+@pytest.mark.parametrize(("rate", "clocks", "duration"), [(1e12, 2**24, 2**62), (1e-9, 1, 2**62), (1e-9, 1, 1)])
+def test_compare_draws_any_clock_and_duration_that_a_recording_may_have(
+    rate: float, clocks: int, duration: int, call: Any, folder: Path
+) -> None:
+    config = ReadoutConfig(rows=1, columns=2, sample_rate_hz=rate, clocks_per_sample=clocks)
+    Recording(no_events(), config, duration).save(folder / "e.npz")
+    code, _, err = call("compare e.npz e.npz --plot p.png")
+    assert (code, err.count("\n") <= 1) == (code, True)
+    assert code in (0, 2)
+    assert (folder / "p.png").exists() == (code == 0)
+
+
+def test_config_refuses_rates_of_no_clock() -> None:
+    for rate in (1e308, 1e-300):
+        with pytest.raises(InputError, match="sample_rate_hz must be in"):
+            ReadoutConfig(sample_rate_hz=rate)

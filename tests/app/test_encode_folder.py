@@ -1,0 +1,101 @@
+"""``eskin encode FOLDER``: a slow skin's class folders become event files in one command."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from model.events.recording import Recording
+from tests.skins import CLASSES, counts, write_csv, write_skin
+
+
+def test_a_skin_becomes_one_event_file_per_recording(call: Any, folder: Path) -> None:
+    write_skin(folder / "skin", each=2, jitter_s=0.002)
+    code, out, err = call("encode skin -o events")
+    assert code == 0
+    assert "skin: 6 recordings of 3 classes (press, stroke, tap)" in out
+    assert "events: 6 event files" in out
+    assert "0 events late, 0 decisions merged; reconstruction 3" in out
+    assert "the decoder's bound holds" in out
+    assert err == "warning: 6 of 6 recordings do not have even time stamps: resampled, linearly\n"
+    files = sorted((folder / "events").rglob("*.npz"))
+    assert [file.relative_to(folder / "events").as_posix() for file in files] == [
+        f"{kind}/{k}.npz" for kind in CLASSES for k in (0, 1)
+    ]
+    recordings = [Recording.load(file) for file in files]
+    assert [r.metadata["class"] for r in recordings] == [kind for kind in CLASSES for _ in (0, 1)]
+    assert len({r.metadata["name"] for r in recordings}) == 6
+    assert {r.metadata["dataset"] for r in recordings} == {"skin"}
+    assert len({r.config for r in recordings}) == 1
+    assert recordings[0].config.sample_rate_hz == pytest.approx(35, rel=0.01)
+    assert (recordings[0].config.rows, recordings[0].config.columns) == (4, 4)
+
+
+def test_files_are_the_same_whoever_works_them_out(call: Any, folder: Path) -> None:
+    write_skin(folder / "skin", each=2)
+    assert call("encode skin -o one --workers 1")[0] == call("encode skin -o three --workers 3")[0] == 0
+    made = {
+        out: [(path.relative_to(folder / out), path.read_bytes()) for path in sorted((folder / out).rglob("*.npz"))]
+        for out in ("one", "three")
+    }
+    assert len(made["one"]) == 6
+    assert made["one"] == made["three"]
+
+
+def test_a_clock_that_is_too_slow_is_named_with_its_remedy(call: Any, folder: Path) -> None:
+    write_skin(folder / "skin", each=1)
+    code, out, err = call("encode skin -o events --resolution 8 --clocks-per-sample 64")
+    assert code == 0
+    assert "the decoder's bound does not hold" in out
+    assert "warning: the link is too slow: " in err
+    assert "raise --clocks-per-sample above 64, or leave it out" in err
+
+
+def test_a_single_file_with_time_stamps_is_read_as_one(call: Any, folder: Path) -> None:
+    values = counts("tap")
+    write_csv(folder / "x.csv", values)
+    code, out, _ = call("encode x.csv -o e.npz --baseline first")
+    assert code == 0
+    assert "note: column 'time_ms' is taken as time stamps" in out
+    recording = Recording.load(folder / "e.npz")
+    assert recording.config.taxels == 16
+    rest = values - values[0]
+    codes = np.rint(rest * recording.metadata["scale"] * 2048)
+    signs = np.where(recording.events["p"], 1, -1)
+    taxel = recording.events["y"].astype(int) * 4 + recording.events["x"]
+    last = np.bincount(taxel, weights=signs, minlength=16) * 16
+    assert np.abs(codes[-1] - last).max() <= 16  # the sum of the events ends within half an LSB of the last sample
+    assert math.isclose(recording.metadata["scale"], 2047 / 2048 / np.abs(rest).max(), rel_tol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        ("encode none -o e.npz", "none is of unknown kind"),
+        ("encode empty -o e", "empty holds no recordings; give a folder with one folder for each class"),
+        ("encode skin -o taken", "cannot write taken: it is a file; give a folder for the event files"),
+        ("encode skin -o e --class a", "--class belongs to one input"),
+        ("encode skin -o e --model functional", "--model functional belongs to one input"),
+        ("encode skin -o e --scale p", "--scale takes a percentile as p99.9"),
+        ("encode skin -o e --time-column none", "does not say its sampling rate; add --sample-rate HZ"),
+        ("encode skin/tap/0.csv -o e.npz --workers 2", "--workers is for the recordings of a folder"),
+        ("encode skin -o e --workers 2 --scheduler tcp://a:1", "--workers counts processes of this machine"),
+        ("encode skin/tap/0.csv -o e.npz", "values beyond full scale; take the baseline off with --baseline first"),
+        ("encode skin -o e --baseline highpass --highpass 40", "--highpass must be below half of 35 samples/s"),
+    ],
+)
+def test_mistakes_get_one_sentence_and_leave_nothing(line: str, sentence: str, call: Any, folder: Path) -> None:
+    write_skin(folder / "skin", each=1)
+    (folder / "empty").mkdir()
+    (folder / "taken").write_text("")
+    before = sorted(folder.rglob("*"))
+    code, _, err = call(line)
+    assert code == 2
+    assert err.startswith("error: ")
+    assert sentence in err
+    assert err.count("\n") == 1
+    assert sorted(folder.rglob("*")) == before

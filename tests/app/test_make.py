@@ -1,0 +1,319 @@
+"""make: variables reach the programs as they were typed, and wrong ones are refused."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from app import setup
+from app.catalogue import MODULES
+from app.make import (
+    DEFAULTS,
+    INSIDE,
+    NEEDS,
+    OWN,
+    STEPS,
+    SWITCHES,
+    TARGETS,
+    command_lines,
+    main,
+    options_of,
+    typed_variables,
+)
+from tests.test_layers import ROOMS
+
+ROOT = Path(__file__).parents[2]
+
+Make = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture
+def checkout(tmp_path: Path) -> Path:
+    """Return a folder like the checkout, whose environment is complete."""
+    for name in ("Makefile", "pyproject.toml", "constraints.txt", *ROOMS):
+        (tmp_path / name).symlink_to(ROOT / name)
+    venv = tmp_path / ".venv"
+    venv.mkdir()
+    for path in Path(sys.prefix).iterdir():
+        if not path.name.startswith("."):
+            (venv / path.name).symlink_to(path)
+    return tmp_path
+
+
+@pytest.fixture
+def make(checkout: Path, monkeypatch: pytest.MonkeyPatch) -> Make:
+    """Return a function that runs make there, in a shell that exports the width of its window."""
+    monkeypatch.chdir(checkout)
+    for group in setup.groups():
+        setup._stamp(group).write_text(setup._digest(group))
+    outer = {k: v for k, v in os.environ.items() if not k.startswith(("MAKE", "MFLAGS", "ESKIN"))}
+    environment = outer | {"COLUMNS": "132", "PYTHONPATH": str(checkout)}
+
+    def make(*words: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(["make", *words], capture_output=True, text=True, env=environment, cwd=checkout)
+
+    return make
+
+
+@pytest.fixture
+def launch(make: Make, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Any]:
+    """Return a function that does what a recipe does for a dry run: its exit code, its commands, its errors."""
+
+    def launch(target: str, *variables: str) -> tuple[int, list[list[str]], str]:
+        quoted = [re.sub(r"([\\\\ ])", r"\\\1", word).replace("$", "$$") for word in variables]
+        monkeypatch.setenv("MAKEFLAGS", f"n -- {' '.join(quoted)}")
+        monkeypatch.setattr(sys, "argv", ["make", target, INSIDE])
+        code: object = 0
+        try:
+            main()
+        except SystemExit as left:
+            code = left.code
+        out, err = capsys.readouterr()
+        assert isinstance(code, int)
+        return code, [shlex.split(line)[1:] for line in out.splitlines() if line.startswith(".venv/")], err
+
+    return launch
+
+
+HOSTILE = {
+    "OUT": "it's",
+    "ONLY": "$(touch bad)",
+    "DATASET": "$(shell touch bad)",
+    "CONFIG": "`touch bad`",
+    "LINK": "'; touch bad; '",
+    "RESET": 'a  "b" \\ c',
+    "TAU": "-x",
+    "SIM": "$$HOME",
+    "ENCODING": "a=b -- ROWS=3",
+}
+
+
+def test_variables_arrive_as_typed(make: Make, checkout: Path) -> None:
+    done = make("-n", "sim", *(f"{name}={text}" for name, text in HOSTILE.items()))
+    assert done.returncode == 0, done.stderr
+    words = shlex.split(done.stdout.splitlines()[-1])
+    assert words[:4] == [".venv/bin/python", "-m", "app", "sim"]
+    assert sorted(words[4:]) == sorted(f"--{name.lower()}={text}" for name, text in HOSTILE.items())
+    done = make("-n", "predict", f"WEIGHTS={HOSTILE['LINK']}")
+    assert shlex.split(done.stdout.splitlines()[-1])[-2:] == ["--", HOSTILE["LINK"]]
+    assert not (checkout / "bad").exists()
+
+
+def test_a_real_run_writes_where_it_was_told(make: Make, checkout: Path) -> None:
+    """The value passes make, the launcher and the command unchanged: the folder has just this name."""
+    text = "it's `touch bad` $(touch bad) $(shell touch bad) '; touch bad; '"
+    done = make("-s", "verilog", f"OUT=out/{text}", "ROWS=1", "COLUMNS=2")
+    assert done.returncode == 0, done.stderr
+    assert (checkout / "out" / text / "eskin_readout.v").is_file()
+    assert not list(checkout.rglob("bad"))
+
+
+def test_the_interpreter_is_a_name_too(make: Make, checkout: Path) -> None:
+    for text in ("'; touch bad; '", "$(shell touch bad)", "none; touch bad"):
+        done = make("-s", "lint", f"PYTHON={text}")
+        assert done.stderr.startswith("error: Python 3.11 or newer not found; install with: apt-get install python3 ")
+        assert done.returncode == 2
+    assert not (checkout / "bad").exists()
+
+
+def test_make_refuses_a_wrong_variable(make: Make) -> None:
+    done = make("-s", "verilog", "ROW=3")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.splitlines()[0] == "error: make verilog does not take ROW; did you mean ROWS?"
+    done = make("-s", "simm")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.splitlines()[0] == "error: there is no target simm; did you mean sim?"
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        ("verilog ROW=3", "make verilog does not take ROW; did you mean ROWS?"),
+        ("train DATUM=x", "make train does not take DATUM; did you mean DATA?"),
+        ("sim ROWS=3 COLUMS=4", "make sim does not take COLUMS; did you mean COLUMNS?"),
+        ("sweep ENCODING=lcs", "make sweep does not take ENCODING; did you mean "),
+        ("test ROWS=3", "make test does not take ROWS; did you mean PYTEST?"),
+        ("lint ROWS=3", "make lint does not take ROWS; it takes no variable"),
+        ("clean ROWS=3", "make clean does not take ROWS; it takes no variable"),
+        ("help ROWS=3", "make help does not take ROWS; it takes no variable"),
+        ("sim WAVES=perhaps", "WAVES is 1 or 0, not 'perhaps'"),
+    ],
+)
+def test_a_wrong_variable_is_one_sentence(launch: Callable[..., Any], words: str, sentence: str) -> None:
+    code, lines, err = launch(*words.split())
+    assert (code, lines) == (2, [])
+    assert err.startswith(f"error: {sentence}")
+    assert err.count("\n") == 1
+
+
+def test_only_what_is_typed_counts(launch: Callable[..., Any], make: Make) -> None:
+    done = make("-s", "-n", "-j2", "sim", "WAVES=1", "ROWS:=3", "PYTHON=python3")  # where COLUMNS is exported
+    assert done.stdout.splitlines()[-1].endswith("-m app sim --waves --rows=3")
+    assert launch("sim", "COLUMNS=3")[1] == [["-m", "app", "sim", "--columns=3"]]
+    assert launch("sim", "WAVES=0")[1] == [["-m", "app", "sim"]]
+    assert launch("train", "SET=a=1 b=2")[1] == [["-m", "app", "train", "--set=a=1", "--set=b=2"]]
+    assert launch("test", "PYTEST=-x -k 'a or b'")[1][0][-3:] == ["-x", "-k", "a or b"]
+
+
+def test_every_target_shows_its_command(launch: Callable[..., Any]) -> None:
+    for name in TARGETS:
+        code, lines, err = launch(name)
+        assert (code, err) == (0, "")
+        if name in MODULES:
+            assert [line[:3] for line in lines] == [["-m", "app", name]]
+        elif name in STEPS:
+            assert len(lines) == len(STEPS[name][1])
+
+
+def test_a_target_runs_whatever_file_has_its_name(make: Make, checkout: Path) -> None:
+    for name in ("sim", "power", "lint.o"):
+        (checkout / name).unlink(missing_ok=True)
+        (checkout / name).write_text("")
+    assert make("-n", "sim").stdout.splitlines()[-1] == ".venv/bin/python -m app sim"
+    assert make("-n", "lint.o").stderr.startswith("error: there is no target lint.o; did you mean lint?\n")
+    done = make("-n", "sim", "lint")
+    assert ".venv/bin/python -m app sim\n" in done.stdout
+    assert done.stdout.endswith("\n.venv/bin/python -m mypy\n")
+
+
+def test_the_help_lists_every_target_with_what_it_does(make: Make) -> None:
+    lines = make().stdout.splitlines()
+    listed = [line.split(maxsplit=1) for line in lines if line.startswith("  ")]
+    assert [name for name, _ in listed] == TARGETS
+    assert all(len(text) > 10 for _, text in listed)
+
+
+def test_tables_name_commands_and_their_variables() -> None:
+    assert {name for names in NEEDS.values() for name in names.split()} <= set(MODULES)
+    assert {group: setup.requirements(group) for group in NEEDS}
+    assert not set(OWN) & set(MODULES)
+    assert not set(STEPS) & set(MODULES)
+    for (name, _), other in SWITCHES.items():
+        assert {name, other} <= set(MODULES)
+    for name, variables in DEFAULTS.items():
+        assert set(variables) <= set(options_of(name))
+
+
+@pytest.mark.parametrize(
+    ("flags", "variables"),
+    [
+        ("", {}),
+        ("n", {}),
+        ("-- A=1", {"A": "1"}),
+        (r" -- B=a\ \\\ b A=$$x", {"A": "$x", "B": "a \\ b"}),
+        ("kn -j2 --jobserver-auth=3,4 -- A= B+=2 C:=3 D::=4 E?=5", {"A": "", "B": "2", "C": "3", "D": "4", "E": "5"}),
+        (r" -- A=x\ --\ B=2", {"A": "x -- B=2"}),
+    ],
+)
+def test_variables_are_read_from_the_flags(flags: str, variables: dict[str, str]) -> None:
+    assert typed_variables(flags) == variables
+
+
+def test_steps_take_the_words_of_a_variable(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(STEPS, "test", ("", ("-m x $WORDS 'a b'",)))
+    assert command_lines("test", {}, {"WORDS": "c 'd e'"}) == [[".venv/bin/python", "-m", "x", "c", "d e", "a b"]]
+
+
+# -- groups of packages ------------------------------------------------------------------------------
+
+
+def test_groups_are_installed_when_what_they_are_made_of_changes(
+    checkout: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(checkout)
+    installed: list[list[str]] = []
+    monkeypatch.setattr(setup, "_pip", installed.append)
+    monkeypatch.setattr(setup, "YOSYS", "true")
+    (checkout / ".venv" / "bin").unlink()
+    (checkout / ".venv" / "bin").mkdir()
+    for program in ("python", "pip", "true"):
+        (checkout / ".venv" / "bin" / program).symlink_to("/bin/true")
+    assert setup.missing(setup.groups()) == setup.groups()
+    setup.install(["base", "sim"])
+    assert next(what for what in installed if len(what) > 1) == [
+        *setup.requirements("base"),
+        *setup.requirements("sim"),
+    ]
+    assert installed[-1] == ["--no-deps", "-e", "."]
+    assert not {"torch", "nir", "distributed", "pytest"} & {name(text) for text in installed[1]}
+    assert setup.missing(setup.groups()) == [group for group in setup.groups() if group not in ("base", "sim")]
+    count = len(installed)
+    setup.install(["base", "sim"])
+    assert len(installed) == count
+    setup.install(["base", "snn"])
+    assert installed[count:] == [setup.requirements("snn")]
+    (checkout / "constraints.txt").unlink()
+    (checkout / "constraints.txt").write_text("numpy==1\n")
+    assert "base" in setup.missing(["base"])
+    assert "setting up .venv, once: pinned packages of base, sim" in capfd.readouterr().out
+
+
+def name(requirement: str) -> str:
+    return re.split(r"[<>=\[ ]", requirement)[0]
+
+
+def test_a_failed_install_is_no_install(checkout: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(checkout)
+    setup._stamp("base").write_text(setup._digest("base"))
+    monkeypatch.setattr(setup, "python", lambda: "/bin/false")
+    with pytest.raises(setup.SetupError, match="the packages could not be installed; the reason stands above"):
+        setup.install(["base", "snn"])
+    assert setup.missing(["base", "snn"]) == ["snn"]
+
+
+def test_an_environment_apart_is_made_once_and_again_when_its_pins_change(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    folder, pinned = setup.APART["layout"]
+    pinned.parent.mkdir(parents=True)
+    pinned.write_text("klayout==0.30.12\n")
+    installed: list[tuple[object, ...]] = []
+    monkeypatch.setattr(setup.shutil, "which", lambda program: None)
+    with pytest.raises(setup.SetupError, match=r"^klayout not found; install with: apt-get install klayout$"):
+        setup.install_apart("layout")  # before anything is downloaded
+    assert not folder.exists()
+    monkeypatch.setattr(setup.shutil, "which", lambda program: program)
+    monkeypatch.setattr(setup.subprocess, "run", lambda command, check: subprocess.CompletedProcess(command, 0))
+    monkeypatch.setattr(setup, "_pip", lambda *words: installed.append(words))
+    setup.install_apart("layout")
+    setup.install_apart("layout")
+    assert installed == [(["-r", str(pinned)], folder)]
+    pinned.write_text("klayout==0.30.13\n")
+    setup.install_apart("layout")
+    assert len(installed) == 2
+    assert not (tmp_path / ".venv").exists()
+
+
+def test_a_layout_has_two_rows_and_columns_unless_told(launch: Callable[..., Any]) -> None:
+    assert set(launch("layout")[1][0]) == {"-m", "app", "layout", "--rows=2", "--columns=2"}
+    said = launch("layout", "ROWS=8", "COMPARE=0")[1][0]
+    assert set(said) == {"-m", "app", "layout", "--rows=8", "--columns=2", "--no-compare"}
+
+
+def test_every_target_of_a_dataset_takes_own_recordings(launch: Callable[..., Any]) -> None:
+    for name in ("train", "crossval", "sweep", "predict", "fig8", "sim", "replay", "study"):
+        code, lines, error = launch(name, "DATA=my_skin/")
+        assert code == 0, error
+        assert "--data=my_skin/" in lines[0]
+        assert "EVENTS" not in " ".join(lines[0])
+        assert not any(word.startswith("--events") for word in lines[0])
+    assert any(word.startswith("--events") for word in launch("predict")[1][0])
+
+
+def test_a_switch_chooses_what_runs(launch: Callable[..., Any]) -> None:
+    _, lines, _ = launch("sim", "GATES=1", "LIB=cells.lib", "ROWS=2")
+    assert lines == [["-m", "app", "gatesim", "--lib=cells.lib", "--rows=2"]]
+    assert launch("sim", "GATES=0", "ROWS=2") == launch("sim", "ROWS=2")
+    code, _, err = launch("sim", "GATES=on")
+    assert (code, err) == (2, "error: GATES is 1 or 0, not 'on'\n")
+    assert launch("asic", "LIB=cells.lib", "POWER=0")[1] == [["-m", "app", "asic", "--lib=cells.lib", "--no-power"]]
+    assert launch("sim", "GATE=1")[2] == "error: make sim does not take GATE; did you mean GATES?\n"

@@ -1,0 +1,410 @@
+"""Promises of the commands power, fig6, fig7, sensitivity, explore and event-rates, and of their files."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from base.errors import InputError
+from model.config import ReadoutConfig
+from power.equations import CORRECTIONS, PowerModel
+from power.explore import GivenRates
+from power.parameters import PowerParameters
+from power.rates import RESOLUTIONS, TAUS_S, RateTable, load_tables, measure_table, stored_table, tables_text
+from power.readouts import READOUTS
+from power.study import FIG6_NOISE_V, fig6_data, fig7_data, sensitivity_data, sensitivity_models
+from power.synthesis import SynthesisReport
+from skin.textures.dataset import open_dataset
+from skin.textures.presets import preset
+from skin.textures.rates import measure_rates
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+RATES = stored_table("paper")
+MODELS = {
+    "paper": PowerModel(),
+    "consistent": PowerModel(corrections=frozenset(CORRECTIONS), measured=RATES),
+}
+REPORT = {
+    "readout": "lcs",
+    "rows": 8,
+    "columns": 8,
+    "clock_hz": 1e6,
+    "area_um2": 1e5,
+    "leakage_w": 1e-7,
+    "clock_power_w_per_hz": 1e-12,
+    "energy_per_event_j": 1e-13,
+}
+
+
+# -- power -------------------------------------------------------------------------------------------
+
+
+def test_power_prints_the_breakdown_as_json(call):
+    code, out, _ = call("power --mode paper --resolution 6 --noise 1e-4 --tau 0.2 --json")
+    data = json.loads(out)
+    assert code == 0
+    assert list(data) == ["nlcs", "lcs", "frame"]
+    for entry in data.values():
+        assert set(entry) == {"afe", "converter", "io", "total", "converter_parts"}
+        assert entry["converter"] == pytest.approx(sum(entry["converter_parts"].values()), rel=1e-12)
+        assert entry["total"] == pytest.approx(entry["afe"] + entry["converter"] + entry["io"], rel=1e-12)
+    assert data["lcs"]["total"] == pytest.approx(2.691e-2, rel=0.01)
+
+
+def test_power_prints_a_table(call):
+    code, out, _ = call("power")
+    assert code == 0
+    for text in ("N-LCS", "LCS", "frame", "decay filter", "total", "345 uW", "961 uW"):
+        assert text in out
+
+
+def test_power_prints_crossovers_as_json(call):
+    code, out, _ = call("power --mode paper --crossover --json")
+    data = json.loads(out)
+    assert code == 0
+    assert list(data) == ["lcs", "nlcs"]
+    assert sorted(data["nlcs"]) == ["0.02", "0.2", "2.0"]
+    assert [len(line) for line in (data["lcs"], *data["nlcs"].values())] == [10] * 4
+    assert data["lcs"][5] == pytest.approx(5.42e-4, rel=0.01)
+    assert data["nlcs"]["0.2"][8:] == [None, None]
+    code, out, _ = call("power --crossover")
+    assert (code, "> 0.5418" in out) == (0, True)
+
+
+def test_power_takes_single_corrections(call):
+    def io(options: str) -> float:
+        return json.loads(call(f"power --json {options}")[1])["lcs"]["io"]
+
+    assert io("--correct pads") == pytest.approx(io("") * (1.8 / 5) ** 2 * 5.5 / 9)
+    assert io("--correct event_rates") == pytest.approx(io("--without pads"), rel=1e-9)
+    assert io("--mode consistent") == pytest.approx(io("--correct event_rates,pads"), rel=1e-9)
+    assert io("--set io_voltage_v=3.3") == pytest.approx(io("") * (3.3 / 5) ** 2)
+
+
+def test_power_takes_a_synthesis_report(call, folder):
+    (folder / "gates.json").write_text(json.dumps(REPORT | {"cells": 1234}))
+    data = json.loads(call("power --correct digital --synthesis gates.json --json")[1])
+    assert data["lcs"]["converter_parts"]["logic"] == pytest.approx(1e-7 + 1e-6 + 1e-13 * 2429 * 16)
+
+
+def test_power_lists_parameters(call):
+    code, out, _ = call("power --parameters --json")
+    data = json.loads(out)
+    assert code == 0
+    assert data["parameters"]["io_voltage_v"]["unit"] == "V"
+    assert list(data["corrections"]) == list(CORRECTIONS)
+    assert "supply_v" in call("power --parameters")[1]
+
+
+def test_power_measures_a_dataset_that_is_given(call):
+    data = json.loads(call("power --correct event_rates --dataset embedded --preset physical --json")[1])
+    measured = measure_rates(
+        open_dataset("embedded"), preset("physical"), preset("physical").configure(ReadoutConfig(resolution=6))
+    )
+    assert data["lcs"]["io"] == pytest.approx(9 * 125e-12 * measured.population_rate_hz)
+
+
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        ("power --resolution 11", "resolution must be a whole number in 1..10, not 11"),
+        ("power --noise -1e-3", "noise must be a positive number of volts, not -0.001"),
+        ("power --tau 0", "tau must be a positive number of seconds, not 0"),
+        ("power --mode fair", "mode must be one of paper, consistent, not 'fair'"),
+        ("power --correct magic", f"unknown correction 'magic'; known are {', '.join(CORRECTIONS)}"),
+        (
+            "power --mode paper --correct pads",
+            "mode paper has no corrections; leave out --mode or --correct and --without",
+        ),
+        (
+            "power --correct pads --without pads",
+            "--correct lists the corrections to make, --without those to leave out; give one of them",
+        ),
+        ("power --set supply_v", "--set takes NAME=NUMBER, as in io_voltage_v=3.3, not 'supply_v'"),
+        ("power --set supply_v=-1", "supply_v must be a positive number in V, not -1.0"),
+        (
+            "power --synthesis gates.json",
+            "--synthesis belongs to correction digital; add --mode consistent or --correct digital",
+        ),
+        (
+            "power --correct digital --synthesis none.json",
+            "cannot read the synthesis report none.json: No such file or directory",
+        ),
+        (
+            "power --mode consistent --dataset embedded --rates rates.json",
+            "--dataset measures event rates, --rates reads them from a file; give one of them",
+        ),
+        (
+            "power --mode consistent --rates none.json",
+            "cannot read the event rates none.json: No such file or directory; write one with eskin event-rates",
+        ),
+        ("explore --rows 0", "rows must be a whole number in 1..64, not 0"),
+        ("explore --event-rate -1", "event rate must be a number of events/s from 0, not -1"),
+        ("explore --min-resolution 11", "min-resolution must be in 1..10, not 11"),
+        (
+            "explore --nlcs-event-rate 5",
+            "--nlcs-event-rate goes with --event-rate, the rate of LCS; give both",
+        ),
+        (
+            "explore --event-rate 5 --dataset embedded",
+            "--event-rate stands in place of --dataset and --rates; give one of them",
+        ),
+    ],
+)
+def test_bad_options_are_one_sentence(call, line, sentence):
+    assert call(line) == (2, "", f"error: {sentence}\n")
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("{", "the synthesis report gates.json is not JSON"),
+        ("[]", "synthesis report gates.json: a synthesis report must be a JSON object, not list"),
+        (
+            "{}",
+            "synthesis report gates.json: a synthesis report needs the field 'readout'; docs/guide/power.md lists all",
+        ),
+        (
+            json.dumps(REPORT | {"leakage_w": -1}),
+            "synthesis report gates.json: leakage_w must be at least 0, not -1",
+        ),
+        (json.dumps(REPORT | {"clock_hz": 0}), "synthesis report gates.json: clock_hz must be positive, not 0"),
+        (json.dumps(REPORT | {"area_um2": "big"}), "synthesis report gates.json: area_um2 must be a number, not 'big'"),
+        (
+            json.dumps(REPORT | {"readout": "adc"}),
+            "synthesis report gates.json: readout must be one of nlcs, lcs, frame, not 'adc'",
+        ),
+        (json.dumps(REPORT | {"rows": 0}), "synthesis report gates.json: rows must be a whole number in 1..64, not 0"),
+    ],
+)
+def test_a_broken_synthesis_report_is_one_sentence(call, folder, text, sentence):
+    (folder / "gates.json").write_text(text)
+    code, out, error = call("power --correct digital --synthesis gates.json")
+    assert (code, out) == (2, "")
+    assert error.startswith(f"error: {sentence}")
+    assert error.count("\n") == 1
+
+
+def test_two_reports_of_one_readout_are_refused(call, folder):
+    for name in ("a.json", "b.json"):
+        (folder / name).write_text(json.dumps(REPORT))
+    code, _, error = call("power --correct digital --synthesis a.json --synthesis b.json")
+    assert code == 2
+    assert error == "error: b.json is a second synthesis report of readout lcs; give one of each\n"
+
+
+def test_a_report_of_all_fields_is_read_back():
+    assert SynthesisReport.from_dict(REPORT).power_w(64, 0.0) == pytest.approx(1.1e-6)
+
+
+# -- figures -----------------------------------------------------------------------------------------
+
+
+def test_fig6_data_are_the_model(call, folder):
+    assert call("fig6")[0] == 0
+    data = json.loads((folder / "out/fig6.json").read_text())
+    assert (folder / "out/fig6.png").stat().st_size > 10_000
+    assert data["noise_v_rms"] == pytest.approx([1e-4, 0.924e-3, 1e-2], rel=1e-3)
+    for mode, model in MODELS.items():
+        for noise, entry in zip(FIG6_NOISE_V, data["modes"][mode], strict=True):
+            for readout in READOUTS:
+                assert entry[readout] == model.breakdown(readout, 6, noise, 0.2).to_dict()
+
+
+def test_fig7_data_are_the_model(call, folder):
+    assert call("fig7 --out pictures --data-out numbers")[0] == 0
+    assert (folder / "pictures/fig7.png").stat().st_size > 10_000
+    data = json.loads((folder / "numbers/fig7.json").read_text())
+    for mode, model in MODELS.items():
+        entry = data["modes"][mode]
+        for i, n in enumerate(data["resolution"]):
+            assert entry["crossover"]["lcs"][i] == model.crossover("lcs", n).noise_v_rms
+            assert entry["spikes_win"]["nlcs"]["0.02"][i] == model.crossover("nlcs", n, 0.02).spikes_win
+            ratio = model.breakdown("nlcs", n, 1e-3, 2.0).total / model.breakdown("frame", n, 1e-3).total
+            assert entry["ratio"]["nlcs"]["2.0"][i] == pytest.approx(float(ratio))
+
+
+def without_origin(kept: dict[str, Any]) -> dict[str, Any]:
+    """Return what a command kept without the command, commit and date that it has to say."""
+    assert all(kept.pop(name) for name in ("command", "commit", "date"))
+    return kept
+
+
+def test_sensitivity_has_every_correction_alone_and_left_out(call, folder):
+    code, out, _ = call("sensitivity")
+    assert code == 0
+    data = json.loads((folder / "out/sensitivity.json").read_text())
+    rows = {row["case"]: row for row in data["rows"]}
+    for name in CORRECTIONS:
+        assert rows[name]["corrections"] == [name]
+        assert set(rows[f"all but {name}"]["corrections"]) == set(CORRECTIONS) - {name}
+        assert name in out
+    frame = PowerModel().breakdown("frame", 6, 1e-4).total
+    assert rows["none (paper)"]["ratio"]["lcs"][0] == pytest.approx(
+        PowerModel().breakdown("lcs", 6, 1e-4).total / frame
+    )
+    assert json.loads(call("sensitivity --json")[1]) == without_origin(data)
+
+
+@pytest.mark.parametrize("name", ["fig6", "fig7", "sensitivity"])
+def test_the_data_in_the_documentation_are_of_this_model(name):
+    kept = json.loads((DOCS / "data" / f"{name}.json").read_text())
+    others = {f"{t.dataset} {t.preset} scan": t for t in load_tables() if (t.dataset, t.preset) != ("kylberg", "paper")}
+    fresh = {
+        "fig6": lambda: fig6_data(MODELS),
+        "fig7": lambda: fig7_data(MODELS),
+        "sensitivity": lambda: sensitivity_data(sensitivity_models(MODELS["consistent"], others)),
+    }[name]()
+    assert _numbers(kept) == pytest.approx(_numbers(json.loads(json.dumps(fresh))), rel=1e-9)
+    assert (DOCS / "figures" / f"{name}.png").is_file()
+
+
+@pytest.mark.parametrize("library", ["ihp", "osu"])
+def test_fig6_with_measured_logic_is_that_of_the_netlists_in_the_documentation(library):
+    folder = DOCS / "data" / "asic"
+    gates = {}
+    for readout in ("lcs", "nlcs", "frame"):
+        kind = readout if readout == "frame" else f"{readout}-analog"
+        gates[readout] = SynthesisReport.from_dict(json.loads((folder / f"{kind}-8x8-{library}.json").read_text()))
+    models = {mode: dataclasses.replace(model, gates=gates) for mode, model in MODELS.items()}
+    kept = json.loads((folder / library / "fig6.json").read_text())
+    assert _numbers(kept) == pytest.approx(_numbers(json.loads(json.dumps(fig6_data(models)))), rel=1e-9)
+    assert (DOCS / "figures" / library / "fig6.png").is_file()
+
+
+def _numbers(data: object) -> list[float]:
+    """Return all numbers of JSON data, in order."""
+    if isinstance(data, dict):
+        return [n for value in data.values() for n in _numbers(value)]
+    if isinstance(data, list):
+        return [n for value in data for n in _numbers(value)]
+    return [data] if isinstance(data, (int, float)) else []
+
+
+def test_the_same_data_give_the_same_picture(call, folder):
+    call("fig6 --out a")
+    call("fig6 --out b")
+    assert (folder / "a/fig6.png").read_bytes() == (folder / "b/fig6.png").read_bytes()
+
+
+def test_a_folder_that_cannot_be_made_is_one_sentence(call, folder):
+    (folder / "file").touch()
+    assert call("fig6 --out file") == (2, "", "error: cannot make the folder file: File exists; choose another --out\n")
+
+
+# -- explore -----------------------------------------------------------------------------------------
+
+
+def test_explore_names_the_cheapest(call, folder):
+    code, out, _ = call("explore --rows 12 --columns 16 --event-rate 3000 --bandwidth 500 --noise 1e-3 --json")
+    data = json.loads(out)
+    assert code == 0
+    assert data == without_origin(json.loads((folder / "out/explore.json").read_text()))
+    assert (folder / "out/explore.png").stat().st_size > 5_000
+    assert (data["noise_resolution"], data["least_resolution"]) == (7, 7)
+    totals = {(row["resolution"], r): row[r]["total"] for row in data["table"] for r in READOUTS}
+    allowed = {key: total for key, total in totals.items() if key[0] >= 7}
+    best = min(allowed, key=allowed.__getitem__)
+    assert (data["cheapest"]["resolution"], data["cheapest"]["readout"]) == best
+    for row in data["table"]:
+        assert row["cheapest"] == min(READOUTS, key=lambda r: row[r]["total"])
+
+
+def test_explore_is_the_consistent_model(call):
+    line = "explore --event-rate 5000 --nlcs-event-rate 800 --rate-resolution 4 --pads-voltage 3.3 --json"
+    data = json.loads(call(f"{line} --bandwidth 300 --supply 1.2 --pads-toggle 1 --tau 0.5")[1])
+    parameters = PowerParameters(signal_bandwidth_hz=300, supply_v=1.2, pads_voltage_v=3.3, pads_toggle=1)
+    model = PowerModel(parameters=parameters, corrections=frozenset(CORRECTIONS), measured=GivenRates(5000.0, 800.0, 4))
+    for readout in READOUTS:
+        assert data["table"][7][readout] == model.breakdown(readout, 8, 1e-3, 0.5).to_dict()
+
+
+def test_explore_without_options_and_with_a_silent_sensor(call):
+    code, out, _ = call("explore")
+    assert (code, "cheapest with at least 7 bit: frame at 7 bit" in out) == (0, True)
+    code, out, _ = call("explore --event-rate 0 --min-resolution 9")
+    assert (code, "LCS at 9 bit" in out) == (0, True)
+
+
+# -- event rates -------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def measured() -> RateTable:
+    return measure_table(open_dataset("embedded").limit(2), preset("paper"), resolutions=(4, 6), taus_s=(0.2, 0.02))
+
+
+def test_measured_rates_are_those_of_the_rates_command(measured):
+    data, scan = open_dataset("embedded").limit(2), preset("paper")
+    for n in (4, 6):
+        lcs = measure_rates(data, scan, scan.configure(ReadoutConfig(resolution=n)))
+        assert measured.population_hz("lcs", n) == pytest.approx(lcs.population_rate_hz)
+        for tau in (0.2, 0.02):
+            config = scan.configure(ReadoutConfig(encoding="nlcs", resolution=n), tau)
+            assert measured.population_hz("nlcs", n, tau) == pytest.approx(
+                measure_rates(data, scan, config).population_rate_hz
+            )
+
+
+def test_a_table_is_read_back(measured, tmp_path):
+    path = tmp_path / "rates.json"
+    path.write_text(tables_text([measured, measured], "command"))
+    first, second = load_tables(path)
+    assert first.to_dict() == second.to_dict() == measured.to_dict()
+    np.testing.assert_allclose(first.nlcs_hz, measured.nlcs_hz, rtol=1e-4)
+
+
+def test_rates_between_time_constants_lie_between_and_scale_with_taxels(measured):
+    def rate(tau: float, taxels: int = 64) -> float:
+        return float(measured.taxel_rates("nlcs", np.array(6.0), np.array(tau), taxels).population_hz)
+
+    assert rate(0.2) < rate(0.1) < rate(0.05) < rate(0.02)
+    assert rate(0.1, 192) == pytest.approx(3 * rate(0.1))
+    assert rate((0.2 * 0.02) ** 0.5) == pytest.approx((rate(0.2) * rate(0.02)) ** 0.5)
+    alone = dataclasses.replace(measured, taus_s=measured.taus_s[:1], nlcs_hz=measured.nlcs_hz[:1])
+    assert alone.population_hz("nlcs", 6, measured.taus_s[0]) == pytest.approx(rate(measured.taus_s[0]))
+
+
+def test_rates_that_were_not_measured_are_refused(measured):
+    with pytest.raises(InputError, match=r"^there are no measured event rates of 5 b, only of 4, 6; measure them with"):
+        measured.taxel_rates("lcs", np.array([4.0, 5.0]), np.array([0.2, 0.2]), 64)
+    with pytest.raises(InputError, match=r"^there are no measured event rates at tau 2 s, only from 0.02 to 0.2 s"):
+        measured.taxel_rates("nlcs", np.array(4.0), np.array(2.0), 64)
+
+
+@pytest.mark.parametrize("damage", [{"lcs_hz": [[1.0]]}, {"rows": None}, {"taus_s": [1.0]}, {"nlcs_hz": "many"}])
+def test_a_damaged_table_is_refused(measured, damage):
+    with pytest.raises(InputError, match=r"^a table of event rates is damaged"):
+        RateTable.from_dict(measured.to_dict() | damage)
+
+
+def test_stored_rates_are_the_published_ones():
+    assert RATES.population_hz("lcs", 6) == pytest.approx(99_110.9, rel=0.02)
+    assert RATES.population_hz("nlcs", 8, 0.2) == pytest.approx(49_640, rel=0.02)
+    assert {(t.dataset, t.preset) for t in load_tables()} == {
+        (d, p) for d in ("kylberg", "embedded") for p in ("paper", "physical")
+    }
+    assert {(table.taus_s, table.resolutions) for table in load_tables()} == {(TAUS_S, RESOLUTIONS)}
+
+
+def test_stored_rates_of_the_embedded_textures_are_measured_again():
+    kept = stored_table("physical", "embedded")
+    fresh = measure_table(open_dataset("embedded"), preset("physical"), resolutions=(2, 6), taus_s=(0.2,))
+    assert kept.bandwidth_hz == fresh.bandwidth_hz
+    np.testing.assert_allclose(kept.lcs_hz[[1, 5]], fresh.lcs_hz, rtol=1e-4)
+    np.testing.assert_allclose(kept.nlcs_hz[1][[1, 5]], fresh.nlcs_hz[0], rtol=1e-4)
+
+
+def test_event_rates_writes_a_file_that_power_reads(call, folder):
+    assert call("event-rates --dataset embedded --limit 1 --preset physical --workers 1 --out rates.json")[0] == 0
+    data = json.loads(call("power --correct event_rates --preset physical --rates rates.json --json")[1])
+    table = load_tables(folder / "rates.json")[0]
+    assert data["lcs"]["io"] == pytest.approx(9 * 125e-12 * table.population_hz("lcs", 6))
+    code, _, error = call("power --mode consistent --rates rates.json")
+    assert code == 2
+    assert error == ("error: rates.json has no event rates of preset paper; measure them or choose another --preset\n")

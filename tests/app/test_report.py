@@ -1,0 +1,426 @@
+"""Promises of the report: the page holds the model's numbers, loads nothing, runs nothing and obeys no file."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import html.parser
+import json
+import re
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from app.__main__ import app
+from app.cli import run
+from app.report.data import load_accuracy, load_benchmarks, load_replays, load_runs, report_data
+from app.report.page import ACCURACY, BENCHMARKS, page, run_section, runs_in
+from base.errors import InputError
+from base.units import with_unit
+from model.address_events import Events, make_events
+from model.config import ReadoutConfig
+from model.events.recording import Recording
+from power.equations import CORRECTIONS, PowerModel
+from power.explore import explore_data
+from power.rates import load_tables, stored_table
+from power.study import fig6_data, fig7_data, sensitivity_data, sensitivity_models
+
+MODELS = {"paper": PowerModel(), "consistent": PowerModel(corrections=frozenset(CORRECTIONS), measured=stored_table())}
+CONFIG = ReadoutConfig(rows=2, columns=3, encoding="lcs", resolution=4)
+GATES = {
+    "readout": "lcs",
+    "rows": 8,
+    "columns": 8,
+    "clock_hz": 1e6,
+    "area_um2": 1e5,
+    "leakage_w": 1e-7,
+    "clock_power_w_per_hz": 1e-12,
+    "energy_per_event_j": 1e-13,
+}
+POINTS = {
+    "source": "invented",
+    "points": [
+        {"readout": "lcs", "resolution": 2, "data_rate_bps": 2e4, "accuracy": 0.9, "interval": [0.8, 0.95]},
+        {"readout": "frame", "label": "frame, 10 b", "data_rate_bps": 1.28e7, "accuracy": 0.97},
+    ],
+}
+CLOCKS = 6400
+RATE = {"data_rate_bps": 2e4, "accuracy": 0.9}
+UNROUNDED = re.compile(r"\d\.\d{6,}|\d[eE][+-]?\d")
+
+
+def some_events(count: int = 300, seed: int = 0) -> Events:
+    """Return random events of CONFIG, in order."""
+    random = np.random.default_rng(seed)
+    t = np.sort(random.integers(0, CLOCKS, count))
+    return make_events(t, random.integers(0, 2, count), random.integers(0, 3, count), random.random(count) < 0.5)
+
+
+def write_run(folder: Path, rtl: Events, model: Events, model_config: ReadoutConfig = CONFIG) -> None:
+    """Write the event files of a run of ``make sim``."""
+    folder.mkdir(parents=True)
+    Recording(rtl, CONFIG, CLOCKS, metadata={"name": "brick/brick-00"}).save(folder / "rtl.npz")
+    Recording(model, model_config, CLOCKS).save(folder / "model.npz")
+
+
+def write_everything(folder: Path) -> str:
+    """Write one of everything that the report can show, and return the options that name it."""
+    events = some_events()
+    write_run(folder / "sim" / "equal", events, events)
+    write_run(folder / "sim" / "other-whose-name-is-much-longer-than-a-phone-is-wide", events, np.delete(events, 7))
+    summary = {"dataset": "d", "preset": "physical", "images": 3, "clocks": 99, "events": 1234, "mismatches": 0}
+    (folder / "replay" / "a").mkdir(parents=True)
+    (folder / "replay" / "a" / "summary.json").write_text(json.dumps(summary | {"configuration": CONFIG.to_dict()}))
+    (folder / "gates.json").write_text(json.dumps(GATES))
+    (folder / "points.json").write_text(json.dumps(POINTS))
+    return "--sim sim --replay replay --synthesis gates.json --accuracy points.json"
+
+
+def data_of(text: str) -> Any:
+    """Return the data in a page."""
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.DOTALL)
+    assert found
+    return json.loads(found[1])
+
+
+def report(folder: Path, options: str) -> str:
+    """Return the page that the command writes in a folder."""
+    with contextlib.chdir(folder), pytest.raises(SystemExit) as left:
+        run(app, "eskin", f"report -o report.html {options}".split())
+    assert left.value.code == 0
+    return (folder / "report.html").read_text()
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of ``full``."""
+    return tmp_path_factory.mktemp("full")
+
+
+@pytest.fixture(scope="module")
+def full(place: Path) -> str:
+    """Return the page of one of everything."""
+    return report(place, write_everything(place))
+
+
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """Return the page where nothing was simulated, trained or synthesised."""
+    return report(tmp_path_factory.mktemp("bare"), "")
+
+
+# -- the data ----------------------------------------------------------------------------------------
+
+
+def test_the_figures_hold_the_models_numbers(bare):
+    data = data_of(bare)
+    others = {f"{t.dataset} {t.preset} scan": t for t in load_tables() if (t.dataset, t.preset) != ("kylberg", "paper")}
+    study = sensitivity_data(sensitivity_models(MODELS["consistent"], others))
+    assert data["fig6"] == json.loads(json.dumps(fig6_data(MODELS)))
+    assert data["fig7"] == json.loads(json.dumps(fig7_data(MODELS)))
+    assert data["sensitivity"] == json.loads(json.dumps(study))
+    assert data["explore"] == json.loads(json.dumps(explore_data(MODELS["consistent"], 1e-3, 0.2)))
+
+
+def test_runs_say_whether_rtl_and_model_are_equal(full):
+    equal, other = data_of(full)["raster"]
+    assert equal["equal"] is True
+    assert equal["verdict"] == "RTL equals model: all 300 events, in clock, row, column and polarity"
+    assert (equal["events_rtl"], equal["events_model"]) == (300, 300)
+    assert other["equal"] is False
+    assert other["verdict"].startswith("RTL DIFFERS from model: ")
+    assert (other["events_rtl"], other["events_model"]) == (300, 299)
+    assert full.count("RTL DIFFERS") == 3  # above the raster, in the table, in the data
+
+
+def test_runs_without_events_have_a_raster(tmp_path):
+    write_run(tmp_path / "a", some_events(0), some_events(0))
+    (found,), _ = load_runs(tmp_path)
+    assert found.equal is True
+    assert 'alt="Raster of a"' in run_section(found)
+
+
+def test_without_a_simulation_the_model_stands_alone_and_says_so(bare):
+    runs = data_of(bare)["raster"]
+    assert [run["name"] for run in runs] == ["8x8-lcs-6b", "8x8-nlcs-6b"]
+    for found in runs:
+        assert (found["equal"], found["events_rtl"]) == (None, None)
+        assert found["events_model"] > 1000
+        assert found["verdict"].startswith("model alone")
+    assert "the model is shown alone and nothing is compared" in bare
+
+
+def test_every_missing_piece_is_named_with_the_way_to_make_it(bare):
+    missing = data_of(bare)["missing"]
+    wanted = {"raster": "make sim", "replay": "make replay", "synthesis": "--synthesis"}
+    if not ACCURACY.is_file():
+        wanted["fig9"] = "eskin sweep"
+    for section, remedy in wanted.items():
+        assert any(remedy in sentence for sentence in missing[section])
+        assert all(sentence in bare for sentence in missing[section])
+
+
+def test_nothing_is_missing_where_everything_is_there(full):
+    assert set(data_of(full)["missing"]) <= {"benchmarks"}  # a result without ratios is named
+
+
+def test_a_run_that_was_interrupted_is_named(tmp_path):
+    write_run(tmp_path / "a", some_events(), some_events())
+    write_run(tmp_path / "b", some_events(), some_events())
+    (tmp_path / "b" / "model.npz").unlink()
+    runs, missing = load_runs(tmp_path)
+    assert [run.name for run in runs] == ["a"]
+    assert missing == ["b has no model.npz, so it is not shown; run make sim to the end."]
+
+
+@pytest.mark.parametrize("inner", ["", "sim"])
+def test_the_runs_of_another_out_are_found(tmp_path, inner):
+    (tmp_path / inner).mkdir(exist_ok=True)
+    assert runs_in(tmp_path) == (tmp_path / inner, tmp_path)
+
+
+def test_a_folder_gets_the_page_of_its_runs(call, folder):
+    write_run(folder / "mine" / "a", some_events(), some_events())
+    code, out, _ = call("report -o mine")
+    assert code == 0
+    assert out.startswith("wrote mine/report.html (")
+    assert [run["name"] for run in data_of((folder / "mine" / "report.html").read_text())["raster"]] == ["a"]
+    code, _, err = call("report -o nowhere")
+    assert code == 2
+    assert err.startswith("error: the report is a page; its name ends in .html, nowhere does not; rename the output")
+
+
+def test_benchmark_ratios_are_those_of_the_files():
+    ratios, _ = load_benchmarks(BENCHMARKS)
+    written = json.loads((BENCHMARKS / "cosim.json").read_text())["results"]
+    assert written
+    for result in written:
+        row = {"name": f"cosim: {result['name']}", "ratio": "of bare loop"} | result["of_bare_loop"]
+        assert {key: row[key] for key in ("name", "ratio", "median", "least", "most")} in ratios
+
+
+def test_every_candidate_of_a_benchmark_has_its_ratio(tmp_path):
+    result = {"steps": 200, "candidates": {"a": {"times_the_limit": 2.5, "equal": True}, "b": {"times_the_limit": 9}}}
+    (tmp_path / "network.json").write_text(json.dumps({"results": [result, result]}))
+    ratios, missing = load_benchmarks(tmp_path)
+    wanted = [("network 1: a", 2.5), ("network 1: b", 9), ("network 2: a", 2.5), ("network 2: b", 9)]
+    assert ratios == [{"name": name, "ratio": "times the limit", "median": value} for name, value in wanted]
+    assert missing == []
+
+
+def test_accuracy_takes_what_fig9_writes_and_names_points(tmp_path):
+    file = tmp_path / "fig9.json"
+    file.write_text(json.dumps(POINTS))
+    points = load_accuracy(file)["points"]
+    assert [point["label"] for point in points] == ["LCS 2 b", "frame, 10 b"]
+    assert [point["data_rate_bps"] for point in points] == [2e4, 1.28e7]
+    assert points[0]["interval"] == [0.8, 0.95]
+
+
+# -- the page ----------------------------------------------------------------------------------------
+
+
+class Structure(html.parser.HTMLParser):
+    """Checks that elements are closed, and collects ids, headings, links and all attributes that could load."""
+
+    VOID = frozenset({"meta", "link", "img"})
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.ids: list[str] = []
+        self.headings: list[int] = []
+        self.loads: list[str] = []
+        self.anchors: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        values = dict(attrs)
+        if values.get("id"):
+            self.ids.append(str(values["id"]))
+        if re.fullmatch("h[1-6]", tag):
+            self.headings.append(int(tag[1]))
+        if tag == "a":
+            self.anchors.append(str(values["href"]))
+        self.loads += [
+            str(v) for k, v in attrs if k in ("src", "srcset", "data", "poster") or (k, tag) == ("href", "link")
+        ]
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def test_the_page_is_well_formed_and_accessible(full):
+    structure = Structure()
+    structure.feed(full)
+    structure.close()
+    assert structure.open == []
+    assert len(structure.ids) == len(set(structure.ids))
+    assert structure.headings[0] == 1
+    assert structure.headings.count(1) == 1
+    assert all(b - a <= 1 for a, b in zip(structure.headings, structure.headings[1:], strict=False))
+    assert {anchor[1:] for anchor in structure.anchors} <= set(structure.ids)
+    assert full.count("<table>") == full.count("<caption>") == 5
+    assert full.count("<img ") == full.count("<img alt=") == 7
+
+
+def test_pictures_are_embedded_and_the_page_loads_and_runs_nothing(full):
+    structure = Structure()
+    structure.feed(full)
+    pictures = [text.partition(",")[::2] for text in structure.loads if text != "data:,"]
+    assert Counter(kind for kind, _ in pictures) == {"data:image/png;base64": 2, "data:image/svg+xml;base64": 5}
+    for kind, text in pictures:
+        content = base64.b64decode(text, validate=True)
+        assert content.startswith(b"\x89PNG" if "png" in kind else b"<?xml")
+        assert b"<script" not in content
+    assert not re.findall(r"https?://|@import|url\(", full)
+    assert "default-src 'none'; style-src 'unsafe-inline'; img-src data:" in full
+    assert re.findall("<script[^>]*>", full) == ['<script type="application/json" id="data">']
+
+
+def test_the_page_has_no_machine_paths_and_is_the_same_every_time(full, place):
+    assert str(place) not in full
+    assert str(Path(__file__).parents[2]) not in full
+    assert report(place, "--sim sim --replay replay --synthesis gates.json --accuracy points.json") == full
+
+
+def test_numbers_are_rounded_for_people_and_kept_whole_in_the_data(full):
+    seen = re.sub(r"<(script|style)\b.*?</\1>|base64,[^\"]*", "", full, flags=re.DOTALL)
+    assert UNROUNDED.findall(seen) == []
+    for cell in (
+        "20 kbit/s",
+        "80.0\N{NO-BREAK SPACE}to\N{NO-BREAK SPACE}95.0",
+        "100,000 um^2",
+        "100 fJ",
+    ):
+        assert f"<td>{cell}</td>" in seen
+    assert UNROUNDED.search(json.dumps(data_of(full)["fig6"]))
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0, "0 V"),
+        (0.0009236708571873865, "924 uV"),
+        (0.9996, "1 V"),
+        (0.9994, "999 mV"),
+        (-1234.5, "-1.23 kV"),
+        (1e-20, "0.01 aV"),
+        (2.5e16, "25,000 TV"),
+        (float("inf"), "inf V"),
+        (float("nan"), "nan V"),
+    ],
+)
+def test_units(value, text):
+    assert with_unit(value, "V") == text
+
+
+def test_text_from_files_cannot_leave_its_place(folder):
+    (folder / "bench").mkdir()
+    evil = "</script><script>alert(1)</script>"
+    values = {"results": [{"name": evil, "times_the_copy": {"median": 2.0}}]}
+    (folder / "bench" / "a.json").write_text(json.dumps(values))
+    points = [
+        {"readout": evil, "label": evil, "title": r"$\frac", "detail": "$_$", "preset": "$^", **RATE} for _ in "ab"
+    ]
+    (folder / "points.json").write_text(json.dumps({"source": evil, "points": points}))
+    (folder / "sim" / "a&b").mkdir(parents=True)
+    for name in ("rtl", "model"):
+        metadata = {"name": evil + r"$\frac"}
+        Recording(some_events(), CONFIG, CLOCKS, metadata=metadata).save(folder / "sim" / "a&b" / f"{name}.npz")
+    data, runs = report_data(folder / "sim", folder / "replay", folder / "bench", folder / "points.json", [])
+    text = page(data, runs)
+    assert evil not in text
+    assert data_of(text)["benchmarks"][0]["name"] == f"a: {evil}"
+    assert data_of(text)["raster"][0]["texture"].startswith(evil)
+    assert "a&amp;b" in text
+
+
+# -- bad input ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ("--synthesis none.json", "cannot read the synthesis report none.json: No such file or directory"),
+        ("--synthesis broken.json", "the synthesis report broken.json is not JSON"),
+        ("--accuracy broken.json", "the accuracy results broken.json is not JSON"),
+        ("--accuracy none.json", "cannot read the accuracy results none.json: there is no such file"),
+        ("--benchmarks broken", "the benchmark result broken/a.json is not JSON"),
+        ("--benchmarks none", "none is not a folder; give one, or leave the option out"),
+        ("--sim other-array", "a: rtl.npz is of a 2 x 3 array, model.npz of 3 x 3; run make sim again for this array"),
+        ("--sim other-bits", "a: rtl.npz has resolution 4, model.npz 5; run make sim again for one of them"),
+        ("--sim damaged", "damaged/a/rtl.npz is damaged or not an event file"),
+        ("--replay damaged", "damaged/a/summary.json is not a summary of make replay"),
+        ("-o report.pdf", "the report is a page; its name ends in .html, report.pdf does not; rename the output"),
+        ("-o folder.html", "cannot write folder.html: it is a folder; give the name of a file"),
+        (
+            "-o broken.json/report.html",
+            "cannot write broken.json/report.html: the folder broken.json does not exist; create it first",
+        ),
+    ],
+)
+def test_bad_input_gets_one_sentence_and_leaves_nothing(call, folder, options, sentence):
+    write_run(folder / "other-array" / "a", some_events(), some_events(), CONFIG.replace(rows=3))
+    write_run(folder / "other-bits" / "a", some_events(), some_events(), CONFIG.replace(resolution=5))
+    write_run(folder / "damaged" / "a", some_events(), some_events())
+    (folder / "damaged" / "a" / "rtl.npz").write_bytes(b"PK\x03\x04 cut off")
+    (folder / "damaged" / "a" / "summary.json").write_text("{}")
+    (folder / "broken.json").write_text('{"points": [')
+    (folder / "broken").mkdir()
+    (folder / "broken" / "a.json").write_text("{")
+    (folder / "folder.html").mkdir()
+    (folder / "report.html").write_text("the old one")
+    code, out, err = call(("" if options.startswith("-o") else "-o report.html ").join(("report ", options)))
+    assert code == 2
+    assert out == ""
+    assert err.startswith(f"error: {sentence}")
+    assert err.count("\n") == 1
+    assert (folder / "report.html").read_text() == "the old one"
+    assert not list(folder.glob("**/*.part"))
+    assert not list((folder / "folder.html").iterdir())
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"accuracy": 91}, r"point 0 needs accuracy, a number in 0\.\.1, not 91"),
+        ({"accuracy": True}, r"point 0 needs accuracy, a number in 0\.\.1, not True"),
+        ({"data_rate_bps": 0}, "point 0 needs data_rate_bps, a positive number of bit/s, not 0"),
+        ({"data_rate_bps": "fast"}, "point 0 needs data_rate_bps, a positive number of bit/s, not 'fast'"),
+        ({"interval": [0.1]}, r"point 0 has an interval that is not \[low, high\]"),
+    ],
+)
+def test_bad_points_are_refused(tmp_path, change, sentence):
+    (tmp_path / "a.json").write_text(json.dumps({"points": [{"data_rate_bps": 1.0, "accuracy": 0.5} | change]}))
+    with pytest.raises(InputError, match=sentence):
+        load_accuracy(tmp_path / "a.json")
+
+
+@pytest.mark.parametrize("values", [{}, [], {"points": []}, 3, {"points": [1]}])
+def test_accuracy_without_points_is_refused(tmp_path, values):
+    (tmp_path / "a.json").write_text(json.dumps(values))
+    with pytest.raises(InputError, match=r"list of points|is not an object|must be a JSON object"):
+        load_accuracy(tmp_path / "a.json")
+
+
+def test_other_jsons_are_refused(tmp_path):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "summary.json").write_text("[]")
+    with pytest.raises(InputError, match="is not a summary of make replay"):
+        load_replays(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["[]", "3", "{}", '{"results": [1, {"times_the_copy": {"median": 0}}]}'])
+def test_files_without_ratios_are_named(tmp_path, text):
+    (tmp_path / "a.json").write_text(text)
+    ratios, missing = load_benchmarks(tmp_path)
+    assert ratios == []
+    assert missing == [
+        "a.json has no ratios, so it is not shown.",
+        "There are no benchmark results with ratios here; make bench writes them.",
+    ]

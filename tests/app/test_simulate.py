@@ -1,0 +1,235 @@
+"""The commands behind make sim and make replay, as a user meets them; and that a broken RTL does not get past them."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import io
+import json
+import os
+import re
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import cocotb_tests.runner.simulator as simulator
+from app.__main__ import app
+from app.cli import run
+from cocotb_tests.bench.stimuli import settled
+from cocotb_tests.runner.build_cache import ROOT
+from cocotb_tests.runner.player import Job
+from cocotb_tests.runner.process import MismatchFound, run_job
+from cocotb_tests.runner.reproduce import reproduce
+from model.config import ReadoutConfig
+from model.events.recording import Recording
+from model.readout import simulate
+from skin.textures.dataset import embedded_dataset
+from skin.textures.physical import PhysicalScan
+
+BIT_EXACT = re.compile(r"bit-exact: (\d+) runs, (\d+) clocks, (\d+) events, 0 mismatches")
+OURS = {"PYTHONPATH": str(ROOT)}  # from another folder, the code that is installed would run, not this checkout's
+COMMAND = [sys.executable, "-m", "app"]
+
+
+def call(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run a command as ``eskin`` does, but in this process, which has loaded everything already."""
+    words = [str(argument) for argument in arguments]
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), pytest.raises(SystemExit) as left:
+        run(app, "eskin", words)
+    assert isinstance(left.value.code, int)
+    return subprocess.CompletedProcess(words, left.value.code, out.getvalue(), err.getvalue())
+
+
+def test_sim_ends_with_its_one_line_and_leaves_picture_and_event_files(tmp_path: Path) -> None:
+    done = call(
+        "sim", "--rows", 2, "--columns", 3, "--encoding", "cw-lcs", "--sim", "icarus", "--textures", 2, "--ticks", 60,
+        "--waves", "-o", tmp_path,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    line = BIT_EXACT.fullmatch(done.stdout.strip().splitlines()[-1])
+    assert line is not None
+    assert int(line[1]) == 9 + 2
+    assert int(line[3]) > 0
+    folder = tmp_path / "2x3-cw-lcs-6b"
+    assert (folder / "raster.png").stat().st_size > 10_000
+    rtl, model = Recording.load(folder / "rtl.npz"), Recording.load(folder / "model.npz")
+    assert len(rtl.events) > 0
+    assert np.array_equal(rtl.events, model.events)
+    wave = re.search(r"waveform: (\S+); open it with: gtkwave", done.stdout)
+    assert wave is not None
+    assert Path(wave[1]).stat().st_size > 1000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["sim", "--sim", "modelsim"], "error: SIM must be one of verilator, icarus, not 'modelsim'\n"),
+        (["sim", "--resolution", "0"], "error: resolution must be in 1..sample_bits - 2 = 10, not 0\n"),
+        (
+            ["sim", "--ticks", "0"],
+            "error: textures and seed must be at least 0 and ticks at least 1, not 3, 0, 0\n",
+        ),
+        (["sim", "--only", "sky"], "error: dataset embedded has no texture 'sky'; one of them is brick/brick-00\n"),
+        (["replay", "--workers", "0"], "error: workers must be at least 1, not 0\n"),
+    ],
+)
+def test_bad_input_is_one_sentence(arguments: list[str], sentence: str, tmp_path: Path) -> None:
+    done = call(*arguments, "-o", tmp_path / "out")
+    assert (done.returncode, done.stderr) == (2, sentence)
+    assert not (tmp_path / "out").exists()
+
+
+SMALL = ["sim", "--rows", "1", "--columns", "1", "--encoding", "lcs", "--sim", "icarus", "--ticks", "40"]
+REPLAY = ["replay", "--dataset", "embedded", "--rows", "2", "--columns", "2", "--encoding", "nlcs"]
+
+
+@pytest.mark.parametrize("command", [SMALL, REPLAY], ids=["sim", "replay"])
+def test_a_damaged_image_is_one_sentence(command: list[str], tmp_path: Path) -> None:
+    (tmp_path / "textures" / "brick").mkdir(parents=True)
+    (tmp_path / "textures" / "brick" / "half.png").write_bytes(b"\x89PNG\r\n\x1a\n half")
+    done = call(*command, "--dataset", tmp_path / "textures", "-o", tmp_path / "out")
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert done.stderr.splitlines()[-1].startswith("error: image ")
+
+
+def test_an_array_too_large_for_an_image_is_one_sentence(tmp_path: Path) -> None:
+    picture = tmp_path / "textures" / "grey" / "small.png"
+    picture.parent.mkdir(parents=True)
+    Image.fromarray(np.arange(4 * 200, dtype=np.uint8).reshape(4, 200)).save(picture)
+    done = call(*REPLAY, "--dataset", tmp_path / "textures", "-o", tmp_path / "out")
+    assert done.returncode == 2
+    sentence = "error: an image 200 pixels wide and 4 high is too small for 2 x 2 taxels"
+    assert done.stderr.splitlines()[-1].startswith(sentence)
+
+
+def test_a_missing_dataset_is_one_sentence(tmp_path: Path) -> None:
+    done = call("replay", "--dataset", tmp_path / "none", "-o", tmp_path / "out")
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: ")
+    assert done.stderr.count("\n") == 1
+
+
+def test_replay_is_bit_exact_and_does_only_what_is_missing(tmp_path: Path) -> None:
+    first = call(*REPLAY, "--limit", 3, "--workers", 2, "-o", tmp_path)
+    assert first.returncode == 0, first.stderr
+    next(tmp_path.glob("*/events/grass/*.npz")).write_bytes(b"damaged")
+    other = next(tmp_path.glob("*/events/brick/*.npz"))
+    recording = Recording.load(other)  # of another RTL, model or image
+    dataclasses.replace(recording, metadata=recording.metadata | {"proof": "another"}).save(other)
+    second = call(*REPLAY, "--limit", 3, "-o", tmp_path)
+    assert "played now: 2 images" in second.stdout
+    line = BIT_EXACT.fullmatch(second.stdout.strip().splitlines()[-1])
+    assert line is not None
+    assert line[1] == "3"
+    summary = json.loads(next(tmp_path.glob("*/summary.json")).read_text())
+    assert summary["events"] == int(line[3]) > 0
+    config = ReadoutConfig.from_dict(summary["configuration"])
+    for texture in embedded_dataset().limit(3):
+        recording = Recording.load(next(tmp_path.glob("*/events")) / f"{texture.name}.npz")
+        samples, _ = PhysicalScan().samples(config, texture.load())
+        assert np.array_equal(recording.events, simulate(config, settled(config, samples)))
+        assert recording.metadata["class"] == texture.class_name
+
+
+def test_replay_finds_a_dataset_by_a_relative_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for texture in embedded_dataset().limit(2):
+        picture = tmp_path / "textures" / f"{texture.name}.png"
+        picture.parent.mkdir(parents=True)
+        Image.fromarray(texture.load()).save(picture)
+    monkeypatch.chdir(tmp_path)
+    done = call(*REPLAY, "--dataset", "textures", "-o", "out")
+    assert done.returncode == 0, done.stderr
+    line = BIT_EXACT.fullmatch(done.stdout.strip().splitlines()[-1])
+    assert line is not None
+    assert line[1] == "2"
+
+
+def test_replay_goes_on_after_a_kill(tmp_path: Path) -> None:
+    command = [*COMMAND, *REPLAY, "--limit", "12", "--workers", "1", "-o", str(tmp_path)]
+    killed = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=os.environ | OURS)
+    deadline = time.monotonic() + 120
+    while not list(tmp_path.glob("*/events/*/*.npz")):
+        assert killed.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    killed.send_signal(signal.SIGKILL)
+    killed.wait()
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | OURS)
+    assert done.returncode == 0, done.stderr
+    line = BIT_EXACT.fullmatch(done.stdout.strip().splitlines()[-1])
+    assert line is not None
+    assert line[1] == "12"
+    assert "played now: 12 images" not in done.stdout
+
+
+FAULTS = {
+    "polarity swapped": ("event_polarity = |(", "event_polarity = ~|("),
+    "columns served in the wrong row": ("event_row <= select[2:1]", "event_row <= 2'h0"),
+    "an event lost now and then": ("assign event_valid = |waiting", "assign event_valid = |waiting[3:1]"),
+    "silent": ("assign event_valid = |waiting", "assign event_valid = 1'h0"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_broken_readout_is_found_and_described(fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    config = ReadoutConfig(rows=3, columns=4)
+    text = simulator.verilog_text(config)
+    before, after = FAULTS[fault]
+    assert before in text
+    monkeypatch.setattr(simulator, "verilog_text", lambda _: text.replace(before, after, 1))
+    monkeypatch.setattr(simulator, "BUILD", tmp_path)
+    job = Job(config.to_dict(), reproduce(config, "icarus", 0), seed=0)
+    with pytest.raises(MismatchFound) as found:
+        run_job(simulator.build(config, "icarus"), job, tmp_path / "run")
+    message = str(found.value)
+    assert "RTL and model differ" in message
+    assert re.search(r"clock \d+: sample -?\d+, reference -?\d+, half-width \d+, pending [01]", message)
+    assert message.endswith("reproduce: " + reproduce(config, "icarus", 0))
+    assert reproduce(config, "icarus", 0) == "make sim ROWS=3 COLUMNS=4 SIM=icarus SEED=0 TEXTURES=0 WAVES=1"
+
+
+@pytest.mark.parametrize("planted", ["", "run", "events", "events/brick"])
+def test_sim_follows_no_link_in_its_folder(planted: str, tmp_path: Path) -> None:
+    victim, out = tmp_path / "victim", tmp_path / "out"
+    victim.mkdir()
+    link = out / "1x1-lcs-6b" / planted
+    link.parent.mkdir(parents=True)
+    link.symlink_to(victim)
+    done = call(*SMALL, "--textures", 1, "-o", out)
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1] == f"error: cannot write to {link}: it is a link to another place; remove it"
+    assert not list(victim.iterdir())
+
+
+def test_sim_replaces_links_to_files_in_its_folder(tmp_path: Path) -> None:
+    victim, folder = tmp_path / "victim", tmp_path / "out" / "1x1-lcs-6b"
+    victim.write_text("mine")
+    links = [folder / name for name in ("rtl.npz", "model.npz", "raster.png", "run/job.json", "run/simulation.log")]
+    for link in links:
+        link.parent.mkdir(parents=True, exist_ok=True)
+        link.symlink_to(victim)
+    done = call(*SMALL, "--textures", 1, "-o", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert not any(link.is_symlink() for link in links)
+    assert victim.read_text() == "mine"
+
+
+def test_a_full_disk_is_one_sentence(tmp_path: Path) -> None:
+    def no_file_above_32_kb() -> None:  # a program meets the same error, too late, as on a full disk
+        resource.setrlimit(resource.RLIMIT_FSIZE, (32_000, 32_000))
+
+    command = [*COMMAND, *SMALL, "--textures", "0", "-o", str(tmp_path / "out")]
+    done = subprocess.run(
+        command, capture_output=True, text=True, env=os.environ | OURS, preexec_fn=no_file_above_32_kb, check=False
+    )
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1] == f"error: cannot write to {tmp_path}/out/1x1-lcs-6b/run: File too large"

@@ -1,0 +1,51 @@
+"""One reader of JSON for all files: what is wrong, in one sentence with the file's name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from base.errors import InputError
+from base.files import keep_line, kept_lines, read_json
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "sentence"),
+    [
+        ("{", None, "the sweep a.json is not JSON: Expecting property name"),
+        (b"\xff\xfe{", None, "the sweep a.json is not JSON: "),
+        ("[" * 100_000, None, "the sweep a.json is not JSON that can be read: it is nested too deeply"),
+        ("[1]", dict, "the sweep a.json must be a JSON object, not list"),
+        ("{}", list, "the sweep a.json must be a JSON list, not dict"),
+        (None, None, "cannot read the sweep a.json: No such file or directory"),
+    ],
+)
+def test_a_file_that_is_not_what_it_should_be_gets_one_sentence(tmp_path, monkeypatch, text, kind, sentence):
+    monkeypatch.chdir(tmp_path)
+    path = (tmp_path / "a.json").relative_to(tmp_path)
+    if text is not None:
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(InputError) as refused:
+        read_json(path, "the sweep", kind)
+    assert str(refused.value).startswith(sentence)
+
+
+def test_what_a_file_holds_comes_back(tmp_path):
+    (tmp_path / "a.json").write_text('{"a": [1, 2.5, null]}')
+    assert read_json(tmp_path / "a.json", "the sweep", dict) == {"a": [1, 2.5, None]}
+
+
+@pytest.mark.parametrize("whole", ['{"a": 1}', '{"a": 1}\n'])
+def test_a_line_of_a_log_is_whole_or_left_out(tmp_path, whole):
+    log = tmp_path / "log.jsonl"
+    assert list(kept_lines(log)) == []
+    for cut in range(len(whole)):
+        log.write_text(whole[:cut])
+        keep_line(log, [cut])
+        assert list(kept_lines(log)) == ([{"a": 1}] if whole[:cut].endswith("}") else []) + [[cut]]
+
+
+def test_a_device_that_never_ends_is_no_json() -> None:
+    with pytest.raises(InputError, match="the configuration /dev/zero has more than 256 MiB; give a"):
+        read_json(Path("/dev/zero"), "the configuration")

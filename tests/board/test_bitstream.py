@@ -1,0 +1,81 @@
+"""The bitstream of a board, without place and route: what is built, what is refused, what a report says."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from app.__main__ import app
+from base.errors import InputError
+from board.bitstream import report
+from board.bitstream.boards import BOARDS, OnBoard, platform_of
+from board.bitstream.build import NAME, NETWORK, BuildFailed, Built, _run, design_of, read_report
+from board.config import BoardConfig
+
+BUILT = Built({"TRELLIS_COMB": 2000, "DP16KD": 4}, {"TRELLIS_COMB": 24288}, 51.25e6, 50e6, {f"{NAME}.bit": b"bits"})
+
+
+def test_mistakes_are_one_sentence() -> None:
+    for words, sentence in (
+        (["--board", "spartan"], "--board must be one of ulx3s, ulx3s-45f, ulx3s-25f, ulx3s-12f, not 'spartan'"),
+        (["--receiver", "--alone", "8"], "--weights, --receiver and --alone each say what is built; give one of them"),
+    ):
+        result = CliRunner().invoke(app, ["fpga", *words])
+        assert isinstance(result.exception, InputError)
+        assert str(result.exception) == sentence
+
+
+def test_the_default_is_the_chip_of_the_embedded_textures() -> None:
+    config = design_of(None, receiver=False)
+    assert config.chip is not None
+    assert (config.chip.readout.taxels, config.chip.classifier.hidden) == (64, 64)
+    assert config.identity == design_of(NETWORK, receiver=False).identity
+    assert config.identity != design_of(NETWORK.with_name("fold-1.npz"), receiver=False).identity
+    assert design_of(None, receiver=True) == BoardConfig(chip=None)
+
+
+def test_every_board_has_the_pins_and_the_clock() -> None:
+    assert [platform_of(board).device for board in BOARDS] == ["LFE5U-85F", "LFE5U-45F", "LFE5U-25F", "LFE5U-12F"]
+    plan = platform_of("ulx3s").prepare(OnBoard(BoardConfig(chip=None)), NAME)
+    constraints = plan.files[f"{NAME}.lpf"]
+    text = constraints if isinstance(constraints, str) else constraints.decode()
+    assert 'LOCATE COMP "uart_0__rx__io" SITE "M1";' in text
+    assert 'LOCATE COMP "aer_0__req__io" SITE "B11";' in text
+    assert "50000000.0 HZ" in text
+    assert "25000000.0 HZ" in text
+
+
+def test_the_classifier_alone_never_saturates() -> None:
+    for bits, membrane in ((8, 22), (4, 20)):
+        config = report.plain_classifier(bits)
+        assert (config.inputs, config.hidden, config.classes, config.lanes) == (128, 256, 6, 16)
+        assert (config.membrane_bits, config.saturates, config.output_saturates) == (membrane, False, False)
+
+
+def test_a_report_says_what_was_found_and_aimed_at(tmp_path: Path) -> None:
+    aims = report.classifier_aims(BUILT, 4)
+    assert [aim.met for aim in aims] == [True, False, True]
+    assert str(aims[1]) == "LUT4 (at most): 2000, aimed at 1600: MISSED"
+    said = json.loads(report.write(tmp_path, "ulx3s", BUILT, {"design": "player"}, aims).read_text())
+    assert (said["luts"], said["clock_hz"], said["memory_bytes"]) == (2000, 51.25e6, 9216)
+    assert (tmp_path / "ulx3s" / f"{NAME}.bit").read_bytes() == b"bits"
+    assert report.closing_line("ulx3s", BUILT) == "fpga: ulx3s, 51.2 MHz, 2000 LUTs, 9 kB of memory"
+
+
+def test_the_slowest_clock_of_the_design_counts(tmp_path: Path) -> None:
+    clocks = {"clk25": {"achieved": 9.0, "constraint": 25.0}, "sync": {"achieved": 61.5, "constraint": 50.0}}
+    cells = {"TRELLIS_COMB": {"used": 7, "available": 9}, "MULT18X18D": {"used": 0, "available": 3}}
+    (tmp_path / "report.json").write_text(json.dumps({"fmax": clocks, "utilization": cells}))
+    built = read_report(tmp_path, {})
+    assert (built.clock_hz, built.used) == (61.5e6, {"TRELLIS_COMB": 7})
+
+
+def test_a_program_that_fails_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(BuildFailed, match=r"yosys failed: ERROR: .*none\.il"):
+        _run("yosys", ["-q", "-p", "read_rtlil none.il"], tmp_path)
+    monkeypatch.setattr("board.bitstream.build.PROGRAMS", {"yosys": "no_such_package.run"})
+    with pytest.raises(InputError, match=r"no_such_package is not installed; pip install '.*\[fpga\]' gets it"):
+        _run("yosys", [], tmp_path)

@@ -1,0 +1,244 @@
+"""A board in simulation, bit by bit on its serial line, and the real host program at the other end of it."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cocotb
+import numpy as np
+import pytest
+from cocotb.clock import Clock
+from cocotb.triggers import Timer
+from cocotb.utils import get_sim_time
+
+from board.config import BoardConfig, SerialConfig
+from board.gateware.top import TOP, verilog
+from cocotb_tests.bench.chip import network_of
+from cocotb_tests.bench.line import CLOCK_NS, Line, Spoil, as_it_is
+from cocotb_tests.runner.simulator import build
+from model.classifier.chip_config import ChipConfig
+from model.classifier.config import ClassifierConfig
+from model.classifier.file import IntegerWeights
+from model.config import ReadoutConfig
+from model.events.recording import Recording
+
+JOB = "ESKIN_BOARD_JOB"
+CLOCKS_PER_BIT = 4
+BAUD = 2_000_000
+TICKS = 70
+SERIAL = SerialConfig(clocks_per_bit=CLOCKS_PER_BIT, buffer_bytes=512, idle_bits=4096, records=128)
+
+
+def small_chip(threshold: int = 60) -> ChipConfig:
+    """Return a chip whose bins are short, and whose bursts must wait."""
+    readout = ReadoutConfig(rows=3, columns=5, resolution=6, clocks_per_sample=64)
+    network = ClassifierConfig(
+        inputs=30,
+        hidden=20,
+        classes=3,
+        threshold=threshold,
+        floor=-200,
+        out_threshold=100,
+        out_floor=-200,
+        lanes=4,
+        bin_s=0.0003,
+    )
+    return ChipConfig(readout=readout, classifier=network)
+
+
+def board(chip: ChipConfig | None) -> BoardConfig:
+    """Return a board with a quick line."""
+    return BoardConfig(chip=chip, serial=SERIAL)
+
+
+def weights_of(chip: ChipConfig, path: Path) -> Path:
+    """Write random weights for a chip."""
+    network = network_of(chip)
+    training = {"readout": chip.readout.to_dict(), "preset": None, "dataset": "own", "tested": {}, "recordings": None}
+    IntegerWeights(network, ("a", "b", "c"), {"training": training}).save(path)
+    return path
+
+
+def spoiled(what: str, at: int) -> Spoil:
+    """Return what a line does that flips a bit of a byte, or loses it."""
+
+    def spoil(number: int, byte: int) -> int | None:
+        if number != at:
+            return byte
+        return byte ^ 0x10 if what == "flip" else None
+
+    return as_it_is if what == "nothing" else spoil
+
+
+# -- within the simulator ----------------------------------------------------------------------------
+
+
+async def start(dut: Any) -> None:
+    """Start the clock and reset."""
+    dut.rx.value = 1
+    dut.rst.value = 1
+    Clock(dut.clk, CLOCK_NS, "ns").start()
+    await Timer(5 * CLOCK_NS, "ns")
+    dut.rst.value = 0
+
+
+@cocotb.test()
+async def hosts_come_and_go(dut: Any) -> None:
+    """Run host programs one after the other, each at a line that does something else to the bytes."""
+    job = json.loads(Path(os.environ[JOB]).read_text())
+    if hasattr(dut, "aer_req"):
+        dut.aer_req.value = 0
+        dut.aer_addr.value = 0
+    await start(dut)
+    said = {}
+    for name, one in job.items():
+        to_board, to_host = (spoiled(*one.get(way, ("nothing", 0))) for way in ("to_board", "to_host"))
+        line = Line(dut, CLOCKS_PER_BIT, to_board, to_host)
+        words = [sys.executable, "-m", "app", *one["words"], "--port", line.port, "--patience", "10"]
+        pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+        with subprocess.Popen(words, **pipes, preexec_fn=hears_ctrl_c) as host:
+            requests: list[int] = []
+            sender = foreign_chip(dut, one["events"], requests) if "events" in one else None
+            await line.run(host, one.get("pull_after"), sender, wait_bits=12_000)
+            out, err = host.communicate(timeout=60)
+        said[name] = {"code": host.returncode, "out": out, "err": err, "requests": requests}
+    Path("said.json").write_text(json.dumps(said))
+
+
+def hears_ctrl_c() -> None:
+    """Undo what a shell does to processes in the background."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+async def foreign_chip(dut: Any, events: list[list[int]], requests: list[int]) -> None:
+    """Send addresses over four-phase AER, at times that know nothing of the board's clock; notes them in ps."""
+    for wait_ps, address in events:
+        await Timer(wait_ps, "ps")
+        dut.aer_addr.value = address
+        await Timer(1, "ns")
+        dut.aer_req.value = 1
+        requests.append(int(get_sim_time("ps")))
+        while not int(dut.aer_ack.value):
+            await Timer(3_700, "ps")
+        dut.aer_req.value = 0
+        while int(dut.aer_ack.value):
+            await Timer(3_700, "ps")
+
+
+# -- outside -----------------------------------------------------------------------------------------
+
+
+Hosts = Callable[[ChipConfig | None, dict[str, Any]], dict[str, Any]]
+
+
+@pytest.fixture
+def hosts(tmp_path: Path) -> Hosts:
+    """Return a function that runs host programs at a board, and what each of them said."""
+
+    def run(chip: ChipConfig | None, job: dict[str, Any]) -> dict[str, Any]:
+        (tmp_path / "job.json").write_text(json.dumps(job))
+        text = verilog(board(chip))
+        program = build(chip or small_chip(), "verilator", top=TOP, text=text)
+        program.test("tests.board.test_gateware", tmp_path, "hosts_come_and_go", {JOB: str(tmp_path / "job.json")})
+        found: dict[str, Any] = json.loads((tmp_path / "said.json").read_text())
+        return found
+
+    return run
+
+
+@pytest.fixture
+def played(tmp_path: Path) -> dict[str, Path]:
+    """Return files of weights and of codes, a walk at random."""
+    rng = np.random.default_rng(2)
+    chip = small_chip()
+    codes = np.cumsum(rng.integers(-60, 61, (TICKS, chip.readout.taxels)), axis=0)
+    np.save(tmp_path / "codes.npy", codes.clip(-2000, 2000).astype(np.int16))
+    return {"weights": weights_of(chip, tmp_path / "weights.npz"), "codes": tmp_path / "codes.npy"}
+
+
+def test_a_recording_on_the_board_gives_the_events_and_classes_of_the_model(
+    hosts: Hosts, played: dict[str, Path], tmp_path: Path
+) -> None:
+    """The program itself holds them to the model; each fault on the line is found, and what came before it is kept."""
+    play = ["play", str(played["weights"]), "--samples", str(played["codes"]), "--out"]
+    other = weights_of(small_chip(61), tmp_path / "other.npz")
+
+    def job(name: str, *words: str, **line: Any) -> dict[str, Any]:
+        return {"words": [*play, str(tmp_path / f"{name}.npz"), *words], **line}
+
+    faults = {
+        "flipped": job("flipped", to_board=["flip", 3300]),
+        "dropped": job("dropped", to_board=["drop", 3400]),
+        "back": job("back", to_host=["flip", 1400]),
+        "pulled": job("pulled", pull_after=1400),
+    }
+    said = hosts(
+        small_chip(),
+        {"clean": job("clean"), **faults}
+        | {
+            "other": {"words": ["load", str(other)]},
+            "receiver": {"words": ["listen", "--seconds", "0.1", "--out", str(tmp_path / "heard.npz")]},
+            "again": job("again", "--no-check"),
+        },
+    )
+    recordings = {name: Recording.load(tmp_path / f"{name}.npz") for name in ("clean", "again", *faults)}
+    whole = recordings["clean"].events
+    assert (said["clean"]["code"], said["again"]["code"]) == (0, 0), said
+    assert said["clean"]["out"].splitlines()[1] == "events and classes are the model's"
+    assert len(whole) > 300
+    assert np.array_equal(recordings["again"].events, whole)
+    sentences = {
+        "flipped": "to the board (arrived damaged|came out of turn)",
+        "dropped": "to the board (arrived damaged|came out of turn)",
+        "back": "a frame from the board arrived damaged",
+        "pulled": "is gone; check the cable",
+        "other": "the bitstream of the board is of another network or array",
+        "receiver": "the board holds the player, this needs the receiver",
+    }
+    for name, sentence in sentences.items():
+        assert said[name]["code"] == 2, said[name]
+        assert re.search(f"^error: .*{sentence}", said[name]["err"]), said[name]
+        assert said[name]["err"].count("\n") == 1
+    for name in faults:
+        kept = recordings[name].events
+        assert 0 < len(kept) < len(whole), name
+        assert np.array_equal(kept, whole[: len(kept)]), name
+        assert f"{len(kept)} events that came before are in" in said[name]["err"]
+    assert not (tmp_path / "heard.npz").exists()
+
+
+def test_a_foreign_chip_is_recorded_into_our_files(hosts: Hosts, tmp_path: Path) -> None:
+    """Addresses and times are those of its REQ; a burst that the line cannot take is counted as lost, never silent."""
+    rng = random.Random(3)
+    slow = [[5_000_000 + rng.randrange(5_000_000), rng.randrange(1 << 5)] for _ in range(80)]
+    events = [*slow[:40], [1_400_000_000, 0], *slow[40:]]  # the time passes 2**16 clocks
+    burst = [[40_000, rng.randrange(1 << 5)] for _ in range(300)]
+    said = hosts(
+        None,
+        {
+            name: {"words": ["listen", "--rows", "4", "--columns", columns, "--out", str(tmp_path / f"{name}.npz")]}
+            | {"events": sent}
+            for name, sent, columns in (("heard", events, "4"), ("burst", burst, "4"), ("small", slow, "3"))
+        },
+    )
+    heard, lost = Recording.load(tmp_path / "heard.npz"), Recording.load(tmp_path / "burst.npz")
+    address = heard.events["p"] * 16 + heard.events["y"] * 4 + heard.events["x"]
+    assert said["heard"]["code"] == 0, said
+    assert address.tolist() == [one for _, one in events]
+    clocks = np.array(said["heard"]["requests"]) / (1000 * CLOCK_NS)
+    late = heard.events["t"] - clocks
+    assert np.ptp(late) <= 1  # only where the edge falls between two of the clock
+    assert said["burst"]["code"] == 1
+    assert f"LOST {300 - len(lost.events)} events" in said["burst"]["out"]
+    assert 90 < len(lost.events) < 300
+    assert said["small"]["code"] == 2
+    assert "which 4 x 3 taxels of lcs have not; give the rows, columns" in said["small"]["err"]

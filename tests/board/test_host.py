@@ -1,0 +1,340 @@
+"""The host's side of a board: codec, records, journal, and a link to a board that misbehaves."""
+
+from __future__ import annotations
+
+import os
+import threading
+import tty
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from base.errors import InputError
+from board.config import BoardConfig, SerialConfig
+from board.journal import Journal, convert
+from board.link import Link
+from board.live import View, serve
+from board.records import (
+    HELLO_WORDS,
+    STATUS_WORDS,
+    VERSION,
+    Ack,
+    Class,
+    Event,
+    Lost,
+    Reason,
+    Record,
+    RecordReader,
+    Refused,
+    Tag,
+    Words,
+    encode,
+)
+from board.serial_frames import FLAG, Damaged, Frame, FrameReader, Kind
+from board.session import foreign_events, listen
+from model.config import ReadoutConfig
+from model.events.recording import Recording
+
+FRAMES = st.builds(Frame, st.integers(0, 255), st.integers(0, 255), st.binary(max_size=255))
+TIMES = st.integers(0, 1 << 40)
+RECORDS = st.one_of(
+    st.builds(Event, TIMES, st.integers(0, 4095)),
+    st.builds(
+        Class, TIMES, st.integers(0, 63), st.booleans(), st.tuples(*[st.integers(-(1 << 31), (1 << 31) - 1)] * 3)
+    ),
+    st.builds(Lost, st.integers(0, (1 << 28) - 1)),
+    st.builds(Ack, st.integers(0, 255)),
+    st.builds(Refused, st.integers(0, 255), st.integers(0, 255), st.sampled_from(sorted(Reason))),
+    st.just(Words(Tag.STATUS, dict(zip(STATUS_WORDS, range(8), strict=True)))),
+)
+
+
+def packed(records: list[Record]) -> bytes:
+    return b"".join(word.to_bytes(4, "little") for word in encode(records))
+
+
+# -- frames and records ------------------------------------------------------------------------------
+
+
+@given(st.lists(FRAMES, max_size=4), st.integers(1, 40))
+def test_frames_come_back_however_the_bytes_are_cut(frames: list[Frame], size: int) -> None:
+    data = b"noise" + b"".join(frame.encode() for frame in frames)
+    reader = FrameReader()
+    found = [one for at in range(0, len(data), size) for one in reader.feed(data[at : at + size])]
+    assert found == frames
+
+
+def test_a_frame_byte_for_byte() -> None:
+    assert Frame(Kind.RUN, 0x7D, b"\x7e\x00").encode().hex(" ") == "7e 04 7d 5d 02 7d 5e 00 8a a9 cf 18 7e"
+
+
+@given(FRAMES, st.integers(0, 10**6), st.integers(0, 7))
+def test_a_flipped_bit_is_never_taken_for_data(frame: Frame, place: int, bit: int) -> None:
+    data = bytearray(frame.encode())
+    data[place % len(data)] ^= 1 << bit
+    found = list(FrameReader().feed(bytes(data) + bytes([FLAG])))
+    assert all(isinstance(one, Damaged) for one in found)
+
+
+@given(FRAMES, st.integers(0, 10**6))
+def test_a_lost_byte_is_never_taken_for_data(frame: Frame, place: int) -> None:
+    data = bytearray(frame.encode())
+    del data[place % len(data)]
+    if place % (len(data) + 1) not in (0, len(data)):  # of two flags in a row one is enough
+        assert all(isinstance(one, Damaged) for one in FrameReader().feed(bytes([FLAG, *data, FLAG])))
+
+
+@given(st.lists(RECORDS, max_size=20), st.integers(1, 9))
+def test_records_come_back_however_the_frames_are_cut(records: list[Record], words: int) -> None:
+    data = packed(records)
+    reader = RecordReader(classes=3)
+    assert [one for at in range(0, len(data), 4 * words) for one in reader.feed(data[at : at + 4 * words])] == records
+
+
+def test_an_unknown_tag_is_refused() -> None:
+    with pytest.raises(InputError, match="unknown tag 15; load its bitstream again"):
+        list(RecordReader().feed((0xF << 28).to_bytes(4, "little")))
+
+
+# -- journal -----------------------------------------------------------------------------------------
+
+
+def test_what_a_killed_recording_left_becomes_a_recording(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "a.npz", ReadoutConfig(), {"name": "a"})
+    journal.add([(5, 1, 2, True), (9, 3, 4, False)])
+    with (tmp_path / "a.npz.part").open("ab") as file:
+        file.write(b"half")
+    with pytest.raises(InputError, match=r"holds events that became no recording; eskin rescue"):
+        Journal(tmp_path / "a.npz", ReadoutConfig(), {})
+    recording = convert(tmp_path / "a.npz.part")
+    assert recording == Recording.load(tmp_path / "a.npz")
+    assert recording.events.tolist() == [(5, 1, 2, True), (9, 3, 4, False)]
+    assert (recording.duration_clocks, recording.metadata) == (10, {"name": "a"})
+    assert not (tmp_path / "a.npz.part").exists()
+
+
+def test_something_else_is_no_journal(tmp_path: Path) -> None:
+    (tmp_path / "b.npz.part").write_bytes(b"{}\n")
+    with pytest.raises(InputError, match="is no journal of a recording"):
+        convert(tmp_path / "b.npz.part")
+
+
+# -- a board that misbehaves -------------------------------------------------------------------------
+
+HELLO = dict(zip(HELLO_WORDS, (VERSION, 2, BoardConfig(chip=None).identity, 50_000_000, 512, 4096, 0, 0), strict=True))
+
+
+class FakeBoard(threading.Thread):
+    """Acknowledges every frame of a host; ``answer`` gives other bytes for a frame, or None for these."""
+
+    def __init__(self, answer: Callable[[Frame, FakeBoard], bytes | None]) -> None:
+        super().__init__(daemon=True)
+        self.master, self.slave = os.openpty()
+        tty.setraw(self.slave)
+        self.port, self.answer, self.sequence, self.closed = os.ttyname(self.slave), answer, 0, False
+
+    def say(self, *records: Record) -> bytes:
+        """Return the next frame of records."""
+        self.sequence += 1
+        return Frame(Kind.RECORDS, (self.sequence - 1) % 256, packed(list(records))).encode()
+
+    def run(self) -> None:
+        reader = FrameReader()
+        while not self.closed:
+            try:
+                data = os.read(self.master, 4096)
+            except OSError:
+                return
+            for frame in reader.feed(data):
+                assert isinstance(frame, Frame)
+                if (bytes_ := self.answer(frame, self)) is None:
+                    known = frame.kind == Kind.HELLO
+                    bytes_ = self.say(Words(Tag.HELLO, HELLO)) if known else self.say(Ack(frame.sequence))
+                if not self.closed:
+                    os.write(self.master, bytes_)
+
+    def pull(self) -> bytes:
+        """Take the cable out."""
+        self.closed = True
+        os.close(self.slave)
+        os.close(self.master)
+        return b""
+
+
+@contextmanager
+def linked(answer: Callable[[Frame, FakeBoard], bytes | None]) -> Iterator[tuple[Link, list[Record]]]:
+    board = FakeBoard(answer)
+    board.start()
+    came: list[Record] = []
+    with Link(board.port, came.extend, patience_s=0.4) as link:
+        yield link, came
+    if not board.closed:
+        board.pull()
+
+
+def usual(frame: Frame, board: FakeBoard) -> bytes | None:
+    return None
+
+
+def on_status(what: Callable[[Frame, FakeBoard], bytes]) -> Callable[[Frame, FakeBoard], bytes | None]:
+    return lambda frame, board: what(frame, board) if frame.kind == Kind.STATUS else None
+
+
+EVENT = Event(70_000, 5)
+
+MISHAPS = {
+    "has said nothing for 0.4 s; check the cable": lambda frame, board: b"",
+    "a frame from the board arrived damaged .its CRC is wrong.": lambda f, b: b.say(EVENT) + b.say(EVENT)[:-3] + b"~",
+    "1 frames from the board were lost before number 3; play again": lambda f, b: (
+        b.say(EVENT) + b.say()[:0] + b.say(EVENT)
+    ),
+    "frame 1 to the board arrived damaged .it waits for 1.": lambda f, b: b.say(EVENT, Refused(1, 1, Reason.DAMAGED)),
+    "frame 1 to the board came out of turn": lambda f, b: b.say(EVENT, Refused(1, 0, Reason.SEQUENCE)),
+    "is gone; check the cable": lambda f, b: b.pull(),
+    "acknowledged frame 9, which is not due": lambda f, b: b.say(EVENT, Ack(9)),
+}
+
+
+@pytest.mark.parametrize("sentence", MISHAPS)
+def test_a_mishap_is_one_sentence_and_what_came_before_is_kept(sentence: str) -> None:
+    with linked(on_status(MISHAPS[sentence])) as (link, came):
+        link.hello("receiver")
+
+        def ask() -> None:  # the answer may be there before the frame is sent
+            link.send(Kind.STATUS)
+            link.wait()
+
+        with pytest.raises(InputError, match=sentence):
+            ask()
+        if "gone" not in sentence and "nothing" not in sentence:
+            assert came == [EVENT]
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"version": 9}, "the board speaks version 9, this program 1; load its bitstream again"),
+        ({"design": 1}, "the board holds the player, this needs the receiver; load that bitstream"),
+        ({"design": 7}, "the board holds the design 7"),
+        ({"identity": 1}, r"is of another network or array \(00000001, not [0-9a-f]{8}\)"),
+    ],
+)
+def test_another_bitstream_is_refused(changes: dict[str, int], sentence: str) -> None:
+    def answer(frame: Frame, board: FakeBoard) -> bytes:
+        return board.say(Words(Tag.HELLO, HELLO | changes))
+
+    with linked(answer) as (link, _), pytest.raises(InputError, match=sentence):
+        link.hello("receiver", BoardConfig(chip=None))
+
+
+def test_no_board_is_one_sentence() -> None:
+    with pytest.raises(InputError, match=r"no board at /dev/none: .*; look for the name of its port"):
+        Link("/dev/none", lambda records: None)
+    with (
+        linked(lambda frame, board: b"not a board~~") as (link, _),
+        pytest.raises(InputError, match="answers as a board"),
+    ):
+        link.hello("receiver")
+
+
+def test_the_host_never_has_more_under_way_than_the_board_can_keep() -> None:
+    kept: list[Frame] = []
+    most = 0
+
+    def answer(frame: Frame, board: FakeBoard) -> bytes | None:
+        nonlocal most
+        if frame.kind == Kind.HELLO:
+            return None
+        kept.append(frame)
+        most = max(most, sum(one.cost for one in kept))
+        if len(kept) < 2:
+            return b""
+        return board.say(*(Ack(kept.pop(0).sequence) for _ in range(len(kept))))
+
+    with linked(answer) as (link, _):
+        link.hello("receiver")
+        for _ in range(600):  # the sequence numbers pass 255 twice
+            link.send(Kind.SAMPLES, bytes(200))
+        link.wait()
+    assert 400 < most <= 512
+
+
+def test_what_comes_before_a_session_is_passed_over() -> None:
+    def answer(frame: Frame, board: FakeBoard) -> bytes | None:
+        if frame.kind != Kind.HELLO:
+            return None
+        old = Frame(Kind.RECORDS, 77, packed([EVENT])).encode()
+        return old[3:] + old + board.say(Words(Tag.HELLO, HELLO))
+
+    with linked(answer) as (link, came):
+        assert link.hello("receiver") == HELLO
+        link.send(Kind.STATUS)
+        link.wait()
+        assert came == []
+
+
+def test_listening_asks_and_ends(tmp_path: Path) -> None:
+    def answer(frame: Frame, board: FakeBoard) -> bytes | None:
+        if frame.kind != Kind.STATUS:
+            return None
+        status = Words(Tag.STATUS, dict(zip(STATUS_WORDS, (5, 1, 2, 0, 0, 0, 3, 0), strict=True)))
+        return board.say(EVENT, Lost(3), status, Ack(frame.sequence))
+
+    from board.session import Received, observed_clocks
+
+    config = ReadoutConfig(rows=1, columns=8)
+    received = Received(foreign_events(config))
+    with linked(answer) as (link, _):
+        link.sink = received
+        link.hello("receiver")
+        listen(link, received, 0.01)
+    assert received.events[0] == (70_000, 5, 0, False)
+    assert (observed_clocks(received), received.counts["lost"]) == ((1 << 32) + 5, 3)
+
+
+# -- what is looked at -------------------------------------------------------------------------------
+
+
+def test_the_page_shows_what_came() -> None:
+    import json
+    import urllib.request
+
+    view = View(16, 100, 1e6, ("wood", "wool"))
+    view([Event(250, 3), Event(260, 3), Event(330, 12), Class(400, 1, False, (-4, 9)), Lost(2)])
+    server = serve(view, 0)
+    try:
+        place = f"http://127.0.0.1:{server.server_port}/"
+        said = json.loads(urllib.request.urlopen(f"{place}state").read())
+        page = urllib.request.urlopen(place).read().decode()
+    finally:
+        server.shutdown()
+        server.server_close()
+    assert said["steps"] == [[2, [[3, 2]]], [3, [[12, 1]]]]
+    assert (said["class"], said["evidence"], said["events"], said["lost"]) == ("wool", [-4, 9], 3, 2)
+    assert "http" not in page.replace("http-equiv", "")
+    assert [line.rstrip()[-2:] for line in view.raster(4)] == [":", "", "", "."] or view.raster(4)[0][-2:] == ": "
+
+
+@pytest.mark.parametrize(
+    ("fields", "sentence"),
+    [
+        ({"clocks_per_bit": 3}, "clocks_per_bit of the serial line must be at least 4, not 3"),
+        ({"buffer_bytes": 1000}, "buffer_bytes of the serial line must be a power of two, not 1000"),
+    ],
+)
+def test_a_line_that_cannot_be_is_refused(fields: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(InputError, match=sentence):
+        SerialConfig(**fields)
+
+
+def test_an_address_that_the_array_has_not_is_refused() -> None:
+    with pytest.raises(InputError, match="an event has the address 0xc, which 3 x 4 taxels of lcs have not"):
+        foreign_events(ReadoutConfig(rows=3, columns=4))(Event(0, 12))
+    assert foreign_events(ReadoutConfig(rows=3, columns=4, encoding="nlcs"))(Event(1, 9)) == (1, 1, 2, True)
+    assert np.array(foreign_events(ReadoutConfig(rows=3, columns=4))(Event(1, 0x19))).tolist() == [1, 1, 2, 1]

@@ -1,0 +1,160 @@
+"""The same array in OpenSTA: a second opinion on its timing, for arrays that it finishes in a short while."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from flow import opensta
+from flow.asic.constraints import sdc
+from flow.asic.synthesis import Netlist
+from flow.liberty.library import Library
+from flow.scale.array import NONE, TAXEL, Array
+from flow.scale.timing import Timing
+from rtl.verilog import top_block
+
+ROUNDS = 14
+ZERO = "1'b0"
+SCRIPT = """\
+read_liberty cells.lib
+read_verilog netlist.v
+link_design {top}
+read_spef wires.spef
+set low 0.0
+set high {high}
+for {{set i 0}} {{$i < {rounds}}} {{incr i}} {{
+  set period [expr ($low + $high) / 2]
+  source constraints.sdc
+  if {{[worst_slack -max] < 0}} {{ set low $period }} else {{ set high $period }}
+}}
+puts "PERIOD <<$high>>"
+"""
+
+
+def period_s(timing: Timing, library: Library) -> float:
+    """Return the shortest period that OpenSTA finds, with the loads and the ways of the lines as they were estimated.
+
+    Parameters
+    ----------
+    timing : Timing
+    library : Library
+
+    Returns
+    -------
+    float
+        To within 1/16,384 of twice the estimate.
+    """
+    array = timing.array
+    made = Netlist("", top_block(array.config).module_name, array.config, library, True)
+    high = 2e9 * timing.worst().period_s
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "netlist.v").write_text(verilog(array))
+        (folder / "wires.spef").write_text(spef(timing))
+        (folder / "cells.lib").write_bytes(OWN_WIRES.sub(b"", library.content))
+        (folder / "constraints.sdc").write_text(sdc(made, "$period"))
+        script = SCRIPT.format(top=made.top, high=high, rounds=ROUNDS)
+        said, _ = opensta.run(script, folder)
+    found = re.search(r"PERIOD <<(.*)>>", said)
+    if not found:
+        raise RuntimeError(f"OpenSTA failed: {said[-300:]}")
+    return float(found[1]) * 1e-9
+
+
+def verilog(array: Array) -> str:
+    """Return an array as Verilog with plain names: cells ``c0``, taxels ``t0``, their cells ``g0``, nets ``n0``."""
+    top = top_block(array.config).module_name
+    widths: dict[str, tuple[str, int]] = {}
+    for way, name, bit, _ in array.ports:
+        widths[name] = way, max(bit + 1, widths.get(name, ("", 0))[1])
+    lines = [f"module {top}({', '.join(widths)});"]
+    lines += [f"  {way} {f'[{width - 1}:0] ' if width > 1 else ''}{name};" for name, (way, width) in widths.items()]
+    nets = {net: f"n{net}" for net in range(array.nets)} | {NONE: ZERO}
+    for way, name, bit, net in array.ports:
+        port = f"{name}[{bit}]" if widths[name][1] > 1 else name
+        if net >= 0 and nets[net].startswith("n"):
+            nets[net] = port
+        elif way == "output":
+            lines.append(f"  assign {port} = {nets[net]};")
+    lines += [f"  wire n{net};" for net in range(array.nets) if nets[net] == f"n{net}"]
+    for number, (kind, pins) in enumerate(zip(array.cells, array.pins, strict=True)):
+        lines.append(f"  {kind} c{number} ({', '.join(f'.{pin}({nets[net]})' for pin, net in pins.items())});")
+    for number, taxel in enumerate(array.taxels):
+        lines.append(f"  {TAXEL} t{number} ({', '.join(f'.{_plain(p)}({nets[net]})' for p, net in taxel.items())});")
+    return "\n".join([*lines, "endmodule", *_taxel(array)]) + "\n"
+
+
+def _plain(bit: str) -> str:
+    return "p_" + bit.replace(" ", "_")
+
+
+def _taxel(array: Array) -> Iterator[str]:
+    """Yield the lines of the taxel's module."""
+    names: dict[object, str] = {}
+    lines = [f"module {TAXEL}({', '.join(map(_plain, array.taxel_bits))});"]
+    for bit, (way, own) in array.taxel_bits.items():
+        lines.append(f"  {way} {_plain(bit)};")
+        if isinstance(own, int) and own not in names:
+            names[own] = _plain(bit)
+        else:
+            lines.append(f"  assign {_plain(bit)} = {names.get(own, ZERO)};")
+    inner: set[str] = set()
+    cells = []
+    for number, cell in enumerate(array.taxel["cells"].values()):
+        pins = []
+        for pin, bits in cell["connections"].items():
+            net = ZERO if not bits or isinstance(bits[0], str) else names.get(bits[0], f"n{bits[0]}")
+            inner |= {net} if net.startswith("n") else set()
+            pins.append(f".{pin}({net})")
+        cells.append(f"  {cell['type']} g{number} ({', '.join(pins)});")
+    yield from (*lines, *(f"  wire {net};" for net in sorted(inner)), *cells, "endmodule")
+
+
+def spef(timing: Timing) -> str:
+    """Return the capacitances of all wires; their resistance is left out."""
+    array = timing.array
+    names = {net: f"n{net}" for net in range(array.nets)}
+    single = {name for _, name, bit, _ in array.ports} - {name for _, name, bit, _ in array.ports if bit > 0}
+    ends: dict[int, list[str]] = {}
+    for way, name, bit, net in array.ports:
+        port = name if name in single else f"{name}[{bit}]"
+        if net >= 0:
+            names[net] = port if names[net] == f"n{net}" else names[net]
+            ends.setdefault(net, []).append(f"*P {port} {way[0].upper()}")
+    pins = [0.0] * timing.nets
+    for group in timing.groups.values():
+        for pin, nets in group.pins.items():
+            out, load = pin in group.kind.outputs, group.kind.loads.get(pin, 0.0)
+            for cell, net in zip(group.cells, nets, strict=True):
+                if net >= 0:
+                    pins[net] += load
+                    path = f"*I {_path(array, int(cell))}:{pin} {'O' if out else 'I'}"
+                    ends.setdefault(int(net), []).insert(0 if out else len(ends.get(int(net), [])), path)
+    lines = list(HEAD)
+    for net, on in ends.items():
+        taxel, inner = divmod(net - array.nets, len(timing.inner) or 1)
+        name = names[net] if net < array.nets else f"t{taxel}/n{timing.inner[inner]}"
+        wire_pf = 1e12 * max(timing.load[net] - pins[net] - (array.port_load_f if "*P" in on[-1] else 0.0), 0.0)
+        first, *others = (end.split()[1] for end in on)
+        lines += [f"*D_NET {name} {wire_pf:.6g}", "*CONN", *on, "*CAP", f"1 {first} {wire_pf:.6g}", "*RES"]
+        lines += [*(f"{i} {first} {other} 0.001" for i, other in enumerate(others, 1)), "*END"]
+    return "\n".join(lines) + "\n"
+
+
+HEAD = (
+    '*SPEF "IEEE 1481-1998"',
+    *(f'*{word} ""' for word in ("DESIGN", "DATE", "VENDOR", "PROGRAM", "VERSION", "DESIGN_FLOW")),
+    *("*DIVIDER /", "*DELIMITER :", "*BUS_DELIMITER [ ]"),
+    *("*T_UNIT 1 NS", "*C_UNIT 1 PF", "*R_UNIT 1 OHM", "*L_UNIT 1 HENRY"),
+)
+OWN_WIRES = re.compile(rb"^\s*default_wire_load\w* .*$", re.MULTILINE)
+"""What a library itself says of wires, which OpenSTA takes wherever nothing else does."""
+
+
+def _path(array: Array, cell: int) -> str:
+    if cell < len(array.cells):
+        return f"c{cell}"
+    taxel, number = divmod(cell - len(array.cells), len(array.taxel["cells"]))
+    return f"t{taxel}/g{number}"

@@ -1,0 +1,14 @@
+"""The example library, read once."""
+
+from __future__ import annotations
+
+import pytest
+
+from flow.liberty.library import Library, read
+from tests.flow import example_library
+
+
+@pytest.fixture(scope="session")
+def library(tmp_path_factory: pytest.TempPathFactory) -> Library:
+    """Return the example library at its typical corner."""
+    return read(example_library.written(tmp_path_factory.mktemp("library")))

@@ -1,0 +1,113 @@
+"""Gates and flops of the readouts after synthesis."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from base.errors import InputError
+from flow.gate_count import count_gates
+from model.classifier.config import ClassifierConfig
+from model.classifier.file import IntegerWeights
+from model.classifier.network import IntegerNetwork
+from model.config import ReadoutConfig
+from model.encoders import registry
+from model.frame_config import FrameConfig
+from tests.flow import example_library
+
+ROOT = Path(__file__).resolve().parents[2]
+
+LIBRARY = ROOT.parent / "shared" / "data" / "ihp-sg13g2" / "sg13g2_stdcell_typ_1p20V_25C.lib"
+
+
+def test_flops_are_those_of_the_design() -> None:
+    config = ReadoutConfig(rows=2, columns=3)
+    per_taxel = 8 + 8 + 1 + 1 + 1  # sample and reference on the grid of D, request, polarity, mask
+    arbiter = 1 + 1 + 3 + 3  # rows behind, row, latched columns and polarities
+    counted = count_gates(config, config.taxels)
+    assert counted.flops == 6 * per_taxel + arbiter
+    assert counted.gates > counted.flops
+    assert counted.area_um2 is None
+
+
+def test_analog_front_end_saves_the_samples() -> None:
+    config = ReadoutConfig(rows=2, columns=3)
+    saved = count_gates(config, 6).flops - count_gates(config.replace(frontend="analog"), 6).flops
+    assert saved == 6 * 8
+
+
+def test_frames_have_no_hardware_in_the_taxel() -> None:
+    small, large = (
+        count_gates(FrameConfig(readout=ReadoutConfig(rows=n, columns=n)), n * n).flops / n**2 for n in (4, 16)
+    )
+    assert large < small / 4
+
+
+@pytest.mark.skipif(not LIBRARY.is_file(), reason=f"no cell library {LIBRARY.name} beside the checkout")
+def test_a_real_library_gives_the_same_flops_and_an_area() -> None:
+    config = ReadoutConfig(rows=1, columns=2)
+    counted = count_gates(config, 2, LIBRARY)
+    assert counted.flops == count_gates(config, 2).flops
+    smallest, largest_flop = 1.8, 60.0  # um2: the library's least cell, and more than any of its flops
+    assert counted.area_um2 is not None
+    assert smallest * (counted.gates + counted.flops) < counted.area_um2
+    assert counted.area_um2 < largest_flop * (counted.gates + counted.flops)
+
+
+def library(path: Path, without: tuple[str, ...] = ()) -> Path:
+    """Write our own library, whose flip-flop is named as SkyWater names them, and return its path."""
+    path.write_text(example_library.library(without=without).replace("PERCH", "own__dfxtp_1"))
+    return path
+
+
+def test_flops_are_the_cells_with_an_ff_group_whatever_their_names(tmp_path: Path) -> None:
+    config = ReadoutConfig(rows=1, columns=2)
+    counted = count_gates(config, 2, library(tmp_path / "own.lib"))
+    assert counted.flops == count_gates(config, 2).flops > 30
+    assert counted.gates > counted.flops
+    assert counted.area_um2 is not None
+    assert counted.area_um2 > 2 * (counted.flops + counted.gates)  # the smallest cell has 2 um2
+
+
+@pytest.mark.parametrize(
+    ("without", "sentence"),
+    [
+        (("PERCH",), r"has no flip-flop: no cell of it has an ff group; give another \.lib$"),
+        (("NEITHER", "UNLESS"), r"does not do: the readout needs a flip-flop, an inverter, .* \(Yosys: [^\n]+\)$"),
+    ],
+)
+def test_a_library_that_does_not_do_is_one_sentence(without: tuple[str, ...], sentence: str, tmp_path: Path) -> None:
+    path = library(tmp_path / "own.lib", without)
+    with pytest.raises(InputError, match=rf"^the cell library {path} {sentence}"):
+        count_gates(ReadoutConfig(rows=1, columns=1), 1, path)
+
+
+def test_a_classifier_is_counted_without_its_memories(tmp_path: Path) -> None:
+    config = ClassifierConfig(inputs=4, hidden=8, classes=2, lanes=2, clocks_per_bin=100, membrane_bits=12)
+    shapes = ((4, 8), (8, 8), (8, 2), (8,), (2,))
+    network = IntegerNetwork(config, *(np.zeros(shape, int) for shape in shapes))
+    IntegerWeights(network, ("a", "b")).save(tmp_path / "integer.npz")
+    command = [sys.executable, "-m", "app", "gates", "--classifier", str(tmp_path / "integer.npz")]
+    done = subprocess.run([*command, "--json"], capture_output=True, text=True, check=True)
+    found = json.loads(done.stdout)["classifier"]
+    assert found["memory_bits"] == config.memory_bits > 500
+    # All potentials and spikes are there, and the weights are not: they alone would be more flops.
+    assert 8 * (12 + 1) < found["flops"] < config.memory_bits
+    refused = subprocess.run([*command, "--rows", "3"], capture_output=True, text=True, check=False)
+    said = "error: --rows has no effect with --classifier: leave one of the two out\n"
+    assert (refused.returncode, refused.stderr) == (2, said)
+
+
+def test_command_compares_the_readouts_of_one_array() -> None:
+    command = [sys.executable, "-m", "app", "gates", "--rows", "2", "--columns", "2", "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    readouts = json.loads(done.stdout)["readouts"]
+    assert list(readouts) == [*registry.NAMES, "frame"]
+    expected = count_gates(ReadoutConfig(rows=2, columns=2, encoding="nlcs"), 4).to_dict()
+    assert readouts["nlcs"] == expected
+    assert readouts["frame"]["flops"] < readouts["lcs"]["flops"] < readouts["cw-lcs"]["flops"]

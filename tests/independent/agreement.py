@@ -1,0 +1,174 @@
+"""Holds the first model to the second: the one file here, beside tests, that knows the project."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.address_events import EVENT_DTYPE, Events
+from model.classifier.network import IntegerNetwork
+from model.config import ReadoutConfig
+from model.frame import FrameStimulus
+from model.frame_config import FrameConfig
+from model.readout import Stimulus
+from model.tiles.config import TilesConfig
+
+from .classifier import Network, Neuron
+from .frame import FrameReadout
+from .merge import Merge
+from .readout import Readout
+from .settings import Settings
+
+
+class Receiver:
+    """What answers REQ: ACK follows each of its edges after a delay in 1/8 clock."""
+
+    def __init__(self, delays):
+        self.delays = delays.tolist()
+        self.edges = 0
+        self.req = self.ack = 0
+        self.at = 0
+
+    def before(self, clock):
+        """Return ACK just before the edge of a clock."""
+        if self.ack != self.req and 8 * clock > self.at:
+            self.ack = self.req
+        return self.ack
+
+    def after(self, clock, req):
+        """See REQ just after the edge of a clock."""
+        if req != self.req:
+            self.req = req
+            self.at = 8 * clock + self.delays[self.edges % len(self.delays)]
+            self.edges += 1
+
+
+def play(config: ReadoutConfig, stimulus: Stimulus, readout: Readout | None = None) -> tuple[Events, Readout]:
+    """Return the events of the second model, and the model as it stands at the end."""
+    readout = readout or Readout(Settings.of(config.to_dict()))
+    begun = len(readout.events)
+    receiver = Receiver(stimulus.ack_delay)
+    signal = [0] * config.taxels
+    tick = change = 0
+    mask = None
+    four_phase, analog = config.link == "four_phase", config.frontend == "analog"
+    for clock in range(stimulus.clocks):
+        if change < len(stimulus.enable_clock) and stimulus.enable_clock[change] == clock:
+            mask = stimulus.enable[change].tolist()
+            change += 1
+        valid = tick < len(stimulus.sample_clock) and bool(stimulus.sample_clock[tick] == clock)
+        sample = stimulus.samples[tick].tolist() if valid else None
+        decisions = None
+        if analog and stimulus.decisions is not None:
+            decisions = [(bool(d & 1), bool(d & 2)) for d in stimulus.decisions[clock].tolist()]
+        elif analog:
+            decisions = [look(config, x, *threshold) for x, threshold in zip(signal, readout.thresholds(), strict=True)]
+        readout.clock(
+            sample_valid=valid,
+            sample=sample,
+            enable=mask,
+            ready=bool(stimulus.ready[clock % len(stimulus.ready)]),
+            ack=receiver.before(clock),
+            decisions=decisions,
+        )
+        if four_phase:
+            receiver.after(clock, readout.outputs()["aer_req"])
+        if valid:
+            signal, tick = sample, tick + 1
+    events = [(t, x, y, bool(p)) for t, x, y, p in readout.events[begun:]]
+    if four_phase and events and events[-1][0] == stimulus.clocks - 1:
+        events.pop()  # nobody sees a REQ that rises at the last edge of a run
+    return np.array(events, EVENT_DTYPE), readout
+
+
+def look(config: ReadoutConfig, x: int, reference: int, half_width: int) -> tuple[bool, bool]:
+    """Return what ideal comparators find."""
+    above = x > reference + half_width if config.encoder.strict else x - reference >= half_width
+    return above, config.has_polarity and x - reference < -half_width
+
+
+def play_skin(config: TilesConfig, stimuli: list[Stimulus]) -> Events:
+    """Return the events of a skin of the second model; its tiles have a digital front end."""
+    tiles = [Readout(Settings.of(config.tile.to_dict())) for _ in stimuli]
+    merge = Merge(config.tiles)
+    first = stimuli[0]
+    masks = [None] * config.tiles
+    tick = change = 0
+    events = []
+    for clock in range(first.clocks):
+        if change < len(first.enable_clock) and first.enable_clock[change] == clock:
+            masks = [stimulus.enable[change].tolist() for stimulus in stimuli]
+            change += 1
+        valid = tick < len(first.sample_clock) and bool(first.sample_clock[tick] == clock)
+        ready = bool(first.ready[clock % len(first.ready)])
+        offered = [tile.arbiter.output() for tile in tiles]
+        if merge.output() and ready:
+            number, (row, column, polarity) = merge.output()
+            down, across = divmod(number, config.tile_columns)
+            x, y = across * config.tile.columns + column, down * config.tile.rows + row
+            events.append((clock, x, y, bool(polarity)))
+        taken = merge.taken(offered)
+        merge.clock(offered, ready)
+        for number, tile in enumerate(tiles):
+            sample = stimuli[number].samples[tick].tolist() if valid else None
+            tile.clock(sample_valid=valid, sample=sample, enable=masks[number], ready=number == taken)
+        tick += valid
+    return np.array(events, EVENT_DTYPE)
+
+
+def play_frames(config: FrameConfig, stimulus: FrameStimulus) -> tuple[list, list, list]:
+    """Return words (clock, sync, data), starts (clock, taxel) and clocks of frames missed, of the second model."""
+    frame = FrameReadout(
+        config.rows, config.columns, config.resolution, config.word_bits, settle_clocks=config.settle_clocks
+    )
+    words, starts, missed = [], [], []
+    conversions = 0
+    done, code, tick = None, 0, -1
+    for clock in range(stimulus.clocks):
+        while tick + 1 < len(stimulus.sample_clock) and stimulus.sample_clock[tick + 1] <= clock:
+            tick += 1
+        ready = bool(stimulus.ready[clock % len(stimulus.ready)])
+        outputs = frame.outputs()
+        if outputs["frame_overrun"]:
+            missed.append(clock - 1)
+        if outputs["word_valid"] and ready:
+            words.append((clock, bool(outputs["word_sync"]), outputs["word_data"]))
+        inputs = {"frame_start": clock in stimulus.frame_clock, "adc_done": clock == done, "adc_code": code}
+        if outputs["adc_start"]:
+            row, column = (outputs[name].bit_length() - 1 for name in ("row_select", "column_select"))
+            taxel = row * config.columns + column
+            starts.append((clock, taxel))
+            done = clock + int(stimulus.conversion[conversions % len(stimulus.conversion)])
+            conversions += 1
+            code = int(stimulus.samples[tick, taxel]) // 2 ** (config.sample_bits - config.resolution)
+        frame.clock(word_ready=ready, **inputs)
+    return words, starts, missed
+
+
+def network_of(first: IntegerNetwork) -> Network:
+    """Return the second model of a network."""
+    config = first.config
+    fires = config.readout == "spikes"
+    subtract = config.neuron_reset == "subtract"
+    hidden = [
+        Neuron(
+            config.membrane_bits, int(bias) << config.bias_shift, config.threshold, config.floor, config.leak_shift,
+            subtract,
+        )
+        for bias in first.b_hidden
+    ]  # fmt: skip
+    outputs = [
+        Neuron(
+            config.output_bits, int(bias) << config.out_bias_shift, config.out_threshold,
+            config.out_floor if fires else None, config.out_leak_shift, subtract, fires,
+        )
+        for bias in first.b_out
+    ]  # fmt: skip
+    w_in, w_rec, w_out = (
+        (weights << shift).tolist()
+        for weights, shift in (
+            (first.w_in, config.in_shift),
+            (first.w_rec, config.rec_shift),
+            (first.w_out, config.out_shift),
+        )
+    )
+    return Network(w_in, w_rec, w_out, hidden, outputs, config.evidence_bits)

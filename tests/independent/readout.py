@@ -1,0 +1,110 @@
+"""The array, its arbiter and its link, clock by clock."""
+
+from .arbiter import Arbiter
+from .link import FourPhaseLink
+from .taxel import KINDS
+
+
+class Readout:
+    """A readout of `rows` x `columns` taxels.
+
+    In each clock look at `outputs`, then call `clock` with the inputs of the same clock.
+
+    Attributes
+    ----------
+    time : clocks since the end of the last reset
+    events : all that were transferred: (time, column, row, polarity)
+    """
+
+    def __init__(self, settings):
+        self.settings = settings
+        kind = KINDS[settings.encoding]
+        self.taxels = [[kind(settings) for _ in range(settings.columns)] for _ in range(settings.rows)]
+        self.arbiter = Arbiter(settings.rows, settings.columns)
+        self.link = {"stream": lambda: None, "four_phase": FourPhaseLink}[settings.link]()
+        self.events = []
+        self.reset()
+
+    def reset(self):
+        """Return to the state behind a reset; the events that have left stay."""
+        for row in self.taxels:
+            for taxel in row:
+                taxel.reset()
+        self.arbiter.reset()
+        if self.link:
+            self.link.reset()
+        self.time = 0
+        self.new_samples = False
+        self.ticks = 0
+
+    def outputs(self):
+        """The outputs in this clock, by the names of the ports."""
+        if self.link:
+            return {"aer_req": self.link.request(), "aer_addr": self.link.event}
+        event = self.arbiter.output()
+        row, column, polarity = event or (0, 0, 0)
+        return {"event_valid": event is not None, "event_row": row, "event_col": column, "event_polarity": polarity}
+
+    def thresholds(self):
+        """(reference_code, half_width) of every taxel, for analog comparators."""
+        return [(taxel.reference_code(), taxel.half_width()) for row in self.taxels for taxel in row]
+
+    def clock(self, *, sample_valid=False, sample=None, enable=None, ready=True, ack=0, decisions=None, rst=False):
+        """One rising edge with the inputs of this clock.
+
+        Parameters
+        ----------
+        sample_valid : the sample tick's input
+        sample : codes of all taxels, index row * columns + column (digital front end)
+        enable : mask bits of all taxels, default all 1
+        ready : event_ready (link stream)
+        ack : aer_ack (link four_phase)
+        decisions : (above, below) of all taxels (analog front end)
+        rst : the reset
+        """
+        if rst:
+            self.reset()
+            return
+        digital = {"digital": True, "analog": False}[self.settings.frontend]
+        tick = self.new_samples
+        taken = self._clock_arbiter(ready, ack, enable)
+        self._clock_taxels(tick, taken, sample if sample_valid and digital else None, enable, decisions)
+        if tick:
+            self.ticks += 1
+        self.new_samples = sample_valid
+        self.time += 1
+
+    def _clock_arbiter(self, ready, ack, enable):
+        """Move events on; returns the requests that the arbiter takes."""
+        offered = self.arbiter.output()
+        if self.link:
+            ready = self.link.ready()
+            rises = self.link.request()
+            self.link.clock(offered, ack)
+            if self.link.request() and not rises:
+                row, column, polarity = self.link.event
+                self.events.append((self.time, column, row, polarity))
+        elif offered and ready:
+            row, column, polarity = offered
+            self.events.append((self.time, column, row, polarity))
+        columns = self.settings.columns
+        requests = [
+            [taxel.request if enable is None or enable[r * columns + c] else None for c, taxel in enumerate(row)]
+            for r, row in enumerate(self.taxels)
+        ]
+        return self.arbiter.clock(requests, ready)
+
+    def _clock_taxels(self, tick, taken, sample, enable, decisions):
+        settings = self.settings
+        for r in range(settings.rows):
+            leak = tick and self.ticks % settings.leak_period == r * settings.leak_period // settings.rows
+            for c in range(settings.columns):
+                i = r * settings.columns + c
+                self.taxels[r][c].clock(
+                    enabled=enable is None or bool(enable[i]),
+                    taken=(r, c) in taken,
+                    sample=None if sample is None else int(sample[i]),
+                    tick=tick,
+                    leak=leak,
+                    decisions=None if decisions is None else decisions[i],
+                )

@@ -1,0 +1,161 @@
+"""The three taxels. Each object is one taxel; `clock` is one rising edge of the clock."""
+
+
+class Taxel:
+    """What all taxels have: newest sample, reference, at most one request.
+
+    Attributes
+    ----------
+    sample : the newest sample, in codes
+    reference : u, in codes (N-LCS: in units of 2**-F codes)
+    request : None, or the polarity of the request that waits (1 ON, 0 OFF)
+    """
+
+    def __init__(self, settings):
+        self.settings = settings
+        self.reset()
+
+    def reset(self):
+        """Return to the state behind a reset."""
+        self.sample = 0
+        self.reference = self.settings.reference_reset
+        self.request = None
+
+    def reference_code(self):
+        """What an analog front end's comparators get as reference, in codes."""
+        return self.reference
+
+    def half_width(self):
+        """What they get as half-width of the window, in codes."""
+        return self.settings.step
+
+    def compare(self):
+        """(above, below) of the sample held."""
+        difference = self.sample - self.reference_code()
+        return difference >= self.half_width(), difference < -self.half_width()
+
+    def clock(self, *, enabled, taken, sample, tick, leak, decisions):
+        """One rising edge.
+
+        Parameters
+        ----------
+        enabled : the mask bit in this clock
+        taken : the arbiter takes the request in this clock
+        sample : a new sample in codes, or None
+        tick : this clock has the first look at a new sample
+        leak : this tick is a decay tick of the taxel's row
+        decisions : (above, below) of analog comparators, or None
+        """
+        if not enabled:
+            self.reset()
+            return
+        if self.request is None or taken:
+            self.request = None
+            above, below = decisions if decisions is not None else self.compare()
+            look = self.settings.decide_every == "clock" or tick
+            self.decide(look and above, look and below, tick, leak)
+        if sample is not None:
+            self.sample = sample
+
+    def decide(self, above, below, tick, leak):
+        """Make a request and a step, or neither."""
+        raise NotImplementedError
+
+
+class LcsTaxel(Taxel):
+    """Level crossing: up by D where x - u >= D, down by D where x - u < -D."""
+
+    def decide(self, above, below, tick, leak):
+        if above and self.reference + self.settings.step <= self.settings.top:
+            self.reference += self.settings.step
+            self.request = 1
+        elif not above and below and self.reference - self.settings.step >= self.settings.bottom:
+            self.reference -= self.settings.step
+            self.request = 0
+
+
+class CwLcsTaxel(Taxel):
+    """Level crossing whose window closes while nothing happens."""
+
+    def reset(self):
+        super().reset()
+        self.width = self.settings.step
+        self.quiet = 0
+
+    def half_width(self):
+        return self.width
+
+    def decide(self, above, below, tick, leak):
+        event = False
+        if above and self.reference + self.width <= self.settings.top:
+            self.reference += self.width
+            self.request = 1
+            event = True
+        elif not above and below and self.reference - self.width >= self.settings.bottom:
+            self.reference -= self.width
+            self.request = 0
+            event = True
+        if event:
+            self.width = self.settings.step
+            self.quiet = 0
+        elif tick:
+            self.quiet += 1
+            if self.quiet == self.settings.window_period:
+                self.quiet = 0
+                self.width = max(self.width - self.settings.closing_step, self.settings.closing_step)
+
+
+class NlcsTaxel(Taxel):
+    """A leaky neuron: up by D where x - u > D; u leaks at its row's decay ticks."""
+
+    def reset(self):
+        super().reset()
+        self.reference = self.settings.reference_reset * self.unit
+
+    @property
+    def unit(self):
+        return 2**self.settings.fraction_bits
+
+    def reference_code(self):
+        return self.reference // self.unit
+
+    def compare(self):
+        return self.sample * self.unit - self.reference > self.settings.step * self.unit, False
+
+    def decide(self, above, below, tick, leak):
+        old = self.reference
+        if above and old + self.settings.step * self.unit < (self.settings.top + 1) * self.unit:
+            self.reference += self.settings.step * self.unit
+            self.request = 1
+        if leak:
+            k = self.settings.leak_shift
+            self.reference -= (old + 2 ** (k - 1)) // 2**k
+
+
+class BipolarNlcsTaxel(NlcsTaxel):
+    """A leaky neuron with a sign: OFF where x lies more than D below u, rounded down to a code; u leaks to zero.
+
+    A step towards zero takes the place of the leak.
+    """
+
+    def compare(self):
+        difference = self.sample - self.reference_code()
+        return difference > self.settings.step, difference < -self.settings.step
+
+    def decide(self, above, below, tick, leak):
+        old = self.reference
+        rise = self.settings.step * self.unit
+        bottom = self.settings.bottom * self.unit
+        if above and old + rise < (self.settings.top + 1) * self.unit:
+            self.reference += rise
+            self.request = 1
+        elif not above and below and old - rise >= bottom:
+            self.reference -= rise
+            self.request = 0
+        nearer = self.reference > old if old < 0 else self.reference < old
+        if leak and not nearer:
+            k = self.settings.leak_shift
+            self.reference -= (old + 2 ** (k - 1)) // 2**k
+
+
+KINDS = {"nlcs-bipolar": BipolarNlcsTaxel, "lcs": LcsTaxel, "cw-lcs": CwLcsTaxel, "nlcs": NlcsTaxel}

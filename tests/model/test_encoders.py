@@ -1,0 +1,73 @@
+"""The registry of encoders."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from pathlib import Path
+from types import SimpleNamespace
+from typing import NamedTuple, get_args
+
+import pytest
+
+from base.errors import InputError
+from model import readout, window
+from model.config import Encoding, ReadoutConfig
+from model.encoders import compiled, registry
+from model.encoders.lcs import Lcs
+
+
+def test_every_encoder_is_found_by_its_name() -> None:
+    assert [registry.named(name) for name in get_args(Encoding)] == list(registry.ENCODERS)
+    assert [ReadoutConfig.from_dict({"encoding": name}).encoder.name for name in registry.NAMES] == list(registry.NAMES)
+
+
+def test_an_unknown_name_is_refused_with_the_known_ones() -> None:
+    sentence = f"no encoder is named 'dpcm'; the encoders are {', '.join(registry.NAMES)}"
+    with pytest.raises(InputError, match=re.escape(sentence)):
+        registry.named("dpcm")
+
+
+def test_no_two_encoders_share_a_name_a_code_or_a_look() -> None:
+    class Twin(Lcs):
+        name, title, colour, marker = "twin", "Twin", "#000000", "x"
+
+    with pytest.raises(ValueError, match="two encoders have the code 0; every encoder has its own"):
+        registry.check((Lcs(), Twin()))
+
+
+def test_two_rules_of_one_name_would_share_compiled_loops_and_are_refused() -> None:
+    class LcsRule(NamedTuple):
+        step: int
+
+    class Other(Lcs):
+        name, title, colour, marker, code = "other", "Other", "#000000", "x", 3
+        Rule = LcsRule  # type: ignore[assignment]
+
+    with pytest.raises(ValueError, match="two encoders have the Rule 'LcsRule'"):
+        registry.check((Lcs(), Other()))
+
+
+def test_an_edit_of_any_file_of_an_encoder_makes_compiled_loops_stale() -> None:
+    sources = set(compiled.sources())
+    folder = Path(compiled.__file__).parent
+    of_encoders = {Path(str(inspect.getfile(type(encoder)))) for encoder in registry.ENCODERS}
+    assert {folder, folder / "encoder.py", folder / "compiled.py", Path(window.__file__), *of_encoders} <= sources
+    assert sources <= set(readout.SOURCES)
+
+
+def test_every_compiled_function_calls_that_of_the_encoder() -> None:
+    for encoder in registry.ENCODERS:
+        config = ReadoutConfig.from_dict({"encoding": encoder.name})
+        rule = encoder.rule(config)
+        taxel = SimpleNamespace(x=3 * config.step, u=0, **dict.fromkeys(encoder.state, 0))
+        assert compiled.compare(rule, taxel) == (True, False)
+        reach = compiled.reach(rule, taxel)
+        compiled.move(rule, taxel, True, False, True, False)
+        assert taxel.u == reach == config.step << encoder.fraction_bits(config)
+
+
+def test_an_encoder_reads_fields_of_the_configuration() -> None:
+    fields = ReadoutConfig().to_dict()
+    assert all(set(encoder.fields) <= set(fields) for encoder in registry.ENCODERS)
+    assert all(0 <= encoder.code < 4 for encoder in registry.ENCODERS)  # two bits of the register ``shape``

@@ -1,0 +1,48 @@
+"""Edits of the RTL's source for a test: a bug that a check must find, where no netlist takes part."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FunctionType, ModuleType
+from typing import Any
+
+
+@contextmanager
+def planted(file: str, *edits: tuple[str, str]) -> Iterator[None]:
+    """Let all modules of the RTL use the functions and classes of a file with a bug in it, until the block ends.
+
+    Parameters
+    ----------
+    file : str
+        Module within ``rtl``, as in "tiles.merge".
+    edits : tuple of (str, str)
+        Text that stands in the file once, and the text that takes its place.
+    """
+    module = importlib.import_module(f"rtl.{file}")
+    text = Path(str(module.__file__)).read_text()
+    for old, new in edits:
+        assert text.count(old) == 1, f"{old!r} stands {text.count(old)} times in rtl.{file}: the RTL has moved on"
+        text = text.replace(old, new)
+    changed = ModuleType(module.__name__)
+    exec(compile(text, f"rtl.{file} with a bug", "exec"), vars(changed))
+    own = {name: value for name, value in vars(module).items() if getattr(value, "__module__", "") == module.__name__}
+    users = [user for name, user in sys.modules.items() if name.startswith("rtl.")]
+    found = [(user, name, value) for user in users for name, value in own.items() if vars(user).get(name) is value]
+    replaced: list[tuple[Any, str, Any, Any]] = [
+        (user, name, value, getattr(changed, name)) for user, name, value in found
+    ]
+    for name, kind in own.items() if file.startswith("encoders.") else ():  # the registry holds objects of theirs
+        if isinstance(kind, type):
+            methods = {method: value for method, value in vars(kind).items() if isinstance(value, FunctionType)}
+            replaced += [(kind, key, old, getattr(getattr(changed, name), key)) for key, old in methods.items()]
+    for user, name, _, new in replaced:
+        setattr(user, name, new)
+    try:
+        yield
+    finally:
+        for user, name, value, _ in replaced:
+            setattr(user, name, value)

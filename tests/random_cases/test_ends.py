@@ -1,0 +1,121 @@
+"""Every parameter of the build at its smallest and its largest: RTL against golden model, event by event."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from base.errors import InputError
+from cocotb_tests.bench.draw import Draw
+from cocotb_tests.runner.build_cache import verilog_text
+from model.config import MAX_LEAK_PERIOD, MAX_SIDE, ReadoutConfig
+from model.encoders import registry
+from model.events.compare import first_difference
+from model.readout import Stimulus, simulate
+from tests.random_cases.player import Design
+from verify.crosscheck.cxxrtl import build, play
+
+BASE: dict[str, Any] = {"rows": 1, "columns": 2, "sample_bits": 6, "resolution": 3, "link": "stream"}
+BASE |= {"frontend": "digital", "reset": "sync", "registers": "none", "decide_every": "clock", "reference_reset": 0}
+BASE |= {"closing_shift": 1, "window_period": 2, "leak_shift": 2, "leak_period": 3, "fraction_bits": 3}
+
+
+@dataclass(frozen=True)
+class End:
+    """A parameter at one of its ends, with what else of a configuration it needs, and what is just beyond it."""
+
+    name: str
+    value: int
+    beyond: int
+    encoding: str = "lcs"
+    others: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def fields(self) -> dict[str, Any]:
+        """What is set of a draw."""
+        return BASE | {"encoding": self.encoding} | self.others | {self.name: self.value}
+
+
+LEVELS = [ReadoutConfig.from_dict(BASE | {"encoding": name, "resolution": 2}) for name in registry.NAMES]
+CODES = {c.encoding: (c.encoder.lowest(c), c.full_scale - c.grid) for c in LEVELS}
+"""Lowest and highest level of a reference of 6 bits with a step of 4 codes."""
+
+ENDS = [
+    End("rows", 1, 0),
+    End("rows", MAX_SIDE, MAX_SIDE + 1, others={"columns": 1}),
+    End("columns", 1, 0, "cw-lcs"),
+    End("columns", MAX_SIDE, MAX_SIDE + 1, "nlcs", {"rows": 1, "leak_period": 64}),
+    *(End("sample_bits", 3, 2, encoding, {"resolution": 1}) for encoding in CODES),
+    *(End("sample_bits", 24, 25, encoding) for encoding in CODES),
+    *(End("resolution", 1, 0, encoding) for encoding in CODES),
+    *(End("resolution", 4, 5, encoding) for encoding in CODES),
+    *(End("resolution", 22, 23, encoding, {"sample_bits": 24}) for encoding in CODES),
+    *(End("reference_reset", low, -33 if low else -1, name, {"resolution": 2}) for name, (low, _) in CODES.items()),
+    *(End("reference_reset", high, 32, name, {"resolution": 2}) for name, (_, high) in CODES.items()),
+    End("closing_shift", 0, -1, "cw-lcs"),
+    End("closing_shift", 16, 17, "cw-lcs", {"sample_bits": 20, "resolution": 1}),
+    End("window_period", 1, 0, "cw-lcs"),
+    End("window_period", 2**16, 2**16 + 1, "cw-lcs"),
+    End("leak_shift", 1, 0, "nlcs"),
+    End("leak_shift", 16, 17, "nlcs", {"leak_period": 1, "sample_bits": 12, "fraction_bits": 16}),
+    End("leak_period", 1, 0, "nlcs"),
+    End("leak_period", MAX_LEAK_PERIOD, MAX_LEAK_PERIOD + 1, "nlcs"),
+    End("fraction_bits", 0, -1, "nlcs"),
+    End("fraction_bits", 28, 29, "nlcs", {"sample_bits": 3, "resolution": 1, "leak_shift": 1, "leak_period": 1}),
+]
+
+STIMULI = (
+    {"signal": "square", "gap": 3, "sink": "always", "masks": 0},
+    {"signal": "noise", "gap": 1, "sink": "random", "masks": 100},
+    {"signal": "near", "gap": 12, "sink": "slow", "masks": 3},
+)
+CLOCKS = 120
+NO_HARDWARE = {"sample_rate_hz", "clocks_per_sample"}
+"""Units of time: nothing of them is in the RTL."""
+
+
+@pytest.mark.parametrize("end", ENDS, ids=lambda end: f"{end.name}-{end.value}-{end.encoding}")
+def test_rtl_equals_the_model_at_an_end(end: End) -> None:
+    events = 0
+    for frontend, link in (("digital", "stream"), ("analog", "four_phase")):
+        config = ReadoutConfig.from_dict(end.fields | {"frontend": frontend, "link": link})
+        design = Design(config)
+        for run, own in enumerate(STIMULI):
+            stimulus = Draw(3, CLOCKS, run, config.to_dict() | {"registers": "none"} | own).stimulus
+            expected = simulate(config, stimulus)
+            assert first_difference(expected, design.play(stimulus)) is None, (frontend, own)
+            events += len(expected)
+    assert events > 20
+    with pytest.raises(InputError, match=end.name):
+        ReadoutConfig.from_dict(end.fields | {end.name: end.beyond})
+
+
+def test_every_number_of_the_build_has_both_ends_here() -> None:
+    numbers = {one.name for one in dataclasses.fields(ReadoutConfig) if one.type in ("int", "float")}
+    ends = {name: {end.value for end in ENDS if end.name == name} for name in numbers - NO_HARDWARE}
+    assert all(len(values) >= 2 for values in ends.values()), ends
+
+
+LONGEST = {
+    "window_period": ({"encoding": "cw-lcs", "window_period": 2**16}, 2 * 2**16),
+    "leak_period": ({"encoding": "nlcs", "leak_period": MAX_LEAK_PERIOD, "leak_shift": 1}, MAX_LEAK_PERIOD),
+}
+"""Configurations of one taxel, and the sample ticks until something must come of the period."""
+
+
+@pytest.mark.parametrize("name", LONGEST)
+def test_the_longest_periods_end_when_the_model_says(name: str, tmp_path: Path) -> None:
+    """A tick in every clock and one code for ever, by CXXRTL: Amaranth's simulator would take a minute."""
+    own, ticks = LONGEST[name]
+    config = ReadoutConfig.from_dict(BASE | own | {"columns": 1, "resolution": 1})
+    level = config.step - 1 if name == "window_period" else config.full_scale - 1
+    samples = np.full((ticks + 40, 1), level, np.int32)
+    stimulus = Stimulus.from_samples(config, samples, clocks_per_sample=1)
+    expected = simulate(config, stimulus)
+    assert expected["t"][-1] > ticks // 2  # the period's own doing
+    assert np.array_equal(play(config, build(config, verilog_text(config), tmp_path), stimulus), expected)

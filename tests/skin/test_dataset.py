@@ -1,0 +1,343 @@
+"""Promises of the datasets: where they are found, what is checked, and what the embedded default holds."""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from base.errors import InputError
+from skin.textures import dataset as module
+from skin.textures.dataset import EMBEDDED, directory_dataset, embedded_dataset, open_dataset, read_gray_png
+
+
+def pixels(seed: int) -> np.ndarray:
+    return np.random.default_rng(seed).integers(0, 256, (40, 50), np.uint8)
+
+
+def write_sums(root: Path) -> None:
+    lines = [
+        f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.relative_to(root).as_posix()}\n"
+        for path in sorted(root.glob("*/*.png"))
+    ]
+    (root / "SHA256SUMS").write_text("".join(lines))
+
+
+@pytest.fixture
+def textures(tmp_path: Path) -> Path:
+    """Two classes of two images, with their sums."""
+    root = tmp_path / "cloth"
+    for number, name in enumerate(("silk/silk-2", "silk/silk-1", "felt/felt-1", "felt/felt-2")):
+        path = root / f"{name}.png"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        Image.fromarray(pixels(number)).save(path)
+    write_sums(root)
+    return root
+
+
+@pytest.fixture
+def nowhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty working directory, no variable, and a repository without data; returns the repository root."""
+    monkeypatch.delenv("ESKIN_DATA", raising=False)
+    (tmp_path / "work" / "here").mkdir(parents=True)
+    (tmp_path / "repo" / "model").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "work" / "here")
+    monkeypatch.setattr(module, "__file__", str(tmp_path / "repo" / "model" / "textures" / "dataset.py"))
+    return tmp_path / "repo"
+
+
+# -- a directory -------------------------------------------------------------------------------------
+
+
+def test_directory_gives_classes_and_images_in_alphabetical_order(textures):
+    data = open_dataset(textures)
+    assert data.name == "cloth"
+    assert data.class_names == ("felt", "silk")
+    assert [t.name for t in data] == ["felt/felt-1", "felt/felt-2", "silk/silk-1", "silk/silk-2"]
+    assert [t.class_name for t in data] == ["felt", "felt", "silk", "silk"]
+    assert data.labels.tolist() == [0, 0, 1, 1]
+    image = data[3].load()
+    assert image.dtype == np.uint8
+    np.testing.assert_array_equal(image, pixels(0))
+
+
+def test_directory_without_sums_is_used_as_it_is(textures):
+    (textures / "SHA256SUMS").unlink()
+    (textures / "wool").mkdir()
+    Image.fromarray(pixels(9)).save(textures / "wool" / "w.PNG")
+    assert directory_dataset(textures).class_names == ("felt", "silk", "wool")
+
+
+def test_sums_in_binary_mode_and_blank_lines_are_read(textures):
+    sums = (textures / "SHA256SUMS").read_text()
+    (textures / "SHA256SUMS").write_text("\n" + sums.replace("  ", " *").upper().replace(".PNG", ".png").lower())
+    assert len(directory_dataset(textures)) == 4
+
+
+def test_hidden_files_and_folders_are_ignored(textures):
+    (textures / ".cache").mkdir()
+    (textures / "silk" / ".silk-3.png").write_bytes(b"")
+    (textures / "silk" / "readme.txt").write_text("silk")
+    assert len(directory_dataset(textures)) == 4
+
+
+def test_missing_directory_is_refused(tmp_path):
+    with pytest.raises(
+        InputError,
+        match=r"^dataset directory .*/gone is not a directory; "
+        r"give one with a folder of PNG images per class, or 'embedded'$",
+    ):
+        open_dataset(tmp_path / "gone")
+
+
+def test_directory_without_class_folders_is_refused(tmp_path):
+    with pytest.raises(
+        InputError,
+        match=r"^dataset directory .* has no class folders; put the PNG images of each class in one$",
+    ):
+        open_dataset(tmp_path)
+
+
+def test_class_folder_without_images_is_refused(textures):
+    (textures / "SHA256SUMS").unlink()
+    (textures / "wool").mkdir()
+    with pytest.raises(InputError, match=r"^class folder .*/wool has no PNG images; add some or remove it$"):
+        open_dataset(textures)
+
+
+def test_unknown_class_folder_is_refused(textures):
+    (textures / "wool").mkdir()
+    with pytest.raises(
+        InputError,
+        match=r"^unknown class folder wool in .*/cloth: SHA256SUMS lists no image of it; "
+        r"remove it, or remove SHA256SUMS to use the directory unchecked$",
+    ):
+        open_dataset(textures)
+
+
+def test_unknown_image_is_refused(textures):
+    Image.fromarray(pixels(9)).save(textures / "silk" / "silk-9.png")
+    with pytest.raises(
+        InputError, match=r"^unknown image silk/silk-9\.png in .*: SHA256SUMS does not list it; remove it$"
+    ):
+        open_dataset(textures)
+
+
+@pytest.mark.parametrize("whole_class", [False, True])
+def test_missing_image_is_refused(textures, whole_class):
+    if whole_class:
+        shutil.rmtree(textures / "felt")
+    else:
+        (textures / "felt" / "felt-1.png").unlink()
+    with pytest.raises(
+        InputError,
+        match=r"^image felt/felt-1\.png of SHA256SUMS is missing in .*; copy the dataset again$",
+    ):
+        open_dataset(textures)
+
+
+def test_wrong_checksum_is_refused(textures):
+    Image.fromarray(pixels(9)).save(textures / "felt" / "felt-2.png")
+    with pytest.raises(
+        InputError,
+        match=r"^image felt/felt-2\.png in .* has the wrong SHA-256 sum; copy the dataset again$",
+    ):
+        open_dataset(textures)
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["garbage", "0" * 64, "0" * 64 + "  ../felt.png", "0" * 63 + "  a/b.png", "0" * 64 + "  a/b/c.png"],
+)
+def test_sums_file_that_is_none_is_refused(textures, line):
+    with (textures / "SHA256SUMS").open("a") as file:
+        file.write(line + "\n")
+    with pytest.raises(InputError, match=r"^line 5 of .*SHA256SUMS is not '<SHA-256 sum>  <class>/<name>\.png': '"):
+        open_dataset(textures)
+
+
+# -- images ------------------------------------------------------------------------------------------
+
+
+def test_truncated_png_is_refused(textures):
+    path = textures / "silk" / "silk-1.png"
+    path.write_bytes(path.read_bytes()[:-700])
+    write_sums(textures)
+    with pytest.raises(InputError, match=r"^image .*silk-1\.png is damaged or no PNG file \(.*\); copy it again$"):
+        open_dataset(textures)[2].load()
+
+
+@pytest.mark.parametrize("content", [b"", b"not a picture", b"\x89PNG\r\n\x1a\n", b"\x89PNG\r\n\x1a\n" + bytes(99)])
+def test_file_that_is_no_png_is_refused(tmp_path, content):
+    path = tmp_path / "x.png"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"^image .*x\.png is damaged or no PNG file \(.*\); copy it again$"):
+        read_gray_png(path)
+
+
+def test_every_single_damaged_byte_is_refused_or_harmless(tmp_path):
+    path = tmp_path / "x.png"
+    Image.fromarray(pixels(1)).save(path)
+    good = path.read_bytes()
+    refused = 0
+    for position in range(0, len(good), 37):
+        path.write_bytes(good[:position] + bytes([good[position] ^ 0x55]) + good[position + 1 :])
+        try:
+            read_gray_png(path)
+        except InputError:
+            refused += 1
+    assert refused > 0
+
+
+@pytest.mark.parametrize(
+    ("mode", "shown"),
+    [("RGB", "RGB"), ("RGBA", "RGBA"), ("LA", "LA"), ("P", "P"), ("1", "1"), ("I;16", r"I;16")],
+)
+def test_image_that_is_not_8_bit_gray_is_refused(tmp_path, mode, shown):
+    path = tmp_path / "x.png"
+    Image.new(mode, (20, 20)).save(path)
+    with pytest.raises(
+        InputError,
+        match=rf"^image .*x\.png must be 8-bit gray, not {shown}; convert it to 8-bit gray \(mode L\) first$",
+    ):
+        read_gray_png(path)
+
+
+def test_missing_image_file_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"^image .*x\.png does not exist; give a PNG file$"):
+        read_gray_png(tmp_path / "x.png")
+
+
+# -- where it is found -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("place", ["data/kylberg", "../shared/data/kylberg"])
+@pytest.mark.parametrize("base", ["repo", "work"])
+def test_data_is_found_beside_the_repository_and_the_working_directory(nowhere, textures, place, base):
+    root = nowhere if base == "repo" else Path.cwd()
+    shutil.copytree(textures, root / place)
+    assert open_dataset().class_names == ("felt", "silk")
+    assert open_dataset().name == "kylberg"
+
+
+def test_order_is_argument_then_variable_then_places(nowhere, textures, tmp_path, monkeypatch):
+    shutil.copytree(textures, nowhere / "data" / "kylberg")
+    shutil.copytree(textures, tmp_path / "variable")
+    shutil.copytree(textures, tmp_path / "argument")
+    assert open_dataset().name == "kylberg"
+    monkeypatch.setenv("ESKIN_DATA", str(tmp_path / "variable"))
+    assert open_dataset().name == "variable"
+    assert open_dataset(str(tmp_path / "argument")).name == "argument"
+
+
+def test_embedded_can_be_forced(nowhere, textures, monkeypatch):
+    shutil.copytree(textures, nowhere / "data" / "kylberg")
+    assert open_dataset(EMBEDDED).name == "embedded"
+    monkeypatch.setenv("ESKIN_DATA", EMBEDDED)
+    assert open_dataset().name == "embedded"
+
+
+@pytest.mark.usefixtures("nowhere")
+def test_embedded_is_the_last_resort(monkeypatch):
+    assert open_dataset().name == "embedded"
+    monkeypatch.setenv("ESKIN_DATA", "")
+    assert open_dataset().name == "embedded"
+
+
+@pytest.mark.usefixtures("nowhere")
+def test_variable_that_names_no_directory_is_refused(monkeypatch):
+    monkeypatch.setenv("ESKIN_DATA", "gone")
+    with pytest.raises(InputError, match=r"^\$ESKIN_DATA gone is not a directory; give one with a folder"):
+        open_dataset()
+
+
+# -- the embedded default ----------------------------------------------------------------------------
+
+
+def test_embedded_has_48_distinct_patches_of_3_classes():
+    data = embedded_dataset()
+    assert data.class_names == ("brick", "grass", "gravel")
+    assert len(data) == 48
+    assert np.bincount(data.labels).tolist() == [16, 16, 16]
+    assert [t.name for t in data[15:18]] == ["brick/brick-15", "grass/grass-00", "grass/grass-01"]
+    images = [texture.load() for texture in data]
+    assert {image.shape for image in images} == {(64, 256)}
+    assert {image.dtype for image in images} == {np.dtype(np.uint8)}
+    assert len({image.tobytes() for image in images}) == 48
+
+
+def test_embedded_patches_of_a_class_tile_its_photograph():
+    data = embedded_dataset()
+    patches = [texture.load() for texture in data if texture.class_name == "gravel"]
+    photograph = np.block([patches[2 * row : 2 * row + 2] for row in range(8)])
+    np.testing.assert_array_equal(photograph, read_gray_png(data[-1].path))
+
+
+def test_embedded_needs_neither_network_nor_the_skimage_package(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pooch", None)
+    loaded = sys.modules.pop("skimage", None)
+    embedded_dataset()
+    assert "skimage" not in sys.modules
+    if loaded is not None:
+        sys.modules["skimage"] = loaded
+
+
+def test_embedded_without_skimage_is_a_clear_error(monkeypatch):
+    monkeypatch.setattr(module, "find_spec", lambda name: None)
+    with pytest.raises(
+        InputError,
+        match=r"^the embedded dataset needs scikit-image, which is not installed; "
+        r"install it or give --dataset DIR$",
+    ):
+        embedded_dataset()
+
+
+def test_embedded_with_another_photograph_is_a_clear_error(monkeypatch):
+    monkeypatch.setitem(module.EMBEDDED_SHA256, "grass", "0" * 64)
+    with pytest.raises(
+        InputError,
+        match=r"^the installed scikit-image does not ship the expected data/grass\.png; "
+        r"install the version in constraints\.txt or give --dataset DIR$",
+    ):
+        embedded_dataset()
+
+
+# -- use ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("count", "classes"), [(3, [1, 1, 1]), (6, [2, 2, 2]), (47, None), (48, [16] * 3), (99, [16] * 3)]
+)
+def test_limit_spreads_over_the_classes(count, classes):
+    data = embedded_dataset().limit(count)
+    assert len(data) == min(count, 48)
+    assert len({t.name for t in data}) == len(data)
+    assert data.class_names == ("brick", "grass", "gravel")
+    if classes:
+        assert np.bincount(data.labels).tolist() == classes
+
+
+@pytest.mark.parametrize("count", [0, -1])
+def test_limit_refuses_less_than_one(count):
+    with pytest.raises(InputError, match=rf"^the number of images must be at least 1, not {count}$"):
+        embedded_dataset().limit(count)
+
+
+def test_textures_travel_to_other_processes():
+    texture = embedded_dataset()[5]
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(texture)).load(), texture.load())
+
+
+def test_kylberg_is_complete_where_it_is_there():
+    data = open_dataset()
+    if data.name != "kylberg":
+        pytest.skip("the Kylberg images are not here")
+    assert data.class_names == ("canvas1", "cushion1", "linsseeds1", "sand1", "seat2", "stone1")
+    assert np.bincount(data.labels).tolist() == [40] * 6
+    assert data[0].load().shape == (576, 576)

@@ -1,0 +1,389 @@
+"""Promises of the scans: geometry, time base, sensor, quantiser, and what they set in the configuration."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import signal
+
+from base.errors import InputError
+from model.config import ReadoutConfig
+from model.encoders import registry
+from skin.textures.paper import PaperScan
+from skin.textures.physical import PhysicalScan
+from skin.textures.presets import PRESETS, preset, quantise
+
+PAPER = PaperScan()
+PHYSICAL = PhysicalScan()
+ARRAYS = [(1, 1), (1, 4), (3, 5), (8, 8), (12, 16)]
+
+
+def noise(height: int, width: int, seed: int = 1) -> np.ndarray:
+    return np.random.default_rng(seed).integers(0, 256, (height, width), np.uint8)
+
+
+def paper_reference(config: ReadoutConfig, image: np.ndarray) -> np.ndarray:
+    """The paper scan taxel by taxel at full rate, as the specification tells it."""
+    every = PAPER.loop_samples(config)
+    numerator, denominator, _ = signal.cont2discrete(([1000.0, 0.0], [1.0, 1007.0, 7000.0]), 1 / 1.4e6, method="foh")
+    columns = []
+    for row in range(config.rows):
+        for column in range(config.columns):
+            pixels = image[row : row + image.shape[0] - config.rows + 1, column].astype(float)
+            line = signal.resample_poly(pixels[::4], 560, 1, window=("kaiser", 5.0))
+            columns.append(signal.lfilter(numerator.ravel(), denominator, line)[every - 1 :: every] / 256)
+    return np.stack(columns, axis=1)
+
+
+# -- quantiser ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("signals", "bits", "codes", "clipped"),
+    [
+        ([0.5 / 4, 1.5 / 4, 2.5 / 4, -0.5 / 4, -1.5 / 4], 3, [0, 2, 2, 0, -2], 0),  # half to even
+        ([1.0, 0.75, -1.0, -1.25], 3, [3, 3, -4, -4], 2),  # saturation; -1.0 is a code, +1.0 is not
+        ([0.87, 0.88], 3, [3, 3], 1),  # 3.48 rounds to 3; 3.52 rounds to 4, beyond the range
+        ([1.0 - 2.0**-11, 1.0, math.inf], 12, [2047, 2047, 2047], 2),
+        ([], 12, [], 0),
+    ],
+)
+def test_quantise_rounds_half_to_even_saturates_and_counts(signals, bits, codes, clipped):
+    got, count = quantise(np.array(signals), bits)
+    assert got.dtype == np.int32
+    assert got.tolist() == codes
+    assert count == clipped
+
+
+@given(st.lists(st.floats(-2, 2), max_size=20), st.integers(3, 24))
+def test_quantised_signals_are_within_half_a_code_or_clipped(signals, bits):
+    codes, clipped = quantise(np.array(signals, float), bits)
+    error = np.abs(codes / 2 ** (bits - 1) - np.array(signals, float))
+    assert np.count_nonzero(error > 0.5 / 2 ** (bits - 1)) <= clipped
+
+
+def test_quantise_leaves_its_input_alone():
+    signals = np.array([[0.3, 2.0]])
+    quantise(signals, 12)
+    assert signals.tolist() == [[0.3, 2.0]]
+
+
+def test_quantise_refuses_nan():
+    with pytest.raises(InputError, match=r"^signals must be numbers, not NaN; check the image they come from$"):
+        quantise(np.array([0.0, math.nan]), 12)
+
+
+# -- paper -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("encoding", "resolution", "samples"),
+    [
+        ("lcs", 2, 417),
+        ("lcs", 6, 26),
+        ("cw-lcs", 6, 26),
+        ("lcs", 8, 7),
+        ("nlcs", 4, 35),
+        ("nlcs", 8, 2),
+        ("nlcs", 10, 1),
+    ],
+)
+def test_paper_loop_time_is_that_of_the_specification(encoding, resolution, samples):
+    config = PAPER.configure(ReadoutConfig(encoding=encoding, resolution=resolution))
+    assert PAPER.loop_samples(config) == samples
+    assert config.sample_rate_hz == pytest.approx(200_000 / samples)
+    assert config.decide_every == "sample"
+
+
+def test_paper_loop_time_is_at_least_one_sample():
+    config = ReadoutConfig(sample_bits=20, resolution=18)
+    assert PAPER.configure(config).sample_rate_hz == 200_000
+
+
+@pytest.mark.parametrize(("encoding", "start"), [("lcs", 16), ("cw-lcs", 16), ("nlcs", 0)])
+def test_paper_reference_starts_at_d_unless_leaky(encoding, start):
+    base = ReadoutConfig(encoding=encoding, resolution=6)
+    assert PAPER.configure(base).reference_reset == start
+
+
+def test_paper_leak_gives_the_wanted_tau_at_the_loop_time():
+    config = PAPER.configure(ReadoutConfig(encoding="nlcs", resolution=8), tau_s=0.2)
+    assert config.tau_s == pytest.approx(0.2, rel=1e-3)
+    # Without tau_s the configuration's own time constant holds, also after a second time.
+    assert PAPER.configure(config) == config
+    assert PAPER.configure(ReadoutConfig(encoding="nlcs", resolution=8)).tau_s == pytest.approx(0.2, rel=1e-3)
+
+
+def test_paper_keeps_every_other_field():
+    base = ReadoutConfig(rows=3, columns=5, sample_bits=14, resolution=7, link="four_phase", reset="async")
+    config = PAPER.configure(base)
+    changed = {"sample_rate_hz", "decide_every", "reference_reset"}
+    assert {k for k, v in config.to_dict().items() if v != base.to_dict()[k]} == changed
+
+
+def test_paper_kylberg_line_is_80080_samples_and_0_4004_seconds():
+    config = PAPER.configure(ReadoutConfig(encoding="nlcs", resolution=10))
+    assert PAPER.signals(config, np.zeros((576, 576), np.uint8)).shape == (80_080, 64)
+    assert PAPER.duration_s(config, (576, 576)) == pytest.approx(0.4004)
+
+
+@pytest.mark.parametrize(("rows", "columns"), ARRAYS)
+@pytest.mark.parametrize(("height", "width"), [(90, 90), (101, 64)])
+def test_paper_signals_are_those_of_the_full_rate_line(rows, columns, height, width):
+    config = PAPER.configure(ReadoutConfig(rows=rows, columns=columns, resolution=6))
+    image = noise(height, width)
+    np.testing.assert_allclose(PAPER.signals(config, image), paper_reference(config, image), atol=1e-9)
+
+
+def test_paper_turns_an_image_that_is_wider_than_high():
+    config = PAPER.configure(ReadoutConfig())
+    image = noise(64, 256)
+    np.testing.assert_array_equal(PAPER.signals(config, image), PAPER.signals(config, image.T))
+    assert PAPER.duration_s(config, (64, 256)) == PAPER.duration_s(config, (256, 64))
+    assert len(PAPER.signals(config, image)) == 63 * 560 // 26
+
+
+@pytest.mark.parametrize(
+    ("encoding", "resolution", "skip_s"),
+    [("lcs", 2, 0.01), ("lcs", 6, 0.01), ("nlcs", 4, 0.1), ("nlcs", 10, 0.1)],
+)
+def test_paper_counts_from_the_first_sample_at_the_skip_time(encoding, resolution, skip_s):
+    config = PAPER.configure(ReadoutConfig(encoding=encoding, resolution=resolution))
+    every = PAPER.loop_samples(config)
+    times_s = (np.arange(1, 80_080 // every + 1) * every - 1) / 200_000
+    assert PAPER.skipped_ticks(config) == np.count_nonzero(times_s < skip_s - 1e-9)
+
+
+def test_paper_refuses_a_sample_rate_that_is_no_loop_time():
+    with pytest.raises(
+        InputError,
+        match=r"^sample_rate_hz must be 200000 divided by a whole number in the paper preset, not 30000; "
+        r"take the configuration from configure\(\)$",
+    ):
+        PAPER.signals(ReadoutConfig(sample_rate_hz=30_000), noise(90, 90))
+
+
+def test_paper_refuses_a_start_row():
+    config = PAPER.configure(ReadoutConfig())
+    with pytest.raises(InputError, match=r"^start row must be 0 in the paper preset, not 3; use the physical preset$"):
+        PAPER.signals(config, noise(90, 90), 3)
+
+
+def test_paper_refuses_an_image_too_small_and_takes_the_smallest():
+    config = PAPER.configure(ReadoutConfig(rows=12, columns=16))
+    with pytest.raises(
+        InputError,
+        match=r"^an image 15 pixels wide and 40 high is too small for 12 x 16 taxels in the paper preset; "
+        r"it needs 16 pixels along the scan and 16 across$",
+    ):
+        PAPER.signals(config, noise(40, 15))
+    assert PAPER.signals(config, noise(16, 16)).shape == (2 * 560 // 26, 192)
+
+
+def test_paper_refuses_a_tau_that_is_no_time():
+    with pytest.raises(InputError, match=r"^tau must be a positive number of seconds, not -1$"):
+        PAPER.configure(ReadoutConfig(encoding="nlcs"), -1)
+
+
+# -- physical ----------------------------------------------------------------------------------------
+
+
+def test_physical_scan_of_a_kylberg_image_takes_the_whole_width():
+    config = ReadoutConfig()
+    pitch = 200e-6 / (26e-3 / 576)
+    way_m = (575 - 7 * pitch) * 26e-3 / 576
+    signals = PHYSICAL.signals(config, noise(576, 576))
+    assert signals.shape == (math.floor(way_m / 65e-3 * 20_000) + 1, 64)
+    assert PHYSICAL.duration_s(config, (576, 576)) == pytest.approx(way_m / 65e-3, abs=1 / 20_000)
+
+
+@pytest.mark.parametrize(("rows", "columns"), ARRAYS)
+def test_physical_taxels_follow_a_plane_at_their_own_place(rows, columns):
+    """A bilinear image is met exactly, so the contact step and the slope show where each taxel stands."""
+    config = ReadoutConfig(rows=rows, columns=columns)
+    height, width = 64, 120
+    plane = 40 + 0.5 * np.arange(width)[None, :] + 1.25 * np.arange(height)[:, None]
+    signals = PHYSICAL.signals(config, plane, start_row=2.5)
+    pitch = PHYSICAL.taxel_pitch_px
+    time_s = np.arange(len(signals)) / config.sample_rate_hz
+    for r, c in {(0, 0), (rows - 1, columns - 1), (rows // 2, columns // 3)}:
+        line = 40 + 0.5 * (c * pitch + time_s * 65e-3 / (26e-3 / 576)) + 1.25 * (2.5 + r * pitch)
+        expected = PHYSICAL.sensor(line[:, None], config.sample_rate_hz)[:, 0]
+        np.testing.assert_allclose(signals[:, r * columns + c], expected, atol=1e-12)
+
+
+def test_physical_columns_repeat_each_other_one_pitch_later():
+    config = ReadoutConfig(rows=1, columns=2, sample_rate_hz=65e-3 / 200e-6 * 64)  # 64 ticks per pitch
+    signals = PHYSICAL.signals(config, np.tile(noise(1, 300), (3, 1)))
+    # Beyond the contact both see the same texture.
+    late = len(signals) // 2
+    difference = signals[late + 64 :, 0] - signals[late:-64, 1]
+    assert np.ptp(difference) < 0.03 < np.ptp(signals[late:, 0])
+
+
+def test_physical_start_rows_span_the_image():
+    config = ReadoutConfig()
+    rows = PHYSICAL.start_rows(config, (576, 576), 3)
+    assert rows == pytest.approx([0.0, (575 - 7 * PHYSICAL.taxel_pitch_px) / 2, 575 - 7 * PHYSICAL.taxel_pitch_px])
+    image = noise(576, 60)
+    assert not np.array_equal(*(PHYSICAL.signals(config, image, row) for row in rows[:2]))
+    PHYSICAL.signals(config, image, rows[2])
+    with pytest.raises(
+        InputError,
+        match=r"^start row must be in 0\.\.543\.985 for 8 x 8 taxels on an image 576 pixels high, not 544$",
+    ):
+        PHYSICAL.signals(config, image, 544)
+    with pytest.raises(InputError, match=r"^the number of start rows must be at least 1, not 0$"):
+        PHYSICAL.start_rows(config, (576, 576), 0)
+
+
+def test_physical_refuses_an_image_too_small():
+    with pytest.raises(
+        InputError,
+        match=r"^an image 32 pixels wide and 64 high is too small for 8 x 8 taxels in the physical preset, "
+        r"4\.43 pixels apart; use a smaller array or a larger image$",
+    ):
+        PHYSICAL.signals(ReadoutConfig(), noise(64, 32))
+
+
+def test_physical_takes_a_single_row_of_pixels_for_one_row_of_taxels():
+    assert PHYSICAL.signals(ReadoutConfig(rows=1), noise(1, 60)).shape[1] == 8
+
+
+def test_physical_slow_sampling_does_not_change_the_signal():
+    fast = ReadoutConfig(sample_rate_hz=20_000)
+    slow = ReadoutConfig(sample_rate_hz=1_000)
+    image = noise(64, 128)
+    np.testing.assert_allclose(PHYSICAL.signals(slow, image), PHYSICAL.signals(fast, image)[::20], atol=1e-12)
+
+
+def test_physical_sets_only_the_leak():
+    config = ReadoutConfig()
+    assert PHYSICAL.configure(config, 0.1) is config
+    leaky = PHYSICAL.configure(ReadoutConfig(encoding="nlcs"), 0.05)
+    assert leaky.tau_s == pytest.approx(0.05, rel=0.01)
+    assert leaky.sample_rate_hz == 20_000
+    assert PHYSICAL.skipped_ticks(leaky) == 0
+
+
+# -- both --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("frequency_hz", [0.5, 10.0, 150.0, 2_000.0])
+def test_sensor_has_the_stated_frequency_response(frequency_hz):
+    rate_hz = 40_000.0
+    s = 2j * math.pi * frequency_hz
+    expected = abs(1000 * s / (s**2 + 1007 * s + 7000)) * 100 / 256
+    seconds = max(3.0, 2 / frequency_hz)
+    time_s = np.arange(int(rate_hz * seconds)) / rate_hz
+    response = PHYSICAL.sensor(100 * np.sin(2 * math.pi * frequency_hz * time_s)[:, None], rate_hz)
+    tail = response[-int(rate_hz / frequency_hz) :]
+    assert np.ptp(tail) / 2 == pytest.approx(expected, rel=0.02)
+
+
+def test_paper_sensor_is_seven_times_slower_in_playback_time():
+    step = np.full((40_000, 1), 100.0)
+    paper = PAPER.sensor(step, PAPER.sensor_time_base_hz)[:, 0]
+    true = PHYSICAL.sensor(step, PAPER.playback_hz)[:, 0]
+    np.testing.assert_allclose(paper[6::7][:5_000], true[: len(paper) // 7][:5_000], atol=2e-3)
+
+
+@pytest.mark.parametrize("name", ["paper", "physical"])
+@pytest.mark.parametrize("encoding", registry.NAMES)
+def test_a_black_image_gives_silence(name, encoding):
+    scan = preset(name)
+    config = scan.configure(ReadoutConfig(encoding=encoding))
+    codes, clipped = scan.samples(config, np.zeros((64, 100), np.uint8))
+    assert not codes.any()
+    assert clipped == 0
+
+
+@pytest.mark.parametrize("name", ["paper", "physical"])
+def test_float_and_integer_images_give_the_same_samples(name):
+    scan = preset(name)
+    config = scan.configure(ReadoutConfig(rows=3, columns=5))
+    image = noise(70, 80)
+    codes, _ = scan.samples(config, image)
+    np.testing.assert_array_equal(codes, scan.samples(config, image.astype(float))[0])
+    np.testing.assert_array_equal(codes, scan.samples(config, np.asfortranarray(image).astype(np.int64))[0])
+
+
+@pytest.mark.parametrize("name", ["paper", "physical"])
+def test_samples_beyond_full_scale_are_clipped_and_counted(name):
+    scan = preset(name)
+    config = scan.configure(ReadoutConfig())
+    codes, clipped = scan.samples(config, np.full((64, 100), 5_000.0))
+    assert codes.max() == 2047
+    assert clipped > 0
+
+
+@pytest.mark.parametrize("name", ["paper", "physical"])
+@pytest.mark.parametrize(
+    ("image", "sentence"),
+    [
+        (
+            np.zeros((64, 64, 3), np.uint8),
+            r"^an image must be a gray array of shape \(height, width\), not uint8 of shape \(64, 64, 3\); "
+            r"convert it to gray$",
+        ),
+        (
+            np.zeros((64, 64), complex),
+            r"^an image must be a gray array of shape \(height, width\), not complex128 of shape \(64, 64\); "
+            r"convert it to gray$",
+        ),
+        (
+            np.full((64, 64), np.nan),
+            r"^an image must not contain NaN or infinity; replace those pixels$",
+        ),
+    ],
+)
+def test_images_that_are_not_gray_numbers_are_refused(name, image, sentence):
+    scan = preset(name)
+    with pytest.raises(InputError, match=sentence):
+        scan.signals(scan.configure(ReadoutConfig()), image)
+
+
+def test_presets_are_found_by_name():
+    assert preset("paper") is PRESETS["paper"]
+    assert [scan.name for scan in PRESETS.values()] == list(PRESETS)
+    with pytest.raises(InputError, match=r"^preset must be one of paper, physical, not 'chip'$"):
+        preset("chip")
+
+
+@pytest.mark.parametrize(
+    ("scan", "field", "value", "sentence"),
+    [
+        (PaperScan, "playback_hz", 0.0, r"^playback_hz must be a positive number, not 0\.0$"),
+        (PaperScan, "pixel_step", 2.5, r"^pixel_step must be a whole number from 1, not 2\.5$"),
+        (PaperScan, "upsampling", 1, r"^upsampling must be a whole number from 2, not 1$"),
+        (PhysicalScan, "speed_m_per_s", math.inf, r"^speed_m_per_s must be a positive number, not inf$"),
+        (
+            PhysicalScan,
+            "sensor_numerator",
+            (1.0, math.nan),
+            r"^sensor_numerator must be finite numbers, not \(1\.0, nan\)$",
+        ),
+        (
+            PhysicalScan,
+            "sensor_denominator",
+            (1.0, 2.0),
+            r"^sensor_denominator must be of higher order than sensor_numerator, not \(1\.0, 2\.0\)$",
+        ),
+    ],
+)
+def test_scan_constants_are_validated(scan, field, value, sentence):
+    with pytest.raises(InputError, match=sentence):
+        scan(**{field: value})
+
+
+def test_scan_constants_are_used():
+    config = PAPER.configure(ReadoutConfig())
+    image = noise(90, 90)
+    half = PaperScan(pixel_full_scale=512.0)
+    np.testing.assert_allclose(half.signals(config, image) * 2, PAPER.signals(config, image))
+    slow = PhysicalScan(speed_m_per_s=65e-4)
+    assert slow.duration_s(config, (90, 90)) == pytest.approx(10 * PHYSICAL.duration_s(config, (90, 90)), rel=0.01)

@@ -1,0 +1,25 @@
+"""Every readout has one look of its own in all figures, in colours of the one palette."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from base.errors import InputError
+from base.figures.style import PALETTE
+from model.encoders import registry
+from skin.figures.readouts import FRAME, LOOKS, look
+
+
+def test_encoders_and_frames_have_looks_of_their_own() -> None:
+    assert list(LOOKS) == [*registry.NAMES, FRAME]
+    for value in ("title", "colour", "marker"):
+        assert len({getattr(one, value) for one in LOOKS.values()}) == len(LOOKS)
+    assert {one.colour for one in LOOKS.values()} <= set(PALETTE.values())
+
+
+def test_an_unknown_readout_has_no_look() -> None:
+    sentence = f"no encoder is named 'pcm'; the encoders are {', '.join(registry.NAMES)}"
+    with pytest.raises(InputError, match=f"^{re.escape(sentence)}$"):
+        look("pcm")

@@ -1,0 +1,353 @@
+"""A user's own recordings: what is time, what a taxel, which clock and scale suit them, and what is lost."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from base.errors import InputError
+from model.address_events import make_events
+from model.config import ReadoutConfig
+from model.readout import Stimulus, simulate
+from skin.recordings.event_files import kept_events
+from skin.recordings.fitting import array_of, with_clock, with_seconds
+from skin.recordings.folder import quality_warnings, read_set, sources_of
+from skin.recordings.options import Preparation
+from skin.recordings.prepare import on_grid, prepare, without_baseline
+from skin.recordings.quality import measure_quality, pooled
+from skin.recordings.table import Table, read_table
+from tests.skins import counts, write_csv, write_skin
+
+FIRST = Preparation(baseline="first")
+
+
+def table_of(folder: Path, text: str, options: Preparation | None = None):
+    (folder / "x.csv").write_text(text)
+    return read_table(folder / "x.csv", options or Preparation())
+
+
+# -- tables ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("options", [Preparation(), Preparation(delimiter=";"), Preparation(decimal="comma")])
+def test_semicolons_and_a_decimal_comma_are_read(tmp_path, options):
+    table = table_of(tmp_path, "t;a;b\n0,00;1,5;2\n0,10;2,5;3\n0,20;0,5;-4\n", options)
+    assert table.values.tolist() == [[1.5, 2], [2.5, 3], [0.5, -4]]
+    assert table.time_s == pytest.approx([0, 0.1, 0.2])
+    assert table.names == ("a", "b")
+
+
+@pytest.mark.parametrize("mark", ["\t", " ", ",", ";", "|"])
+def test_any_delimiter_is_read(tmp_path, mark):
+    options = Preparation(delimiter=mark if mark == "|" else "")
+    assert table_of(tmp_path, f"1{mark}-2\n3{mark}4\n0{mark}5\n", options).values.tolist() == [[1, -2], [3, 4], [0, 5]]
+
+
+@pytest.mark.parametrize(
+    ("name", "step", "unit_s"),
+    [
+        ("time", 0.02857, 1),
+        ("time_ms", 28.57, 1e-3),
+        ("t [us]", 28571.4, 1e-6),
+        ("timestamp", 28.57, 1e-3),
+        ("timestamp", 1_000_000, 1e-9),
+    ],
+)
+def test_time_stamps_are_no_taxel_and_give_the_rate(tmp_path, name, step, unit_s):
+    rows = "".join(f"{1000 + k * step:.8g},{k % 5},{-k % 7}\n" for k in range(40))
+    table = table_of(tmp_path, f"{name},a,b\n{rows}")
+    assert table.names == ("a", "b")
+    assert table.time_s[0] == 0
+    assert 39 / table.time_s[-1] == pytest.approx(1 / (step * unit_s), rel=0.02)
+    assert table.notes[0] == f"column {name!r} is taken as time stamps, by its name"
+
+
+def test_time_stamps_without_a_name_are_known_by_their_rise(tmp_path):
+    rows = "".join(f"{k * 28.57:.2f},{k % 5},{-k % 7}\n" for k in range(40))
+    table = table_of(tmp_path, rows)
+    assert table.values.shape == (40, 2)
+    assert "rises steadily: taken as time stamps" in table.notes[0]
+    kept = table_of(tmp_path, rows, Preparation(time_column="none"))
+    assert kept.values.shape == (40, 3)
+    assert kept.time_s is None
+    assert table_of(tmp_path, rows, Preparation(time_column="1", time_unit="s")).time_s[1] == pytest.approx(28.57)
+
+
+def test_a_counter_of_samples_is_neither_a_taxel_nor_time(tmp_path):
+    table = table_of(tmp_path, "".join(f"{k},{k % 5},{-k % 7}\n" for k in range(40)))
+    assert table.values.shape == (40, 2)
+    assert table.time_s is None
+    assert "taken as a counter, and left out" in table.notes[0]
+
+
+def test_columns_of_an_array_are_named_by_their_number(tmp_path):
+    np.save(tmp_path / "x.npy", np.array([[1.0, 5.0, 2.0], [0.0, 3.0, 4.0]]))
+    assert read_table(tmp_path / "x.npy", Preparation()).names == ("1", "2", "3")
+
+
+def test_chosen_columns_are_the_taxels(tmp_path):
+    text = "t,a,b,c\n" + "".join(f"{k / 10},{k % 3},{k % 5},{k % 7}\n" for k in range(9))
+    assert table_of(tmp_path, text, Preparation(taxel_columns="b,4")).names == ("b", "c")
+    assert table_of(tmp_path, text, Preparation(taxel_columns="2-3")).names == ("a", "b")
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "sentence"),
+    [
+        ("t,a\n0,1\n0,2\n", {}, "x.csv: the time stamp of sample 2 is not later than the one before"),
+        ("t,a\n0,1\n1,2\n2,0\n", {}, "x.csv: the time stamps rise by one; say of what by --time-unit"),
+        ("t\n0\n0.1\n", {}, "x.csv has no column but its time stamps"),
+        ("t,a\n0,nan\n0.1,2\n", {}, "x.csv has nan in sample 1, column 2"),
+        ("t,a\n0,x\n", {}, "x.csv is not a table of numbers: could not convert string 'x'"),
+        ("t,a\n", {}, "x.csv holds no samples below its header"),
+        ("", {}, "x.csv holds no samples"),
+        ("a,b,c\n1,2\n", {}, "x.csv names 3 columns and has 2"),
+        ("a,b\n1,2\n", {"taxel_columns": "c"}, "x.csv has no column 'c'; it has 2: a, b"),
+        ("a,b\n1,2\n", {"time_column": "7"}, "x.csv has no column '7'"),
+        ("a,b\n1,2\n", {"decimal": "comma"}, "a decimal comma needs another delimiter"),
+    ],
+)
+def test_tables_that_cannot_be_read_get_one_sentence(tmp_path, monkeypatch, text, options, sentence):
+    monkeypatch.chdir(tmp_path)
+    Path("x.csv").write_text(text)
+    with pytest.raises(InputError) as refused:
+        read_table(Path("x.csv"), Preparation(**options))
+    assert sentence in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "options", [{"scale": "p0"}, {"scale": "much"}, {"scale": "0"}, {"baseline": "mean"}, {"highpass_hz": -1.0}]
+)
+def test_options_that_mean_nothing_are_refused(options):
+    with pytest.raises(InputError, match=next(iter(options)).removesuffix("_hz")):
+        Preparation(**options)
+
+
+# -- preparation -------------------------------------------------------------------------------------
+
+
+def test_jittering_time_stamps_are_resampled(tmp_path):
+    time_s = np.arange(100) / 35 + np.random.default_rng(0).uniform(-0.01, 0.01, 100)
+    time_s -= time_s[0]
+    rows = "".join(f"{at:.6f},{3 * at:.6f},{math.sin(9 * at):.6f}\n" for at in time_s)
+    table = table_of(tmp_path, f"t,line,wave\n{rows}")
+    values, moved = on_grid(table, 35.0)
+    assert moved
+    grid = np.minimum(np.arange(len(values)) / 35, time_s[-1])
+    assert values[:, 0] == pytest.approx(3 * grid, abs=1e-4)  # a line stays one, whatever the jitter
+    assert np.abs(values[:, 1] - np.interp(grid, time_s, np.sin(9 * time_s))).max() < 1e-4
+
+
+@pytest.mark.parametrize("baseline", ["first", "median", "highpass"])
+def test_a_baseline_is_taken_off_every_taxel(baseline):
+    signal = np.array([5e4, -3e4]) + np.concatenate([np.zeros((400, 2)), np.ones((20, 2)), np.zeros((400, 2))])
+    rest = without_baseline(signal, 35.0, Preparation(baseline=baseline))
+    assert np.abs(rest[:400]).max() < 1e-6
+    assert rest[400] == pytest.approx([1, 1], abs=0.02)
+
+
+def test_one_scale_and_one_configuration_hold_for_the_whole_set(tmp_path):
+    write_csv(tmp_path / "s/soft/0.csv", counts("press") // 10)
+    write_csv(tmp_path / "s/hard/0.csv", counts("press"))
+    found = read_set(tmp_path / "s", FIRST, ReadoutConfig())
+    peaks = {source.class_name: codes.max() for source, codes in zip(found.sources, found.codes, strict=True)}
+    assert peaks["hard"] == 2047
+    assert 190 < peaks["soft"] < 220
+    assert found.clipped == 0
+
+
+def test_a_percentile_clips_what_lies_above_it_and_says_so(tmp_path):
+    write_skin(tmp_path / "s", each=1)
+    found = read_set(tmp_path / "s", Preparation(baseline="first", scale="p90"), ReadoutConfig())
+    samples = sum(codes.size for codes in found.codes)
+    assert 0.05 * samples < found.clipped < 0.11 * samples
+    assert any("are beyond full scale and clipped; try --scale max" in warning for warning in found.warnings)
+
+
+def test_a_baseline_that_is_left_and_dead_columns_are_named(tmp_path):
+    values = counts("tap")
+    values[:, 3] = 77
+    values[:, 5] = np.arange(len(values))
+    write_csv(tmp_path / "s/tap/0.csv", values)
+    warnings = read_set(tmp_path / "s", Preparation(), ReadoutConfig()).warnings
+    assert any("column 's3' never changes; leave it out with --taxel-columns" in text for text in warnings)
+    assert any("column 's5' rises steadily" in text for text in warnings)
+    assert any("stand on a baseline" in text and "--baseline first" in text for text in warnings)
+
+
+def test_warnings_say_what_is_there_and_no_more():
+    wave = np.sin(np.arange(100.0) / 3)
+    flat = Table(Path("x.csv"), np.stack([wave, 0 * wave, 0 * wave, 0 * wave], 1), tuple("abcd"), False, None, 35, ())
+    found = prepare([flat], Preparation(scale="2"), 12)
+    assert found.warnings[0].startswith("column 'b' (and 2 more) never changes")
+    assert found.warnings[1].startswith(f"{found.clipped / 400:.1%} of the samples are beyond full scale")
+    assert 0.1 < found.clipped / 400 < 0.25
+    quiet = Table(Path("x.csv"), 100.0 + wave[:, None], ("a",), False, None, 35, ())  # little moves, on little
+    assert prepare([quiet], Preparation(scale="0.001"), 12).warnings == ()
+
+
+def test_nlcs_warns_of_what_lies_below_zero(tmp_path):
+    write_csv(tmp_path / "s/tap/0.csv", -counts("press"))
+    found = read_set(tmp_path / "s", FIRST, ReadoutConfig(encoding="nlcs"), {"encoding"})
+    assert any("below zero, which N-LCS cannot see" in text for text in found.warnings)
+
+
+# -- configuration -----------------------------------------------------------------------------------
+
+
+def test_time_constants_mean_the_same_on_every_sensor():
+    for rate_hz in (35, 200, 20_000):
+        config = ReadoutConfig(sample_rate_hz=rate_hz, encoding="nlcs")
+        assert with_seconds(config, ()).tau_s == pytest.approx(0.2, rel=0.05)
+        assert with_seconds(config, ("leak_shift",)) == config
+    assert with_seconds(ReadoutConfig(encoding="nlcs"), ()) == ReadoutConfig(encoding="nlcs")
+    assert with_seconds(ReadoutConfig(encoding="cw-lcs"), ()) == ReadoutConfig(encoding="cw-lcs")
+    assert with_seconds(ReadoutConfig(encoding="cw-lcs", sample_rate_hz=2000), ()).window_period == 6
+    assert with_seconds(ReadoutConfig(encoding="cw-lcs", sample_rate_hz=35), ()).window_period == 4
+
+
+@pytest.mark.parametrize(("taxels", "array"), [(16, (4, 4)), (64, (8, 8)), (24, (4, 6)), (7, (1, 7)), (67, None)])
+def test_the_array_follows_the_number_of_taxels(taxels, array):
+    assert array_of(taxels) == array
+
+
+def plain_snr_db(codes: np.ndarray, config: ReadoutConfig, events: np.ndarray) -> float:
+    """Return the reconstruction SNR of LCS events in plain Python: D up or down for each event, tick by tick."""
+    rebuilt = [[0.0] * config.taxels for _ in codes]
+    state = [0.0] * config.taxels
+    queue = sorted((int(e["t"]), int(e["y"]) * config.columns + int(e["x"]), 1 if e["p"] else -1) for e in events)
+    for tick in range(len(codes)):
+        while queue and (queue[0][0] - 3) // config.clocks_per_sample <= tick:
+            _, taxel, sign = queue.pop(0)
+            state[taxel] += sign * 2 ** (config.sample_bits - 2 - config.resolution)
+        rebuilt[tick] = list(state)
+    mean = [sum(column) / len(codes) for column in zip(*codes.tolist(), strict=True)]
+    signal = sum((x - m) ** 2 for row in codes.tolist() for x, m in zip(row, mean, strict=True))
+    noise = sum((x - u) ** 2 for a, b in zip(codes.tolist(), rebuilt, strict=True) for x, u in zip(a, b, strict=True))
+    return 10 * math.log10(signal / noise)
+
+
+def test_what_leaves_in_the_first_tick_counts():
+    config = ReadoutConfig(rows=1, columns=1, clocks_per_sample=10)
+    found = measure_quality(config, np.zeros((3, 1), np.int32), make_events([3, 4, 13], 0, 0, True))
+    assert (found.late, found.peak_load) == (3, 0.2)
+
+
+@pytest.mark.parametrize(("resolution", "clocks"), [(6, 64), (8, 64), (6, 1024), (8, 0), (6, 0)])
+def test_the_snr_is_that_of_a_plain_reconstruction(tmp_path, resolution, clocks):
+    write_csv(tmp_path / "s/tap/0.csv", counts("tap"))
+    config = ReadoutConfig(resolution=resolution, clocks_per_sample=clocks or 64)
+    found = read_set(tmp_path / "s", FIRST, config, {"clocks_per_sample"} if clocks else ())
+    recording, quality = found.recording(0)
+    assert quality.snr_db == pytest.approx(plain_snr_db(found.codes[0], found.config, recording.events), abs=1e-9)
+
+
+def test_more_bits_give_a_better_signal_because_the_clock_follows_the_slope(tmp_path):
+    write_skin(tmp_path / "s", each=1, taxels=64)
+    snr_db: dict[tuple[int, bool], float] = {}
+    for resolution in (6, 8):
+        for slow in (True, False):
+            config = ReadoutConfig(resolution=resolution)
+            found = read_set(tmp_path / "s", FIRST, config, {"clocks_per_sample"} if slow else ())
+            quality = pooled([found.recording(k)[1] for k in range(3)])
+            snr_db[resolution, slow] = quality.snr_db
+            warnings = quality_warnings(found.config, found.codes, quality)
+            if slow:
+                assert quality.peak_load > 0.9
+                assert any("the link is too slow" in text and "--clocks-per-sample" in text for text in warnings)
+            else:
+                assert (quality.late, quality.merged, quality.bound_holds) == (0, 0, True)
+                assert not warnings
+    assert snr_db[8, True] < snr_db[6, True] < 25  # what a clock of 64 times 35 Hz does: more bits, worse signal
+    assert snr_db[6, False] > 35
+    assert snr_db[8, False] > snr_db[6, False] + 9
+
+
+def test_the_clock_is_as_slow_as_can_be(tmp_path):
+    write_csv(tmp_path / "s/tap/0.csv", counts("tap"))
+    found = read_set(tmp_path / "s", FIRST, ReadoutConfig())
+    codes, config = found.codes[0], found.config
+    half = config.replace(clocks_per_sample=config.clocks_per_sample // 4)
+    worse = measure_quality(half, codes, simulate(half, Stimulus.from_samples(half, codes)))
+    assert worse.late + worse.merged > 0
+    assert with_clock(config.replace(link="four_phase"), found.codes).clocks_per_sample > config.clocks_per_sample
+
+
+def test_the_clock_begins_with_what_the_largest_burst_takes():
+    config = ReadoutConfig(rows=1, columns=1)
+    burst = np.array([[0], [11 * config.step], [0]], np.int32)  # 11 events, and 4 clocks for each of a taxel, and 8
+    assert with_clock(config, [burst]).clocks_per_sample == 64
+    assert with_clock(config, [2 * burst]).clocks_per_sample == 128
+
+
+# -- folders -----------------------------------------------------------------------------------------
+
+
+def test_equal_file_names_in_two_classes_stay_apart(tmp_path):
+    write_skin(tmp_path / "s", each=2)
+    sources = sources_of(tmp_path / "s")
+    assert [source.name for source in sources] == [f"{c}/{k}" for c in ("press", "stroke", "tap") for k in (0, 1)]
+    assert [source.class_name for source in sources] == ["press"] * 2 + ["stroke"] * 2 + ["tap"] * 2
+
+
+def test_folders_that_are_no_set_get_one_sentence(tmp_path):
+    with pytest.raises(InputError, match="holds no recordings; give a folder with one folder for each class"):
+        sources_of(tmp_path)
+    write_csv(tmp_path / "a/0.csv", counts("tap"))
+    np.save(tmp_path / "a/0.npy", counts("tap"))
+    with pytest.raises(InputError, match="holds a/0 twice, with two endings"):
+        sources_of(tmp_path)
+    write_csv(tmp_path / "b.csv", counts("tap"))
+    with pytest.raises(InputError, match="lies beside the class folders"):
+        sources_of(tmp_path)
+
+
+def test_recordings_of_other_arrays_or_rates_are_refused(tmp_path):
+    write_csv(tmp_path / "s/a/0.csv", counts("tap"))
+    write_csv(tmp_path / "s/b/0.csv", counts("tap", taxels=9))
+    with pytest.raises(InputError, match=r"has 16 taxels, .* has 9; choose the same ones with --taxel-columns"):
+        read_set(tmp_path / "s", FIRST, ReadoutConfig())
+    write_csv(tmp_path / "s/b/0.csv", counts("tap", rate_hz=200), rate_hz=200)
+    write_csv(tmp_path / "s/c/0.csv", counts("tap"))
+    with pytest.raises(InputError, match="has 200 samples/s, the others 35; give the rate of all with --sample-rate"):
+        read_set(tmp_path / "s", FIRST, ReadoutConfig())
+    write_csv(tmp_path / "s/b/0.csv", counts("tap", rate_hz=10), rate_hz=10)
+    with pytest.raises(InputError, match="has 10 samples/s, the others 35"):
+        read_set(tmp_path / "s", FIRST, ReadoutConfig())
+    with pytest.raises(InputError, match="16 taxels, the array has 2 x 4 = 8; give --rows and --columns, or neither"):
+        read_set(tmp_path / "s/a/0.csv", FIRST, ReadoutConfig(rows=2, columns=4), {"rows", "columns"})
+
+
+def test_event_files_are_kept_by_what_makes_them(tmp_path):
+    write_skin(tmp_path / "s", each=1, taxels=4)
+    made = []
+
+    def kept(**fields):
+        done: list[None] = []
+        folder, _ = kept_events(
+            tmp_path / "s", FIRST, ReadoutConfig(**fields), fields, lambda: done.append(None), tmp_path / "out"
+        )
+        made.append(len(done))
+        return folder
+
+    first = kept(resolution=4)
+    assert len(list(first.rglob("*.npz"))) == 3
+    assert kept(resolution=4) == first
+    assert kept(resolution=5) != first
+    write_csv(tmp_path / "s/tap/0.csv", counts("tap", taxels=4, seed=99))
+    assert kept(resolution=4) != first
+    assert made == [3, 0, 3, 3]
+    assert len(list((tmp_path / "out").iterdir())) == 3  # nothing half made beside them
+
+
+def test_cw_lcs_renders_a_slow_skin_as_well_as_lcs(tmp_path):
+    write_skin(tmp_path / "s", each=1)
+    found = {
+        encoding: pooled([quality for _, _, quality in read_set(tmp_path / "s", FIRST, config, ()).each_recording()])
+        for encoding in ("lcs", "cw-lcs")
+        if (config := ReadoutConfig(encoding=encoding))
+    }
+    assert found["cw-lcs"].snr_db > found["lcs"].snr_db - 3  # with windows that close at every sample 20 dB less

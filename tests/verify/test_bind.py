@@ -1,0 +1,82 @@
+"""The properties go with the delivered Verilog, and hold in it where the blocks are at work."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from app.__main__ import app
+from cocotb_tests.runner.cocotb_runners import build_environment
+from model.config import ReadoutConfig
+from model.frame_config import FrameConfig
+from rtl import yosys
+from rtl.verilog import verilog
+from verify.proofs.bind import properties
+
+CONFIG = ReadoutConfig(rows=2, columns=2, frontend="analog", link="four_phase")
+MAIN = """#include "Vbound.h"
+int main(int argc, char** argv) {
+    Verilated::commandArgs(argc, argv);
+    Vbound top;
+    for (vluint64_t edge = 0; !Verilated::gotFinish(); ++edge) { top.clk = edge & 1; top.eval(); }
+    top.final();
+}
+"""
+FLAGS = ("--cc", "--exe", "--build", "--assert", "-Wno-fatal", "-Wno-lint", "-Wno-style", "--top", "bound")
+QUICK = ("-MAKEFLAGS", "OPT_FAST=-O0 OPT_SLOW=-O0 OPT_GLOBAL=-O0")
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the delivered readout with its properties, built by Verilator with assertions: ten seconds of C++."""
+    folder = tmp_path_factory.mktemp("bound")
+    (folder / "eskin_readout.v").write_text(verilog(CONFIG))
+    (folder / "properties.sv").write_text(properties(CONFIG))
+    (folder / "main.cpp").write_text(MAIN)
+    sources = [str(Path(__file__).with_name("bound.sv")), "eskin_readout.v", "properties.sv", "main.cpp"]
+    with build_environment():
+        done = subprocess.run(["verilator", *FLAGS, *QUICK, *sources], cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+    return folder / "obj_dir" / "Vbound"
+
+
+def test_properties_and_assumptions_hold_in_the_delivered_readout(program: Path) -> None:
+    done = subprocess.run([program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert int(done.stdout.split()[0]) > 1000
+
+
+def test_a_receiver_that_breaks_an_assumption_stops_the_run(program: Path) -> None:
+    done = subprocess.run([program, "+impatient"], capture_output=True, text=True)
+    assert done.returncode != 0
+    assert "Assertion failed" in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(
+    "config",
+    [CONFIG.replace(encoding="nlcs", frontend="digital"), FrameConfig(readout=ReadoutConfig(rows=2, columns=2))],
+    ids=["nlcs", "frame"],
+)
+def test_yosys_reads_properties_and_readout(config: ReadoutConfig | FrameConfig) -> None:
+    files = {"eskin.v": verilog(config).encode(), "properties.sv": properties(config).encode()}
+    script = (
+        "read_verilog eskin.v; read_verilog -sv -formal properties.sv; hierarchy -check; proc; tee -o said.txt stat"
+    )
+    read = yosys.run(script, "", "said.txt", files)
+    assert "$assert" in read or "$check" in read
+
+
+def test_the_command_writes_what_goes_with_the_verilog(tmp_path: Path) -> None:
+    words = ["properties", "--rows", "1", "--columns", "1", "--link", "four_phase", "-o", str(tmp_path)]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
+    text = (tmp_path / "eskin_readout_properties.sv").read_text()
+    assert text == properties(ReadoutConfig(rows=1, columns=1, link="four_phase"))
+    assert [line.split()[1] for line in text.splitlines() if line.startswith("bind ")] == [
+        "eskin_taxel",
+        "eskin_link",
+        "eskin_readout",
+    ]

@@ -1,0 +1,201 @@
+"""Mutants: every edit is another program, tests run in processes of their own, a campaign judges, keeps and goes on."""
+
+from __future__ import annotations
+
+import ast
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from app.__main__ import app
+from verify.mutants import campaign, questions
+from verify.mutants.arguments import arguments
+from verify.mutants.campaign import MODEL, RTL, Done, Finding, closing_line
+from verify.mutants.checkout import failing, first_failed, original
+from verify.mutants.configs import COUNT, configs
+from verify.mutants.edits import Mutant, mutated, places, sample
+from verify.mutants.judge import Asked, ask_quick_check, conclude
+from verify.mutants.questions import Questions, mutated_files
+
+ROOT = Path(__file__).parents[2]
+
+
+def drawn_from(file: str, text: str) -> list[Mutant]:
+    """Return all mutants of a text."""
+    every = (place for choices in places(file, text).values() for place in choices)
+    return [mutant for mutant in (mutated(file, text, place) for place in every) if mutant]
+
+
+def the(file: str, function: str, operator: str, number: int) -> Mutant:
+    """Return one mutant of a file by its construct."""
+    text = (ROOT / file).read_text()
+    every = (place for choices in places(file, text).values() for place in choices)
+    found = next(p for p in every if (p.function, p.operator, p.number) == (function, operator, number))
+    mutant = mutated(file, text, found)
+    assert mutant is not None
+    return mutant
+
+
+def test_every_edit_is_another_program() -> None:
+    for file in ("rtl/link.py", "model/decay.py"):
+        text = (ROOT / file).read_text()
+        found = drawn_from(file, text)
+        assert len({mutant.name for mutant in found}) == len(found) > 20
+        for mutant in found:
+            assert ast.dump(ast.parse(mutant.text)) != ast.dump(ast.parse(text)), mutant.name
+        some, count = sample(file, text, 0.3, 3, seed=1)
+        assert len(some) == max(round(0.3 * count), 3)
+        assert some == sample(file, text, 0.3, 3, seed=1)[0] != sample(file, text, 0.3, 3, seed=2)[0]
+
+
+def test_hardware_is_edited_as_hardware() -> None:
+    text = """class A:
+    def elaborate(self, m):
+        m.d.comb += [a.eq(1), b.eq(Mux(c, d, e))]
+        with m.If(c & d):
+            m.d.sync += a.eq(c.any())
+        n.d.comb += a
+"""
+    own = ("DropAssignment", "StickCondition", "SwapChoice", "SwapReduction")
+    found = [mutant for mutant in drawn_from("rtl/a.py", text) if mutant.operator in own]
+    assert sorted(mutant.edit.partition(" -> ")[2] for mutant in found) == [
+        "m.d.comb += [*[], b.eq(Mux(c, d, e))]",
+        "m.d.comb += [a.eq(1), *[]]",
+        "m.d.comb += [a.eq(1), b.eq(Mux(c, e, d))]",
+        "m.d.sync += []",
+        "m.d.sync += a.eq(c.all())",
+        "with m.If((c & d) == 0):",
+        "with m.If(0):",
+        "with m.If(1):",
+    ]
+    assert {mutant.function for mutant in found} == {"A.elaborate"}
+    assert not [mutant for mutant in drawn_from("model/a.py", text) if mutant.operator in own]
+
+
+def test_annotations_and_decorators_are_not_edited() -> None:
+    text = "@njit(cache=True)\ndef f(x: 1 + 1, y: int = 1) -> 1 + 1:\n    z: 1 + 1 = 2\n    return z\n"
+    assert {mutant.line for mutant in drawn_from("model/a.py", text)} == {2, 3}
+    assert all("1 + 1" in mutant.edit.partition(" -> ")[2] for mutant in drawn_from("model/a.py", text))
+
+
+def test_a_name_says_the_construct_and_not_its_text() -> None:
+    text = "def f(x):\n    return x + 1\n\n\ndef g(x):\n    return x + 2\n"
+    names = {mutant.name for mutant in drawn_from("model/a.py", text)}
+    assert "model/a.py g ReplaceBinaryOperator_Add_Sub 0" in names
+    moved = "Y = 3 + 4\n" + text.replace("x + 1", "x + 1 + x").replace("x + 2", "y + 7")
+    assert {name for name in names if " g " in name} == {
+        mutant.name for mutant in drawn_from("model/a.py", moved) if mutant.function == "g"
+    }
+
+
+def test_questions_follow_from_names_and_imports(tmp_path: Path) -> None:
+    for name, text in {
+        "model/pulse.py": "",
+        "model/inner.py": "",
+        "model/room/user.py": "from model.inner import x",
+        "tests/model/test_pulse.py": "",
+        "tests/model/test_room.py": "",
+        "tests/other/test_pulse.py": "",
+        "tests/other/test_more.py": "from model import pulse",
+        "cocotb_tests/test_pulse.py": "",
+    }.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    assert questions.questions("model/pulse.py", tmp_path).tests == (
+        "cocotb_tests/test_pulse.py",
+        "tests/model/test_pulse.py",
+        "tests/other/test_more.py",
+    )
+    assert questions.questions("model/inner.py", tmp_path).tests == ("tests/model/test_room.py",)
+
+
+def test_every_mutated_file_has_tests_and_blocks_of_the_rtl_have_their_proofs() -> None:
+    for packages in (RTL, MODEL):
+        files = mutated_files(packages)
+        assert len(files) > 20
+        assert [file for file in files if not questions.questions(file).tests] == []
+    assert questions.questions("rtl/frame.py").proofs == ("frame_readout",)
+    assert questions.questions("rtl/registers/spi.py").proofs == ("spi", "registers")
+    assert "taxel" in questions.questions("rtl/encoders/lcs.py").proofs
+
+
+def test_every_argument_speaks_of_a_mutant() -> None:
+    by_file: dict[str, set[str]] = {}
+    for name, why in arguments().items():
+        assert len(why) > 40
+        by_file.setdefault(name.partition(" ")[0], set()).add(name)
+    for file, names in by_file.items():
+        every = places(file, (ROOT / file).read_text()).values()
+        known = {f"{file} {p.function or 'module'} {p.operator} {p.number}" for found in every for p in found}
+        assert names <= known
+
+
+def test_tests_run_to_the_first_failure_and_within_their_time(tmp_path: Path) -> None:
+    (tmp_path / "test_it.py").write_text(
+        "def test_good(): pass\ndef test_bad(): assert 0\ndef test_worse(): assert 0\n"
+    )
+    (tmp_path / "test_hangs.py").write_text("def test_hangs():\n    while True: pass\n")
+    (tmp_path / "test_broken.py").write_text("import nothing_that_is_there\n")
+    assert first_failed(tmp_path, ["test_it.py"], [], 60, quick=False) == "test_it.py::test_bad"
+    assert first_failed(tmp_path, ["test_it.py"], ["test_it.py::test_bad"], 60, quick=False) == "test_it.py::test_worse"
+    assert first_failed(tmp_path, ["test_broken.py"], [], 60, quick=False) == "test_broken.py"
+    assert first_failed(tmp_path, ["test_hangs.py"], [], 3, quick=False) == "test_hangs.py (no end within 3 s)"
+    assert first_failed(tmp_path, [], [], 60, quick=False) == ""
+    with pytest.raises(RuntimeError, match="there are no tests"):
+        failing(tmp_path, [], quick=False)
+    assert failing(tmp_path, ["test_it.py"], quick=False)[0] == ["test_it.py::test_bad", "test_it.py::test_worse"]
+
+
+def test_a_mutant_is_compared_in_many_configurations() -> None:
+    for file in mutated_files(RTL):
+        found = configs(file, 1)
+        assert len(set(map(repr, found))) == len(found) == COUNT
+        assert found == configs(file, 1) != configs(file, 2)
+
+
+def test_what_tests_do_not_kill_is_equivalent_or_alive_and_the_generator_may_refuse(tmp_path: Path) -> None:
+    # A mask of more bits than rows has bits that nothing reads; a row that waits for every bit is no row at all.
+    asked = Asked(original(tmp_path), Questions(()), (), 300, 1)
+    same, other, refused = (
+        the("rtl/arbiter.py", "Arbiter.elaborate", operator, number)
+        for operator, number in (
+            ("ReplaceBinaryOperator_Sub_Add", 0),
+            ("SwapReduction", 4),
+            ("ReplaceUnaryOperator_Invert_Not", 3),
+        )
+    )
+    assert conclude(same, asked) == {"verdict": "equivalent"}
+    found = conclude(other, asked)
+    assert found["verdict"] == "left"
+    assert found["differs"].startswith("eskin_arbiter differs in ")
+    assert ask_quick_check(refused, asked) == {"verdict": "stillborn"}
+
+
+def test_a_campaign_judges_keeps_and_goes_on(tmp_path: Path) -> None:
+    words = ["mutants", "--block", "window", "--limit", "1", "--workers", "1", "-o", str(tmp_path)]
+    done = CliRunner().invoke(app, words)
+    lines = done.output.splitlines()
+    assert done.exit_code == 0, done.output
+    assert [line.split()[0] for line in lines[:-1]] == ["killed"]
+    assert all(" by cocotb_tests/test_window.py::test_" in line for line in lines[:-1])
+    kept = json.loads((tmp_path / "mutants.json").read_text())
+    assert (kept["total"], kept["killed"], kept["survivors"], kept["result"]) == (1, 1, [], lines[-1])
+    log = tmp_path / ".mutants.json.pieces"
+    assert CliRunner().invoke(app, words).output.splitlines() == lines[-1:]
+    log.write_text(log.read_text().rstrip()[:-20])  # as one that was stopped while it wrote
+    assert CliRunner().invoke(app, words).output.splitlines() == lines
+
+
+def test_the_closing_line_counts_what_is_alive_and_what_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    verdicts = ["killed", "killed", "killed", "alive", "equivalent", "stillborn", "argued"]
+    mutant = Mutant("rtl/link.py", "", "AddNot", 0, 1, "", "")
+    found = Done(9, {}, [Finding(mutant, verdict, quick=n < 2) for n, verdict in enumerate(verdicts)], {"one test"})
+    assert closing_line(found) == (
+        "mutants: 6, 1 proved equivalent, 1 argued; of the others 3 killed (75.0 %, 95 % interval 30.1 to 95.4 %), by "
+        "the quick check alone 50.0 %; 1 alive, 2 not yet judged; 1 tests fail without a mutant and are not asked"
+    )
+    monkeypatch.setattr("verify.mutants.campaign.arguments", lambda: {mutant.name: "because"})
+    assert campaign._finding(mutant, {"verdict": "alive"}).verdict == "argued"
+    assert campaign._finding(mutant, {"verdict": "killed"}).verdict == "killed"

@@ -1,0 +1,68 @@
+"""A second solver finds what the first one finds, and a difference between them is a failure."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from app.__main__ import app
+from verify.crosscheck import prove, sby
+from verify.proofs.plan import Proof, proofs
+
+LINK = next(proof for proof in proofs() if proof.block == "link" and proof.small)
+
+
+def test_both_find_the_same_first_clocks_of_a_block_and_of_mutants(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(prove, "MUTANTS", 2)
+    out = tmp_path / "found.json"
+    done = CliRunner().invoke(app, ["crossproof", "--block", "link", "--small", "--mutants", "--out", str(out)])
+    assert done.exit_code == 0, done.output
+    kept = json.loads(out.read_text())
+    line = (
+        "crossproof: 9 properties of 1 designs, 2 generated mutants, 2 of them killed; "
+        "z3 finds the first clocks that ABC finds, 0 problems"
+    )
+    assert done.output.splitlines()[-1] == kept["result"] == line
+    assert kept["designs"][0]["failed"] == {}
+    assert all(one["mutant"].startswith("-mode ") and one["failed"] for one in kept["designs"][1:])
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"failed": {"one_at_a_time": 3}}, "one_at_a_time fails in clock None by ABC, 3 by z3"),
+        ({"reached": {}}, "address_stable is seen in clock 1 by ABC, None by z3"),
+    ],
+)
+def test_a_difference_is_a_problem(changes: dict[str, Any], problem: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def wrong(checker: Any, depth: int, blocks: Any = None) -> Any:
+        return replace(prove.solve(checker, depth, 0), **changes)
+
+    monkeypatch.setattr(prove, "search", wrong)
+    done = CliRunner().invoke(app, ["crossproof", "--block", "link", "--small"])
+    assert done.exit_code == 1
+    assert f"PROBLEM: {problem}" in done.output
+
+
+def test_an_answer_that_is_missing_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sby, "_ask", lambda text, job: "reached cover statement bench.bad_one_at_a_time_0 at  step 3")
+    with pytest.raises(sby.SolverFailed, match="1 answers to 18 questions about eskin_link_properties"):
+        search(LINK)
+
+
+def test_without_the_solver_there_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sby, "find_spec", lambda name: None)
+    done = CliRunner().invoke(app, ["crossproof", "--block", "link", "--small"])
+    assert done.exit_code != 0
+    assert "z3-solver is missing; run make crossproof" in str(done.exception or done.output)
+
+
+def search(proof: Proof) -> Any:
+    return sby.search(proof.checker(proof.config), proof.depth)

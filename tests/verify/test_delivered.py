@@ -1,0 +1,103 @@
+"""Every kind of delivered Verilog is proved equal to the RTLIL of the proofs, and a wrong text is found."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+from typer.testing import CliRunner
+
+from app.__main__ import app
+from board.config import BoardConfig, SerialConfig
+from board.gateware import top as board
+from model.classifier.chip_config import ChipConfig
+from model.classifier.config import ClassifierConfig
+from model.config import ReadoutConfig
+from model.encoders import registry
+from model.frame_config import FrameConfig
+from model.tiles.config import MergeConfig, TilesConfig
+from rtl import yosys
+from rtl.verilog import Config, rtlil, verilog
+from verify.proofs.delivered import Different, prove
+
+READOUT = ReadoutConfig(rows=2, columns=3)
+OUTSIDE: dict[str, Any] = {"frontend": "analog", "link": "four_phase", "reset": "async"}
+FEW_BITS: dict[str, Any] = {"membrane_bits": 8, "threshold": 60, "floor": -100, "out_threshold": 60, "out_floor": -100}
+CLASSIFIER = ClassifierConfig(inputs=4, hidden=4, classes=2, lanes=2, clocks_per_bin=60, **FEW_BITS)
+SMALL = ReadoutConfig(rows=1, columns=2, sample_bits=6, resolution=3)
+TILES = TilesConfig.of(SMALL, 1, 2, 1)
+
+KINDS: dict[str, Config] = {
+    **{f"{code} by the clock": READOUT.replace(encoding=code) for code in registry.NAMES},
+    **{f"{code} by the tick": READOUT.replace(encoding=code, decide_every="sample") for code in registry.NAMES},
+    **{f"{code} outside": READOUT.replace(encoding=code, **OUTSIDE) for code in registry.NAMES},
+    **{f"{code} registers": READOUT.replace(encoding=code, registers="spi") for code in registry.NAMES},
+    "registers outside": SMALL.replace(registers="spi", **OUTSIDE),
+    "frames": FrameConfig(readout=READOUT),
+    "tiles": TILES,
+    "merge": MergeConfig(TILES),
+    "classifier": CLASSIFIER,
+    "chip": ChipConfig(readout=SMALL, classifier=CLASSIFIER),
+}
+
+
+def test_there_is_a_design_of_every_kind() -> None:
+    assert {type(config) for config in KINDS.values()} == {*get_args(Config), TilesConfig}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_text_is_proved_equal_to_the_rtlil(kind: str) -> None:
+    text = rtlil(KINDS[kind])
+    points = prove(text, verilog(KINDS[kind]))
+    assert set(points) == set(yosys.modules(text))
+    assert sum(points.values()) > 15
+
+
+def test_a_large_array_is_proved_by_its_modules() -> None:
+    config = ReadoutConfig(rows=12, columns=16)
+    points = prove(rtlil(config), verilog(config))
+    assert points["eskin_readout"] > config.taxels > points["eskin_taxel"] > 30
+
+
+def test_the_design_of_a_board_is_proved_with_its_initial_values() -> None:
+    config = BoardConfig(chip=None, serial=SerialConfig(clocks_per_bit=8, buffer_bytes=512, records=128))
+    text, written = board.netlist(config), board.verilog(config)
+    assert prove(text, written, initial=True)[board.TOP] > 30
+    begun = re.search(r"^  reg (\[.*\] )?\w+ = \d+'h0*1;$", written, re.MULTILINE)
+    assert begun
+    with pytest.raises(Different, match="initial values of "):
+        prove(text, written.replace(begun[0], re.sub(r"1;$", "0;", begun[0])), initial=True)
+
+
+WRONG = {
+    "an operator": ("lcs by the clock", r"pending & enable", "pending | enable", "^eskin_taxel: .*request"),
+    "a value after reset": ("merge", r"if \(rst\) behind <= 1'h0", "if (rst) behind <= 1'h1", "^eskin_merge: .*behind"),
+    "an enable": ("lcs registers", r"if \(takes\) behind", "if (~takes) behind", "^eskin_arbiter: .*behind"),
+    "a reset": ("lcs outside", r"@\(posedge clk, posedge rst\)", "@(posedge clk)", "^eskin_arbiter: "),
+    "a row of bits": ("lcs by the clock", r"sample\[35:0\]", "sample[36:1]", r"^eskin_readout: .*sample \["),
+    "an input of an instance": ("frames", r"\.word_ready\(word_ready\)", ".word_ready(1'h1)", ": word_ready 1'1"),
+    "an instance": ("tiles", r"  eskin_relay relay_1_0 \([^;]*;", "", "and memories of eskin_tiles .*: relay_1_0"),
+    "a port": ("merge", r"wire \[1:0\] tile_col", "wire [2:0] tile_col", "ports of eskin_merge .*: tile_col$"),
+    "a module": ("tiles", r"eskin_relay", "eskin_station", "modules are not .*: eskin_relay, eskin_station$"),
+    "a memory": ("classifier", r"memory \[(\d+):0\]", "memory [63:0]", "instances and memories of .*: memory$"),
+    "an address": ("classifier", r"memory\[write_address\]", "memory[read_address]", "write_address .* read_address"),
+    "a value that is undefined": ("merge", r"behind <= 1'h0", "behind <= 1'hx", "undefined constant 'hx"),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_a_wrong_text_is_found(what: str) -> None:
+    kind, old, new, problem = WRONG[what]
+    text = verilog(KINDS[kind])
+    wrong = re.sub(old, new, text, count=0 if what == "a module" else 1)
+    assert wrong != text
+    with pytest.raises(Different, match=problem):
+        prove(rtlil(KINDS[kind]), wrong)
+
+
+def test_the_command_proves_what_it_writes(tmp_path: Path) -> None:
+    done = CliRunner().invoke(app, ["verilog", "--tiles", "1x2", "--merge", "--prove", "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    assert re.search(r"^proved equal to the RTLIL: \d\d+ points of 1 modules$", done.output, re.MULTILINE)

@@ -1,0 +1,227 @@
+"""No upset of a flop stops a readout or reaches further than stated, and a design in which one does is found."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from app.__main__ import app
+from model.classifier.config import ClassifierConfig
+from model.frame_config import FrameConfig
+from rtl.readout import Readout
+from tests.planted import planted
+from verify.faults import classifier, host, merge
+from verify.faults import frame_readout as frames
+from verify.faults.bench import bench_gates
+from verify.faults.cases import CASES, ack_never_falls, cases
+from verify.faults.outcomes import CLASSES, UnlikeModel, Upset, upsets
+from verify.faults.plan import FEW, Trial, classifiers, hosts, surroundings, tiles, trials
+from verify.faults.run import campaign, problems_of, run, write
+
+ROOT = Path(__file__).parents[2]
+HANDSHAKE = FEW.replace(link="four_phase")
+
+HANGS = (
+    ("self.event_ready.eq(~setup & ~request & ~ack_sync)", "self.event_ready.eq(idle & ~ack_sync)"),
+    (
+        "        request = Signal()\n",
+        "        request = Signal()\n        idle = Signal(init=1)\n        ended = Signal()\n",
+    ),
+    (
+        "        if self.config.event_bits:\n            address",
+        "        with m.If(self.event_valid & self.event_ready):\n            m.d.sync += idle.eq(0)\n"
+        "        with m.Elif(request & ack_sync & ~setup):\n            m.d.sync += idle.eq(1)\n"
+        "        if self.config.event_bits:\n            address",
+    ),
+)
+"""Idle is a flop of its own, set by the end of a handshake alone."""
+
+
+def test_every_flop_of_a_small_readout_is_upset_and_none_reaches_further_than_stated() -> None:
+    trial = trials(small=True)[0]
+    lines, problems = run(trial)
+    assert problems == []
+    of = {line["block"]: line for line in lines}
+    inside = [name for name in bench_gates(Readout(trial.config)).flops if name.startswith("dut.")]
+    assert sum(line["flops"] for line in lines) == len(inside) == 50
+    assert of["taxel"]["others changed"] == of["taxel"]["never recovers"] == 0
+    assert all(of["taxel"][what] for what in ("nothing", "own events", "others moved"))
+    assert of["arbiter"]["others changed"] > 0
+
+
+def test_a_link_that_an_upset_stops_for_good_is_found() -> None:
+    with planted("link", *HANGS):
+        found = list(upsets(HANDSHAKE, calm=True, stride=9, flops="link"))
+    never = {upset.flop for upset in found if upset.outcome == "never recovers"}
+    assert {"link.idle", "link.aer_req"} <= never  # lost itself, or the handshake that would bring it back
+    assert not any(u.outcome == "never recovers" for u in upsets(HANDSHAKE, calm=True, stride=9, flops="link"))
+
+
+FRAMES = next(trial for trial in trials(small=True) if isinstance(trial.config, FrameConfig))
+
+
+def test_a_frame_readout_is_right_again_after_two_frames() -> None:
+    (line,), problems = run(FRAMES)
+    assert problems == []
+    assert line["block"] == "frame_readout"
+    assert line["never recovers"] == 0
+    assert line["others changed"] > line["others moved"] > 0
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("row_ends.eq(~column[:-1].any())", "row_ends.eq(column[-1])"),
+        ("row_ends & ~row[:-1].any()", "row_ends & row[-1]"),
+        ("converting.eq(started & ~resting),", "converting.eq(started),"),
+        ("            m.d.sync += Cat(started, resting).eq(0b10)\n", ""),
+    ],
+)
+def test_a_frame_readout_that_an_upset_stops_for_good_is_found(old: str, new: str) -> None:
+    with planted("frame", (old, new)):
+        found = list(frames.upsets(FRAMES.config, stride=9, flops="sequencer"))  # type: ignore[arg-type]
+    assert any(upset.outcome == "never recovers" for upset in found)
+
+
+def test_a_merge_loses_repeats_or_changes_one_event_at_most() -> None:
+    (line,), problems = run(Trial(tiles()[1], stride=5))
+    assert problems == []
+    assert (line["block"], line["flops"], line["lost"], line["added"]) == ("merge", 22, 1, 1)
+    assert line["others changed"] > line["others moved"] > 0
+
+
+def test_a_merge_or_relay_station_that_an_upset_stops_for_good_is_found() -> None:
+    waits = ("moves = ~valid | block.event_ready", "moves = (~valid & ~full) | (valid & block.event_ready)")
+    with planted("tiles.relay", waits):
+        found = [list(merge.upsets(config, stride=9, flops="(valid|full|event_valid)")) for config in tiles()[:2]]
+    assert all(any(upset.outcome == "never recovers" for upset in upsets) for upsets in found)
+
+
+def test_what_the_host_wrote_stays_until_it_writes_again_and_all_else_passes() -> None:
+    lines, problems = run(Trial(hosts()[-1], stride=197))
+    assert problems == []
+    of = {line["block"]: line for line in lines}
+    assert set(of) == {"host", "pattern", "registers", "settable_ticks", "spi"}
+    assert of["host"]["until written"] > 0  # the step of all taxels
+    assert of["registers"]["until written"] > 0
+    assert of["settable_ticks"]["until written"] == 0 < of["settable_ticks"]["others changed"]
+
+
+RANGE = "Cat(lines, place >= count - 1)"
+GAP = "Mux(rises, gap, (count - 1) & gap)"
+LINE = "Cat(~line[:-1].any(), line[:-1])"
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "flops", "readout", "mode"),
+    [
+        ("spi", "m.d.sync += [count.eq(0), in_data.eq(0)]", "m.d.sync += in_data.eq(0)", "host.spi.count", 0, 0),
+        ("file", "with m.If(write):\n", "with m.If(write & (kept <= field.most)):\n", "host.registers.test_mode", 0, 2),
+        ("pattern", RANGE, "Cat(lines, place == count - 1)", "host.pattern.at_row", 0, 2),
+        ("pattern", GAP, "Mux(rises, gap, count - 1)", "host.pattern.count", 0, 1),
+        ("decay", LINE, "line.rotate_left(1)", "ticks.line", 2, 0),
+    ],
+)
+def test_a_host_side_that_does_not_come_back_is_found(
+    file: str, old: str, new: str, flops: str, readout: int, mode: int
+) -> None:
+    config = hosts()[readout]
+    with planted(f"registers.{file}", (old, new)):
+        found = list(host.upsets(config, mode, stride=97, flops=flops))
+    assert any(problems_of(Trial(config, mode=mode), upset) for upset in found)
+
+
+@pytest.mark.parametrize("config", classifiers(), ids=lambda config: str(config.readout))
+def test_a_classifier_is_right_again_with_the_next_scan_and_its_weights_once_loaded(config: ClassifierConfig) -> None:
+    lines, problems = run(Trial(config, stride=53))
+    assert problems == []
+    of = {line["block"]: line for line in lines}
+    assert set(of) == {"classifier", "weights"}
+    assert of["weights"]["until written"] > of["classifier"]["until written"] == 0
+    assert of["classifier"]["others changed"] > 0
+
+
+def test_a_classifier_that_an_upset_stops_is_found() -> None:
+    with planted("classifier.core", ("with m.Default():", "with m.Case(State.OUTPUTS):")):
+        found = list(classifier.upsets(classifiers()[0], stride=2, flops="state"))
+    assert any(problems_of(Trial(classifiers()[0]), upset) for upset in found)
+
+
+def test_what_goes_beyond_what_is_stated_is_a_problem() -> None:
+    trial = Trial(HANDSHAKE, calm=True)
+    taxel = Upset("row_0.taxel_1.pending", 9, "others changed", 3, 3, 0, 0, 1)
+    assert problems_of(trial, taxel) == "0 events of others lost and 1 added, 0 stated"
+    link = Upset("link.setup", 9, "others changed", -1, 1000, 2, 1, 0)
+    assert problems_of(trial, link) == "others answer 2 ticks later by other events, 1 stated"
+    assert problems_of(Trial(HANDSHAKE, calm=False), link) == ""
+    mask = Upset("host.registers.mask_rest_taxels[0]", 9, "until written", -1, 9, -1, 0, 0, may_stay=True)
+    assert problems_of(Trial(hosts()[0]), mask) == ""
+    count = Upset("host.pattern.count[14]", 9, "until written", -1, 9, -1, 0, 0)
+    assert problems_of(Trial(hosts()[0]), count) == "stays until the host writes anew, which only a setting may"
+    gone = Upset("link.setup", 9, CLASSES[-1], -1, 1000, 2, 1, 0)
+    assert problems_of(Trial(HANDSHAKE, calm=False), gone) == "never recovers"
+
+
+def test_gates_that_are_not_the_model_are_refused() -> None:
+    wrong_step = ("fall.eq(-half_width)", "fall.eq(-half_width - 1)")
+    with planted("encoders.lcs", wrong_step), pytest.raises(UnlikeModel, match="do not give the model's events"):
+        list(upsets(FEW, calm=True, stride=99))
+
+
+@pytest.mark.parametrize("config", surroundings(small=True), ids=lambda config: str(config.link))
+def test_hostile_surroundings_do_what_is_stated(config: object) -> None:
+    for case in cases(config):  # type: ignore[arg-type]
+        good, runs = case.holds(config)  # type: ignore[arg-type]
+        assert good == runs > 0, case.name
+
+
+def test_a_link_that_does_not_wait_for_ack_to_fall_is_found() -> None:
+    with planted("link", ("~setup & ~request & ~ack_sync", "~setup & ~request")):
+        good, runs = ack_never_falls(HANDSHAKE)
+    assert good < runs
+
+
+def test_the_command_ends_with_its_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("verify.faults.plan.trials", lambda small: [Trial(FEW, True, stride=50)])
+    monkeypatch.setattr("verify.faults.cases.CASES", CASES[:2])
+    done = CliRunner().invoke(app, ["faults", "--small", "--out", str(tmp_path / "faults.json")])
+    assert done.exit_code == 0, done.output
+    last = done.output.splitlines()[-1]
+    assert last == "faults: 250 upsets, 0 of them for good, 2 hostile runs, 0 beyond what is stated"
+    kept = json.loads((tmp_path / "faults.json").read_text())
+    assert kept["result"] == last
+    assert kept["command"] == "make faults SMALL=1"
+
+
+def test_a_campaign_that_was_stopped_goes_on_behind_what_is_done(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried = []
+
+    def stopped_once(trial: Trial) -> tuple[list[dict[str, int]], list[str]]:
+        tried.append(trial.stride)
+        if tried == [1, 2]:
+            raise KeyboardInterrupt
+        return [{"upsets": trial.stride, "never recovers": 0}], []
+
+    monkeypatch.setattr("verify.faults.plan.trials", lambda small: [Trial(FEW, stride=1), Trial(FEW, stride=2)])
+    monkeypatch.setattr("verify.faults.plan.surroundings", lambda small: [])
+    monkeypatch.setattr("verify.faults.run.run", stopped_once)
+    out, said = tmp_path / "faults.json", []
+    with pytest.raises(KeyboardInterrupt):
+        campaign(True, out, said.append)
+    done = campaign(True, out, said.append)
+    assert tried == [1, 2, 2]
+    assert len(said) == 3  # the first piece is told again
+    write(out, "make faults", done)
+    assert json.loads(out.read_text())["result"].startswith("faults: 3 upsets, 0 of them for good")
+    assert list(tmp_path.iterdir()) == [out]
+    monkeypatch.setattr("verify.faults.run.version", lambda needs: "another")
+    (tmp_path / ".faults.json.pieces").write_text('{"name": "' + str(Trial(FEW, stride=1)) + '", "code": "old"}\n{"na')
+    campaign(True, out, said.append)
+    assert tried == [1, 2, 2, 1, 2]
+    campaign(True, out, said.append)  # the line that was cut off stands in the middle now
+    assert tried == [1, 2, 2, 1, 2]

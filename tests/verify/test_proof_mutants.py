@@ -1,0 +1,117 @@
+"""Generated mutants show that every property can fail, and the recorded results are those of today's properties."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from base.files import Pieces
+from verify.proofs import run
+from verify.proofs.bench import netlist
+from verify.proofs.engine import solve
+from verify.proofs.mutants import mutants
+from verify.proofs.plan import proofs
+from verify.proofs.report import write
+from verify.proofs.run import FEWEST_MUTANTS, Hunt, hunts, judge, outcomes
+
+ROOT = Path(__file__).parents[2]
+PROOFS = proofs()
+PROPERTIES = {(proof.block, item.name) for proof in PROOFS for item in proof.checker.properties}
+LINK = next(proof for proof in PROOFS if proof.block == "link" and proof.hunts)
+
+
+def test_every_property_applies_where_mutants_are_searched() -> None:
+    hunted = {(p.block, item.name) for p in PROOFS if p.hunts for item in p.checker(p.config).proved}
+    assert hunted == PROPERTIES
+
+
+@pytest.mark.parametrize(
+    ("only", "fails"),
+    [
+        ("-mode const0 -wire aer_req", {"one_at_a_time", "one_pulse_per_event"}),
+        ("-mode inv -wire event_ready -port Y", {"one_at_a_time", "ready_answers_ack", "ack_is_synchronised"}),
+    ],
+)
+def test_a_mutant_of_the_link_is_noticed_by_the_properties_on_what_it_breaks(only: str, fails: set[str]) -> None:
+    checker = LINK.checker(LINK.config)
+    (mutant,) = mutants(checker, 1, 0, f"-module eskin_link {only}")
+    assert mutant.rtlil != netlist(checker)
+    assert set(solve(checker, LINK.depth, 0, mutant.instead).failed) >= fails
+    assert solve(checker, LINK.depth, 0).failed == {}
+
+
+def test_a_seed_draws_the_same_mutants_again_and_none_of_a_clock() -> None:
+    checker = LINK.checker(LINK.config)
+    first, again, other = (mutants(checker, 12, seed) for seed in (0, 0, 1))
+    assert first == again
+    assert {one.name for one in first} != {one.name for one in other}
+    assert len({one.rtlil for one in first}) == len(first) >= 10
+    assert mutants(checker, 2, 0, "-port CLK") == []
+
+
+def test_more_are_drawn_until_every_property_has_its_mutants_and_a_stopped_search_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = [item.name for item in LINK.checker(LINK.config).proved]
+    asked = []
+
+    def fake(proof: object, seed: int) -> Hunt:
+        asked.append(seed)
+        failed = names if seed == 2 else names[1:]
+        return Hunt("link", LINK.size, seed, {f"{seed} {number}": failed for number in range(FEWEST_MUTANTS)})
+
+    monkeypatch.setattr(run, "hunt", fake)
+    out = tmp_path / "found.json"
+    found = list(hunts("link", PROOFS, Pieces(out, "code")))
+    assert [one.seed for one in found] == asked == [0, 1, 2]
+    assert list(hunts("link", PROOFS, Pieces(out, "code"))) == found
+    assert asked == [0, 1, 2]
+    monkeypatch.setattr(run, "MOST_DRAWS", 2)
+    assert len(list(hunts("link", PROOFS, Pieces(out, "other code")))) == 2
+
+
+def test_a_property_that_too_few_mutants_break_is_a_failure() -> None:
+    results = outcomes([(LINK, solve(LINK.checker(LINK.config), LINK.depth))], whole=False)
+    names = [outcome.property.name for outcome in results]
+    kills = {f"mutant {number}": names[: 1 if number else None] for number in range(FEWEST_MUTANTS)}
+    judge(results, [Hunt("link", LINK.size, 0, kills | {"survivor": []})])
+    assert results[0].problems == []
+    assert results[0].mutants == FEWEST_MUTANTS
+    assert all(outcome.problems == ["fails by only 1 of 4 generated mutants"] for outcome in results[1:])
+
+
+def test_one_block_again_keeps_the_results_of_the_others(tmp_path: Path) -> None:
+    path = tmp_path / "formal.json"
+    proof = next(proof for proof in PROOFS if proof.block == "relay" and proof.small)
+    of = {p.block: outcomes([(p, solve(p.checker(p.config), p.depth))], whole=False) for p in (LINK, proof)}
+    hunted = [Hunt(block, "any", 0, {"mutant": ["in_order"], "survivor": []}) for block in of]
+    write([*of["link"], *of["relay"]], hunted, path, "make formal")
+    whole = json.loads(path.read_text())
+    of["link"][0].problems.append("fails")
+    write(of["link"], [], path, "make formal BLOCK=link", "link")
+    found = json.loads(path.read_text())
+    assert [row["property"] for row in found["properties"]] == [row["property"] for row in whole["properties"]]
+    assert [one["block"] for one in found["hunts"]] == ["relay"]
+    assert found["hunts"][0]["mutants"] == {"mutant": "in_order", "survivor": ""}
+    assert found["result"] == "proved: 15 properties, 15 of them unbounded, 1 failed"
+
+
+def test_the_recorded_results_are_those_of_the_properties() -> None:
+    kept = json.loads((ROOT / "docs/data/verification/formal.json").read_text())
+    assert {(row["block"], row["property"]) for row in kept["properties"]} == PROPERTIES
+    assert kept["result"] == f"proved: {len(PROPERTIES)} properties, {len(PROPERTIES)} of them unbounded, 0 failed"
+    sizes = {(proof.block, proof.size) for proof in PROOFS}
+    assert {(row["block"], size) for row in kept["properties"] for size in row["sizes"]} == sizes
+    count = Counter(
+        (one["block"], name)
+        for one in kept["hunts"]
+        for failed in one["mutants"].values()
+        for name in failed.split(", ")
+        if name
+    )
+    for row in kept["properties"]:
+        assert row["first_seen"] is not None
+        assert row["mutants"] == count[row["block"], row["property"]] >= FEWEST_MUTANTS

@@ -1,0 +1,96 @@
+"""The proofs hold, and an empty, a wrong or a missing one is a failure."""
+
+from __future__ import annotations
+
+import pytest
+from amaranth.asserts import AnyConst
+from amaranth.hdl import Fragment, Module, Signal
+from typer.testing import CliRunner
+
+from app.__main__ import app
+from model.config import ReadoutConfig
+from rtl.link import FourPhaseLink
+from verify.proofs.blocks.link import LinkChecker
+from verify.proofs.checker import Checker, Property
+from verify.proofs.engine import Verdict, solve
+from verify.proofs.plan import Proof, proofs
+from verify.proofs.run import closing_line, outcomes
+
+SMALL = [proof for proof in proofs() if proof.small]
+CONFIG = ReadoutConfig(rows=1, columns=1, link="four_phase")
+
+
+def test_the_command_ends_with_its_one_line() -> None:
+    done = CliRunner().invoke(app, ["formal", "--block", "link", "--small"])
+    assert done.exit_code == 0, done.output
+    assert done.output.splitlines()[-1] == "proved: 9 properties, 9 of them unbounded, 0 failed"
+
+
+@pytest.mark.parametrize("proof", [p for p in SMALL if p.block != "link"], ids=lambda proof: proof.block)
+def test_a_small_block_keeps_every_property(proof: Proof) -> None:
+    verdict = solve(proof.checker(proof.config), proof.depth)
+    results = outcomes([(proof, verdict)], whole=False)
+    assert len(results) >= 5
+    assert [outcome.problems for outcome in results if outcome.problems] == []
+
+
+def test_every_block_is_proved_in_a_small_configuration_too() -> None:
+    assert {proof.block for proof in SMALL} == {proof.block for proof in proofs()}
+
+
+class _Claims(Checker[ReadoutConfig]):
+    """Claims of which one is true, one false only late, one about nothing, and one about a free constant."""
+
+    block = FourPhaseLink
+    properties = (
+        Property("true", "holds"),
+        Property("late", "fails when REQ rises, four clocks after reset at the earliest"),
+        Property("empty", "speaks of what never happens"),
+        Property("constant", "a free constant keeps its value"),
+    )
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        anything = AnyConst(2)
+        first = Signal(2)
+        started = Signal()
+        m.d.sync += started.eq(1)
+        with m.If(~started):
+            m.d.sync += first.eq(anything)
+        self.promise(m, "true", 1, self.aer_req)
+        self.promise(m, "late", ~self.aer_req, self.aer_req)
+        self.promise(m, "empty", 1, 0)
+        self.promise(m, "constant", ~started | (first == anything), started & (anything == 2))
+        return self.finish(m)
+
+
+def test_a_false_and_an_empty_claim_are_failures() -> None:
+    checker = _Claims(CONFIG)
+    verdict = solve(checker, 8)
+    assert verdict.proved == {"true", "empty", "constant"}
+    assert verdict.failed == {"late": 4}
+    assert set(verdict.reached) == {"true", "late", "constant"}
+    results = outcomes([(Proof(_Claims, CONFIG, 8), verdict)])
+    assert {o.property.name for o in results if o.problems} == {"late", "empty"}
+    assert (
+        closing_line([outcome.problems for outcome in results]) == "proved: 2 properties, 2 of them unbounded, 2 failed"
+    )
+
+
+def test_a_property_that_no_proof_has_or_that_ran_out_of_time_is_a_failure() -> None:
+    proof = Proof(LinkChecker, ReadoutConfig(rows=1, columns=1, encoding="nlcs", link="four_phase"), 8)
+    names = {p.name for p in proof.checker(proof.config).proved}
+    verdict = Verdict(frozenset(names - {"one_at_a_time"}), {}, dict.fromkeys(names, 1), 8, 1.0)
+    failed = {o.property.name: o.problems for o in outcomes([(proof, verdict)]) if o.problems}
+    assert failed == {
+        "one_at_a_time": ["1 x 1 unipolar: not proved"],
+        "address_of_event": ["no proof has it"],
+        "address_stable": ["no proof has it"],
+    }
+
+
+def test_a_checker_that_leaves_a_property_open_is_refused() -> None:
+    m = Module()
+    Fragment.get(m, None)  # used, for Amaranth
+    with pytest.raises(AssertionError, match="_Claims says nothing of constant, empty, late, true"):
+        _Claims(CONFIG).finish(m)

@@ -1,0 +1,60 @@
+"""A name that stands in the type alone is refused by every part that would have to know it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from base.errors import InputError
+from cocotb_tests.bench.reference import play
+from flow.datasheet.page import sheet_of
+from flow.gate_count import count_gates
+from model.config import ReadoutConfig
+from model.encoders import registry
+from model.readout import Stimulus, simulate
+from model.taxel import decode, encode, error_bound
+from rtl.encoders import registry as rtl
+from rtl.verilog import verilog
+from tests.independent.readout import Readout as IndependentReadout
+from tests.independent.settings import Settings
+from verify.proofs.bench import design
+from verify.proofs.blocks.taxel import TaxelChecker
+
+SAMPLES = np.array([[0, 0], [40, -40]])
+STIMULUS = Stimulus.from_samples(ReadoutConfig(rows=1, columns=2), SAMPLES)
+PARTS: dict[str, tuple[Callable[[ReadoutConfig], Any], set[str]]] = {
+    "simulate": (lambda config: simulate(config, STIMULUS), {"encoding", "link", "frontend"}),
+    "encode": (lambda config: encode(config, SAMPLES), {"encoding"}),
+    "decode": (lambda config: decode(config, SAMPLES.astype(np.int16)), {"encoding"}),
+    "bound": (error_bound, {"encoding"}),
+    "Verilog": (verilog, {"encoding", "link", "frontend"}),
+    "gates": (lambda config: count_gates(config, 2), {"encoding", "link", "frontend"}),
+    "datasheet": (sheet_of, {"encoding", "link", "frontend"}),
+    "proofs": (lambda config: design(TaxelChecker(config)), {"encoding", "frontend"}),
+    "plain model": (lambda config: play(config, STIMULUS), {"encoding", "link"}),
+    "figures": (lambda config: registry.named(config.encoding).colour, {"encoding"}),
+}
+
+
+@pytest.mark.parametrize(
+    ("part", "field"), [(part, field) for part, (_, knows) in PARTS.items() for field in sorted(knows)]
+)
+def test_an_unknown_name_is_refused(part: str, field: str) -> None:
+    do, _ = PARTS[part]
+    config = ReadoutConfig(rows=1, columns=2)
+    object.__setattr__(config, field, "dpcm")  # as if it had been added to the type alone
+    with pytest.raises(InputError, match="'dpcm'"):
+        do(config)
+
+
+@pytest.mark.parametrize("field", ["encoding", "link", "frontend"])
+def test_the_independent_model_knows_no_other_name(field: str) -> None:
+    with pytest.raises(KeyError, match="dpcm"):
+        IndependentReadout(Settings(**{field: "dpcm"})).clock()
+
+
+def test_every_encoder_has_hardware() -> None:
+    assert [rtl.named(name).name for name in registry.NAMES] == list(registry.NAMES)

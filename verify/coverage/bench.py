@@ -1,0 +1,83 @@
+"""Gives simulation programs the counters of Verilator, puts points into their Verilog, and gathers what they count."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import astuple, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from cocotb_tests.runner.build_cache import verilog_text
+from cocotb_tests.runner.cocotb_runners import VERILATOR_FLAGS
+from cocotb_tests.runner.simulator import Build, Instruments, instrumented
+from rtl.verilog import Config
+from verify.coverage.constructs import POINT, Construct, modules, read, with_points
+from verify.coverage.points.point import Point
+
+FLAGS = ["--coverage-expr", "--coverage-line", "--coverage-toggle", "--coverage-user", "--coverage-max-width", "128"]
+NO_POINTS = "--no-assert"
+"""Would leave cover statements out."""
+TEXT, COUNTS = "eskin_readout.v", "coverage.dat"
+UNCOUNTED = "/* verilator coverage_off */\n"
+"""In front of the harness, which is no part of what is delivered."""
+
+
+@dataclass
+class Counts:
+    """What simulations reached.
+
+    Attributes
+    ----------
+    counts : dict of Construct to int
+    texts : dict of (str, str) to str
+        A Verilog text that holds it, for each module's name and digest.
+    """
+
+    counts: dict[Construct, int] = field(default_factory=dict)
+    texts: dict[tuple[str, str], str] = field(default_factory=dict)
+
+    def add(self, counted: str, verilog: str) -> None:
+        """Add what a simulation of a text left."""
+        for construct, count in read(counted, verilog, TEXT).items():
+            self.counts[construct] = self.counts.get(construct, 0) + count
+        plain = POINT.sub("", verilog)
+        self.texts |= {(module.name, module.digest): plain for module in modules(plain)}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as JSON content."""
+        texts = list(dict.fromkeys(self.texts.values()))
+        return {
+            "constructs": [[*astuple(construct), count] for construct, count in sorted(self.counts.items())],
+            "modules": [[name, digest, texts.index(text)] for (name, digest), text in self.texts.items()],
+            "texts": texts,
+        }
+
+    @classmethod
+    def from_dict(cls, content: dict[str, Any]) -> Counts:
+        """Return what ``to_dict`` gave."""
+        counts = {Construct(*fields): count for *fields, count in content["constructs"]}
+        return cls(counts, {(name, own): content["texts"][at] for name, own, at in content["modules"]})
+
+
+@contextmanager
+def counting(points: Callable[[Config], list[Point]]) -> Iterator[Counts]:
+    """Build with counters within; yield what all simulations played there have reached.
+
+    Parameters
+    ----------
+    points : callable
+        Gives the points of a configuration.
+    """
+    found = Counts()
+
+    def text(config: Config) -> str:
+        return with_points(verilog_text(config), ((p.module, p.label, p.expression) for p in points(config)))
+
+    def tested(program: Build, folder: Path) -> None:
+        found.add((folder / COUNTS).read_text(), (program.folder / TEXT).read_text())
+        (folder / COUNTS).unlink()  # or a run that counts nothing would count it again
+
+    flags = (*(flag for flag in VERILATOR_FLAGS if flag != NO_POINTS), *FLAGS)
+    with instrumented(Instruments(flags, text, UNCOUNTED, tested)):
+        yield found

@@ -1,0 +1,211 @@
+"""A host at a board's serial line within the simulator: every frame it sends, and every record that must come of it."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterable
+from typing import Any
+
+import cocotb
+from cocotb.triggers import FallingEdge, RisingEdge, Timer
+
+from board.config import ADDRESS_BITS, DESIGNS, BoardConfig
+from board.records import VERSION, Ack, Class, Event, Lost, Record, RecordReader, Refused, Tag, Words
+from board.serial_frames import Damaged, Frame, FrameReader, Kind
+from cocotb_tests.bench.line import CLOCK_NS
+
+JOB = "ESKIN_BOARD_COVERAGE"
+RUN_CLOCKS = (0, 1, 255, 4000)
+"""Clocks without a sample behind the last one."""
+
+QUIET_BITS = 700
+"""Bit times without a byte, after which nothing more is to come: longer than any record takes on the line."""
+
+
+class Mismatch(AssertionError):
+    """The board says something else than its reference (docs/reference/board.md)."""
+
+
+class Host:
+    """A host, and what the board must say to it.
+
+    Attributes
+    ----------
+    said : list of Record
+        What has come and was not yet held to what must come, but for events, classes and losses.
+    data : list of Event, Class or Lost
+        Those, since ``restart`` or ``hello``.
+    taken, refused : int
+        Frames, as the board must have counted them.
+    """
+
+    def __init__(self, dut: Any, config: BoardConfig, rng: random.Random) -> None:
+        self.dut, self.config, self.rng = dut, config, rng
+        self.bit_ns = config.serial.clocks_per_bit * CLOCK_NS
+        self.classes = config.chip.classifier.classes if config.chip else 0
+        self.listening: Any = None
+        self._begin()
+
+    def _begin(self) -> None:
+        """Wait for what a session begins with."""
+        self.frames, self.records = FrameReader(), RecordReader(self.classes)
+        self.begun, self.due, self.sequence, self.taken, self.refused = False, 0, 1, 0, 0
+        self.said: list[Record] = []
+        self.data: list[Record] = []
+        self.counted = {"events": 0, "bins": 0, "lost": 0}
+        self.came = 0
+
+    # -- the line --------------------------------------------------------------------------------
+
+    async def bits(self, count: float) -> None:
+        """Let bit times pass."""
+        await Timer(round(count * self.bit_ns), "ns")
+
+    async def level(self, value: int, count: float) -> None:
+        """Hold the line to the board at a level for some bit times."""
+        self.dut.rx.value = value
+        await self.bits(count)
+
+    async def put(self, data: bytes) -> None:
+        """Send bytes, one right behind the other."""
+        for byte in data:
+            for bit in (0, *(byte >> n & 1 for n in range(8)), 1):
+                await self.level(bit, 1)
+
+    async def _listen(self) -> None:
+        tx = self.dut.tx
+        while True:
+            await FallingEdge(tx)
+            await self.bits(1.5)
+            byte = 0
+            for n in range(8):
+                byte |= int(tx.value) << n
+                await self.bits(1)
+            if not int(tx.value):
+                raise Mismatch("a byte from the board has no stop bit")
+            self.came += 1
+            for frame in self.frames.feed(bytes([byte])):
+                self._hand_on(frame)
+
+    def _hand_on(self, frame: Frame | Damaged) -> None:
+        """Take a frame; before a session has begun there may be the rest of another."""
+        if not self.begun:
+            if isinstance(frame, Damaged) or frame.sequence or frame.payload[3] >> 4 != Tag.HELLO:
+                return
+            self.begun = True
+        if isinstance(frame, Damaged) or frame.kind != Kind.RECORDS or frame.sequence != self.due:
+            raise Mismatch(f"frame {self.due} of the board is {frame}")
+        self.due = (self.due + 1) % 256
+        for record in self.records.feed(frame.payload):
+            (self.data if isinstance(record, Event | Class | Lost) else self.said).append(record)
+            self.counted["events"] += isinstance(record, Event)
+            self.counted["bins"] += isinstance(record, Class)
+            self.counted["lost"] += record.count if isinstance(record, Lost) else 0
+
+    async def quiet(self) -> None:
+        """Wait until nothing comes any more."""
+        before = -1
+        while before != self.came:
+            before = self.came
+            await self.bits(QUIET_BITS)
+
+    async def expect(self, *records: Record) -> None:
+        """Hold what the board says, until it is quiet, to what it must say."""
+        await self.quiet()
+        said, self.said = self.said, []
+        if said != list(records):
+            raise Mismatch(f"the board says {said}; it must say {list(records)}")
+
+    # -- sessions --------------------------------------------------------------------------------
+
+    async def reset(self, clocks: int = 5) -> None:
+        """Reset the board by its pin: it says what it is, and waits for a session."""
+        if self.listening is not None:
+            self.listening.cancel()
+        self.dut.rst.value = 1
+        self.dut.rx.value = 1
+        await Timer(clocks * CLOCK_NS, "ns")
+        self.dut.rst.value = 0
+        self._begin()
+        self.sequence = 0
+        self.listening = cocotb.start_soon(self._listen())
+        await self.expect(self.hello_words)
+
+    @property
+    def hello_words(self) -> Words:
+        """What the board must say of itself."""
+        serial, chip = self.config.serial, self.config.chip
+        values = {"version": VERSION, "design": DESIGNS.index(self.config.design) + 1}
+        values |= {"identity": self.config.identity, "clock_hz": serial.clock_hz, "buffer_bytes": serial.buffer_bytes}
+        channels, size = 1 << ADDRESS_BITS, 0
+        if chip:
+            channels = chip.classifier.inputs
+            size = max(chip.classifier.lanes * chip.classifier.weight_bits, chip.classifier.neuron_bits)
+        return Words(Tag.HELLO, values | {"channels": channels, "classes": self.classes, "word_bytes": -(-size // 8)})
+
+    async def hello(self, number: int = 0, wait: bool = True) -> None:
+        """Begin a session."""
+        await self.put(Frame(Kind.HELLO, number, b"").encode())
+        self._begin()
+        self.sequence = (number + 1) % 256
+        if wait:
+            await self.expect(self.hello_words)
+
+    # -- frames ----------------------------------------------------------------------------------
+
+    async def send(self, kind: int, payload: bytes = b"") -> Ack:
+        """Send a good frame; return what acknowledges it."""
+        number, self.sequence = self.sequence, (self.sequence + 1) % 256
+        await self.put(Frame(kind, number, payload).encode())
+        self.taken += 1
+        if kind == Kind.RESTART:
+            self.data = []
+        return Ack(number)
+
+    async def carry_out(self, kind: int, payload: bytes = b"") -> None:
+        """Send a good frame, and see it acknowledged."""
+        await self.expect(await self.send(kind, payload))
+
+    async def unknown(self, kind: int, payload: bytes = b"") -> None:
+        """Send a frame that is none of the board's, or of a wrong length."""
+        number = (await self.send(kind, payload)).sequence
+        self.refused += 1
+        await self.expect(Refused(number, number, 4))
+
+    async def bad(self, data: bytes, reason: int, number: int | None = None) -> None:
+        """Send what is no frame that is due; the number that is told counts only where it is given."""
+        await self.put(data)
+        self.refused += 1
+        await self.quiet()
+        said, self.said = self.said, []
+        first = said[0] if said else None
+        ok = len(said) == 1 and isinstance(first, Refused)
+        if not ok or (first.expected, first.reason) != (self.sequence, reason) or number not in (None, first.sequence):  # type: ignore[union-attr]
+            raise Mismatch(f"the board says {said}; it must refuse {number} for {reason}, due is {self.sequence}")
+
+    async def status(self, **values: int) -> dict[str, int]:
+        """Ask what the board counts; hold it to what is known."""
+        ack = await self.send(Kind.STATUS)
+        await self.quiet()
+        said, self.said = self.said, []
+        if len(said) != 2 or not isinstance(said[0], Words) or said[1] != ack:
+            raise Mismatch(f"the board says {said}; it must say its status, and {ack}")
+        known = {"taken": self.taken, "refused": self.refused, **self.counted, **values}
+        found = {name: said[0].values[name] for name in known}
+        if found != known:
+            raise Mismatch(f"the board counts {found}; it must count {known}")
+        return said[0].values
+
+
+def damaged(frame: Frame, at: Iterable[int] = (8,)) -> bytes:
+    """Return the bytes of a frame with a bit of some of them flipped, none of which becomes a flag or an escape."""
+    data = bytearray(frame.encode())
+    for place in at:
+        data[place] ^= next(bit for bit in (1, 2, 4) if data[place] ^ bit not in (0x7E, 0x7D))
+    return bytes(data)
+
+
+async def wait_for(signal: Any, value: int = 1) -> None:
+    """Wait until a pin has a level."""
+    while int(signal.value) != value:
+        await (RisingEdge(signal) if value else FallingEdge(signal))

@@ -1,0 +1,118 @@
+"""Builds a board's Verilog with counters and points, plays the script to it, and holds what came to the models."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from amaranth.back import rtlil
+from numpy.typing import NDArray
+
+from board.config import BoardConfig, SerialConfig
+from board.gateware.recorder import hello_values
+from board.gateware.top import TOP, Board
+from board.session import weight_frames
+from cocotb_tests.bench.chip import network_of
+from cocotb_tests.runner import simulator
+from model.classifier.chip import channels_of, simulate_chip
+from model.classifier.chip_config import ChipConfig
+from model.classifier.config import ClassifierConfig
+from model.classifier.file import IntegerWeights
+from model.classifier.network import IntegerNetwork
+from model.config import ReadoutConfig
+from rtl import yosys
+from rtl.verilog import YOSYS_SCRIPT
+from verify.coverage.boards.host import JOB, RUN_CLOCKS
+from verify.coverage.constructs import with_points
+from verify.coverage.points.board import board as points
+
+
+def text(config: BoardConfig) -> str:
+    """Return the Verilog of a board in the style of what is delivered: the same netlist, without initial values.
+
+    That of ``board.gateware.top`` is for tools, and has a wire for every gate. Names that SystemVerilog keeps for
+    itself become others.
+    """
+    script = YOSYS_SCRIPT.format(top=TOP)
+    whole = yosys.tidy(yosys.run(script, rtlil.convert(Board(config), name=TOP, emit_src=False), "readout.v"))
+    return re.sub(r"\b(time|byte|bit|sequence)\b", r"\1_", whole)
+
+
+def small_board(design: str) -> BoardConfig:
+    """Return a board with a quick line and small memories, ``player`` or ``receiver``."""
+    serial = SerialConfig(clocks_per_bit=4, buffer_bytes=512, idle_bits=64, records=128)
+    readout = ReadoutConfig(rows=2, columns=3, sample_bits=8, resolution=5, clocks_per_sample=64)
+    network = ClassifierConfig(
+        inputs=12,
+        hidden=6,
+        classes=3,
+        lanes=2,
+        threshold=60,
+        floor=-200,
+        out_threshold=40,
+        out_floor=-200,
+        bin_s=0.0002,
+    )
+    return BoardConfig(
+        chip=ChipConfig(readout=readout, classifier=network) if design == "player" else None, serial=serial
+    )
+
+
+def board(config: BoardConfig, folder: Path) -> None:
+    """Play everything to a board; a player's events and classes are the model's, a receiver's those of the chip."""
+    whole = with_points(text(config), ((p.module, p.label, p.expression) for p in points(config)))
+    named = config.chip or small_board("player").chip
+    assert named is not None
+    program = simulator.build(named, "verilator", top=TOP, text=whole)
+    job: dict[str, Any] = {"chip": None, "serial": asdict(config.serial), "seed": 5}
+    scans: dict[str, NDArray[np.int16]] = {}
+    if config.chip:
+        network, scans = network_of(config.chip), scans_of(config.chip)
+        paths = {"weights": folder / "weights.json", "scans": folder / "scans.npz"}
+        images = weight_frames(IntegerWeights(network, ("a", "b", "c"), {}), hello_values(config)["word_bytes"])
+        paths["weights"].write_text(json.dumps([list(one) for one in images]))
+        np.savez(paths["scans"], **scans)  # type: ignore[arg-type]
+        job |= {"chip": config.chip.to_dict(), **{name: str(path) for name, path in paths.items()}}
+    (folder / "job.json").write_text(json.dumps(job))
+    program.test("verify.coverage.boards.script", folder, None, {JOB: str(folder / "job.json")})
+    for name, samples in scans.items():
+        assert config.chip is not None
+        hold(config.chip, network, samples, json.loads((folder / f"{name}.json").read_text()), name)
+
+
+def scans_of(chip: ChipConfig) -> dict[str, NDArray[np.int16]]:
+    """Return samples, shape (ticks, taxels): a walk, codes from end to end, all taxels at once, and a skin at rest."""
+    rng, taxels, high = np.random.default_rng(2), chip.readout.taxels, chip.readout.full_scale
+    walk = np.cumsum(rng.integers(-high // 8, high // 8 + 1, (60, taxels)), axis=0).clip(-high, high - 1)
+    square = np.where(np.arange(40) // 4 % 2, high - 1, -high)[:, None].repeat(taxels, axis=1)
+    scans = {"walk": walk, "noise": rng.integers(-high, high, (40, taxels)), "square": square, "rest": 0 * walk}
+    return {name: scan.astype(np.int16) for name, scan in scans.items()}
+
+
+def hold(
+    chip: ChipConfig, network: IntegerNetwork, samples: NDArray[np.int16], left: dict[str, Any], name: str
+) -> None:
+    """Hold what a player has sent of a scan to the models of readout and classifier.
+
+    Raises
+    ------
+    AssertionError
+        If they differ.
+    """
+    clocks = len(samples) * chip.readout.clocks_per_sample + sum(RUN_CLOCKS)
+    model = simulate_chip(chip, network, samples, clocks)
+    channels = channels_of(chip, model.events)
+    events = [[int(t), int(channel)] for t, channel in zip(model.events["t"], channels, strict=True)]
+    late = min(model.classifier.overruns, default=clocks)
+    classes = [
+        [valid, one.winner, valid > late, one.evidence.tolist()]
+        for valid, one in zip(model.classifier.valid, model.classifier.bins, strict=True)
+        if valid < clocks
+    ]
+    for what, wanted in (("events", events), ("classes", classes)):
+        if left[what] != wanted:
+            raise AssertionError(f"{name}: {what} differ: model {wanted}, board {left[what]}")

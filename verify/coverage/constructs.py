@@ -1,0 +1,147 @@
+"""What Verilator counts of a run: lines, branches and toggles of every module's text, and the points put into it."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+KINDS = {"v_line": "line", "v_branch": "branch", "v_expr": "condition", "v_toggle": "toggle", "v_user": "point"}
+MODULE = re.compile(r"^module (\w+)\s*\(.*?^endmodule$", re.MULTILINE | re.DOTALL)
+POINT = re.compile(r"^ {2}(point_\w+): cover property .*\n", re.MULTILINE)
+FIELD = re.compile(r"\x01([^\x02]+)\x02([^\x01]*)")
+TERM = re.compile(r"\w+(?:\[\d+\])?==\d")
+ASSIGNED = re.compile(r"(\w+)(?:\[[^]]*\])? (?:<=|=) ")
+COUNT = re.compile(r"^C '(.*)' (\d+)$", re.MULTILINE)
+
+
+@dataclass(frozen=True, order=True)
+class Construct:
+    """A place of a module's text that a run reaches or does not; all instances of the module count as one.
+
+    Attributes
+    ----------
+    kind : str
+        ``line``, ``branch``, ``toggle`` or ``point``.
+    module : str
+    text : str
+        Digest of the module's text: designs in which it is the same share its constructs.
+    line, column : int
+        Within the module, from 1 on.
+    what : str
+        Which of the place's constructs: ``elsif``, ``cond_else``, ``sample[3]:0->1``.
+    source : str
+        The line of the text.
+    """
+
+    kind: str
+    module: str
+    text: str
+    line: int
+    column: int
+    what: str
+    source: str
+
+    @property
+    def signals(self) -> set[str]:
+        """Signal of a toggle, also with its bit or its range; signals and terms of a condition; signal assigned."""
+        if self.kind == "toggle":
+            bit = self.what.partition(":")[0]
+            name = bit.partition("[")[0]
+            declared = re.search(rf"(\[\d+:\d+\]) {name}\b", self.source)
+            return {bit, name, f"{name}{declared[1] if declared else ''}"}
+        if self.kind == "condition":
+            terms = TERM.findall(self.what)
+            return {*terms, *(re.split(r"\[|==", term)[0] for term in terms)}
+        assigned = ASSIGNED.search(self.source)
+        return {assigned[1]} if assigned else set()
+
+    @property
+    def operator(self) -> str:
+        """Edge of a toggle, ``0->1``; result of a condition, ``=> 0``; a branch as Verilator names it."""
+        if self.kind == "toggle":
+            return self.what.rpartition(":")[2]
+        return f"=> {self.what.rpartition(' => ')[2]}" if self.kind == "condition" else self.what
+
+    @property
+    def said(self) -> str:
+        """What a person reads of it."""
+        return f"{self.kind} {self.module}:{self.line} {self.what}  | {self.source}"
+
+
+@dataclass(frozen=True)
+class Module:
+    """A module within a text: its name, its first and last line from 1 on, a digest of what it is, and its lines."""
+
+    name: str
+    first: int
+    last: int
+    digest: str
+    lines: tuple[str, ...]
+
+
+def modules(verilog: str) -> list[Module]:
+    """Return the modules of a text; points that were put into one do not count for its digest."""
+    found = []
+    for match in MODULE.finditer(verilog):
+        first = verilog.count("\n", 0, match.start()) + 1
+        text = match[0]
+        own = hashlib.sha256(POINT.sub("", text).encode()).hexdigest()[:12]
+        lines = tuple(text.split("\n"))
+        found.append(Module(match[1], first, first + len(lines) - 1, own, lines))
+    return found
+
+
+def read(counts: str, verilog: str, file: str) -> dict[Construct, int]:
+    """Return how often every construct of a Verilog text was reached.
+
+    Parameters
+    ----------
+    counts : str
+        What Verilator left, ``coverage.dat``: lines ``C 'key' count``, the key made of names and values that are set
+        off by the characters 1 and 2.
+    verilog : str
+        The text.
+    file : str
+        Its name; what belongs to other files is left out.
+    """
+    starts = {n: module for module in modules(verilog) for n in range(module.first, module.last + 1)}
+    found: dict[Construct, int] = {}
+    for key, count in COUNT.findall(counts):
+        fields = dict(FIELD.findall(key))
+        if Path(fields["f"]).name != file:
+            continue
+        kind = KINDS[fields["page"].partition("/")[0]]
+        number = int(fields["l"])
+        module = starts[number]
+        source = module.lines[number - module.first].strip()
+        own = Construct(
+            kind, module.name, module.digest, number - module.first + 1, int(fields["n"]), fields["o"], source
+        )
+        found[own] = found.get(own, 0) + int(count)
+    return found
+
+
+def with_points(verilog: str, points: Iterable[tuple[str, str, str]]) -> str:
+    """Return a text with cover statements at the end of its modules.
+
+    Parameters
+    ----------
+    verilog : str
+    points : iterable of (module, label, expression)
+        An expression over names of the module, in Verilog, that holds at a rising edge of its clock where the point
+        is reached.
+    """
+    put: dict[str, list[str]] = {}
+    for module, label, expression in points:
+        put.setdefault(module, []).append(f"  point_{label}: cover property (@(posedge clk) {expression});\n")
+
+    def added(match: re.Match[str]) -> str:
+        return match[0].removesuffix("endmodule") + "".join(put.pop(match[1], [])) + "endmodule"
+
+    text = MODULE.sub(added, verilog)
+    if put:
+        raise ValueError(f"the Verilog has no module {', '.join(put)}")
+    return text

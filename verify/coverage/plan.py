@@ -1,0 +1,166 @@
+"""What is played: designs that together have every block, encoder, front end and link, with runs held to the models."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from board.config import BoardConfig
+from cocotb_tests.blocks import pattern, registers, spi
+from model.classifier.chip_config import ChipConfig
+from model.classifier.config import ClassifierConfig
+from model.config import ReadoutConfig
+from model.encoders import registry
+from model.frame_config import FrameConfig
+from model.tiles.config import MergeConfig, TilesConfig
+from rtl.verilog import Config
+from verify.coverage import stimuli
+from verify.coverage.boards.play import board, small_board
+
+
+@dataclass(frozen=True)
+class Run:
+    """A design, and what plays it.
+
+    Attributes
+    ----------
+    name : str
+    config : Config
+    player : callable
+        Simulates a configuration in Verilator, in a folder, and holds everything to a model.
+    small : bool
+        Part of the gate.
+    only : tuple of str
+        Modules whose constructs count, all if empty: others are there as they are in other runs, and played less.
+    """
+
+    name: str
+    config: Config | BoardConfig
+    player: Callable[[Any, Path], object]
+    small: bool = False
+    only: tuple[str, ...] = ()
+
+    def play(self, folder: Path) -> None:
+        """Simulate it."""
+        self.player(self.config, folder)
+
+
+SMALL = ReadoutConfig(
+    rows=3,
+    columns=3,
+    sample_bits=6,
+    resolution=3,
+    closing_shift=1,
+    window_period=3,
+    leak_shift=3,
+    leak_period=4,
+    fraction_bits=2,
+)
+"""Few bits, in which every end is near, and three of everything."""
+
+
+GATE = ("lcs digital stream", "cw-lcs digital stream")
+"""Readouts that the gate plays; the others have the same in other clothes."""
+
+
+def runs() -> list[Run]:
+    """Return all runs."""
+    return [*_readouts(), *_frames(), *_hosts(), *_skins(), *_classifiers(), *_boards()]
+
+
+def _readouts() -> Iterator[Run]:
+    """Yield every encoder with both front ends and both links, and every encoder that decides by the sample."""
+    variants = itertools.product(registry.NAMES, ("digital", "analog"), ("stream", "four_phase"))
+    for number, (encoding, frontend, link) in enumerate(variants):
+        own = {"encoding": encoding, "frontend": frontend, "link": link}
+        config = ReadoutConfig.from_dict(SMALL.to_dict() | own | {"reset": ("sync", "async")[number % 3 % 2]})
+        name = f"{encoding} {frontend} {link}"
+        yield Run(name, config, stimuli.readout, small=name in GATE)
+        if link == "stream":
+            yield Run(f"{name} by the sample", config.replace(decide_every="sample"), stimuli.readout)
+
+
+def _frames() -> Iterator[Run]:
+    """Yield frame readouts: words with a rest, of one code, longer than a frame, of two codes with a long settling."""
+    for rows, columns, resolution, word_bits, own in (
+        (3, 5, 5, 12, {}),
+        (3, 2, 6, 6, {"reset": "async"}),
+        (1, 3, 6, 16, {"reset": "async"}),
+        (1, 3, 4, 8, {"settle_clocks": 3}),
+    ):
+        fields = {"rows": rows, "columns": columns, "resolution": resolution, "word_bits": word_bits, "sample_bits": 8}
+        config = FrameConfig.from_dict(fields | own)
+        name = f"frames {rows}x{columns}, {resolution} in {word_bits} bits"
+        yield Run(name, config, stimuli.frame, small=word_bits == 12)
+
+
+def _hosts() -> Iterator[Run]:
+    """Yield readouts with registers, with both front ends, and the blocks of their host alone."""
+    for encoding in registry.NAMES:
+        config = ReadoutConfig.from_dict(SMALL.to_dict() | {"encoding": encoding, "registers": "spi"})
+        yield Run(f"registers {encoding}", config, stimuli.host)
+        yield Run(f"registers {encoding} analog", config.replace(frontend="analog"), stimuli.host)
+    base = SMALL.to_dict() | {"registers": "spi"}
+    for name, block, test in (
+        ("registers", registers, "file_follows_its_model"),
+        ("pattern", pattern, "pattern_follows_its_model"),
+        ("spi", spi, "slave_follows_its_model"),
+    ):
+        for encoding in registry.NAMES if name != "spi" else registry.NAMES[:1]:
+            config = ReadoutConfig.from_dict(base | {"encoding": encoding})
+            yield Run(f"{name} alone {encoding}", config, stimuli.alone(block, test))
+
+
+def _skins() -> Iterator[Run]:
+    """Yield skins of tiles, without relay stations and with two on every line, and merges and stations alone."""
+    for down, across, encoding, reset in ((2, 2, "lcs", "sync"), (1, 3, "nlcs", "async")):
+        tile = SMALL.replace(rows=2, columns=2, encoding=encoding)
+        config = TilesConfig.of(tile, down, across)
+        yield Run(f"merge {config.tiles} tiles {encoding}", MergeConfig(config), stimuli.merge)
+        yield Run(f"skin {config.tiles} tiles {encoding}", config, stimuli.skin, only=("eskin_merge",))
+        lines = TilesConfig.of(tile.replace(reset=reset), down, across, relays=2)
+        yield Run(f"relay {encoding}", lines, stimuli.relay)
+        yield Run(f"skin {config.tiles} tiles {encoding}, relays", lines, stimuli.skin, only=("eskin_relay",))
+
+
+def _classifiers() -> Iterator[Run]:
+    """Yield classifiers that saturate, leak, are held at a floor, or only add, and chips with one in them."""
+    base = {
+        "clocks_per_bin": 64 * 4,
+        "threshold": 300,
+        "out_threshold": 200,
+        "lanes": 2,
+        "inputs": 12,
+        "hidden": 4,
+        "membrane_bits": 10,
+        "output_bits": 9,
+        "evidence_bits": 4,
+    }
+    variants: dict[str, dict[str, Any]] = {
+        "plain": {"classes": 3, "floor": -300, "out_floor": -200},
+        "saturating": {"classes": 3, "in_shift": 3, "rec_shift": 6, "out_shift": 4, "lanes": 2},
+        "leaky": {"classes": 2, "neuron_reset": "subtract", "leak_shift": 3, "out_leak_shift": 2, "floor": -50}
+        | {"reset": "async", "lanes": 1, "threshold": 450},
+        "membrane": {"classes": 4, "readout": "membrane", "out_leak_shift": 4, "leak_shift": 1, "evidence_bits": 11},
+    }
+    for name, own in variants.items():
+        config = ClassifierConfig.from_dict(base | own)
+        yield Run(f"classifier {name}", config, stimuli.classifier)
+    for encoding, channels in (("lcs", 18), ("nlcs", 9)):
+        readout = SMALL.replace(encoding=encoding, sample_bits=8, resolution=5, clocks_per_sample=64)
+        network = ClassifierConfig.from_dict(
+            base | {"inputs": channels, "classes": 3, "bin_s": 0.0003, "floor": -200, "out_floor": -200}
+        )
+        yield Run(
+            f"chip {encoding}", ChipConfig(readout=readout, classifier=network), stimuli.chip, only=("eskin_bin_timer",)
+        )
+
+
+def _boards() -> Iterator[Run]:
+    """Yield the two designs of a board: their points, and the lines of what is the same in both."""
+    for design in ("player", "receiver"):
+        own = tuple(f"eskin_board_{part}" for part in ("uart_receiver", "uart_sender", "frames_crc"))
+        yield Run(f"board {design}", small_board(design), board, only=own)

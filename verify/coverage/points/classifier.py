@@ -1,0 +1,110 @@
+"""Points of the classifier, and of the chip that has it behind its readout."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from model.classifier.chip_config import ChipConfig
+from model.classifier.config import ClassifierConfig, highest, lowest
+from verify.coverage.points.point import Named, Point, began
+
+STATES = (
+    "at rest",
+    "adding an event",
+    "adding recurrent spikes",
+    "comparing",
+    "in the gap",
+    "adding to outputs",
+    "ending",
+)
+
+
+def classifier(config: ClassifierConfig) -> Iterator[Point]:
+    """Yield the points of a classifier."""
+    kind = f"{config.neuron_reset}, {config.membrane_bits} bits, {config.classes} classes"
+    group = f"classifier {config.readout}, reset to {kind}"
+    for part in (_events, _bins, _ends, _classes):
+        for name, expression in part(config):
+            yield Point(group, name, "eskin_classifier", expression)
+
+
+def _events(config: ClassifierConfig) -> Named:
+    """Events in every state, and the memories."""
+    yield "event taken at rest", "event_valid && event_ready && state == 0"
+    yield "event taken as the one before ends", "event_valid && event_ready && state == 1"
+    for state, name in enumerate(STATES[1:], 1):
+        yield f"event waits while {name}", f"event_valid && !event_ready && state == {state}"
+    yield "event waits for the end of a bin that is due", "event_valid && !event_ready && state == 0 && pending"
+    yield "stall counted", "stall_count != 0"
+    yield "stalls forgotten", "scan_start && stall_count != 0"
+    yield from loads(config)
+
+
+def loads(config: ClassifierConfig) -> Named:
+    """Both ends of both memories of weights, as a host writes them."""
+    for memory, words, chosen in (
+        ("rows", config.weight_words, "!load_neurons"),
+        ("neurons", config.neuron_words, "load_neurons"),
+    ):
+        for place, address in (("first", 0), ("last", words - 1)):
+            yield f"{place} word of {memory} written", f"load_valid && {chosen} && load_address == {address}"
+
+
+def _bins(config: ClassifierConfig) -> Named:
+    """Ends of bins and beginnings of scans in every state."""
+    for state, name in enumerate(STATES):
+        yield f"bin ends while {name}", f"bin_end && state == {state} && !scan_start"
+        yield f"scan begins while {name}", f"scan_start && state == {state}"
+    yield "bin ends with an event", "bin_end && event_valid && event_ready"
+    yield "bin ends while one is due", "bin_end && pending && !scan_start"
+    yield "bin ends in the clock in which a scan begins", "bin_end && scan_start"
+    yield "overrun flagged", "overrun && !$past(overrun)"
+    yield "overrun forgotten", "scan_start && overrun"
+    yield "reset in the middle of work", began("state > 1")
+
+
+def _ends(config: ClassifierConfig) -> Named:
+    """Potentials at their ends, and at the floor."""
+    parts = [("hidden", config.membrane_bits, config.floor, config.saturates)]
+    if config.readout == "spikes":
+        parts += [("output", config.output_bits, config.out_floor, config.output_saturates)]
+    for name, bits, floor, saturates in parts:
+        value, valid = f"{name}_potential", f"{name}_valid"
+        yield f"{name} neuron fires", f"{valid} && {name}_spike"
+        yield f"{name} neuron does not fire", f"{valid} && !{name}_spike"
+        if saturates:
+            yield f"{name} potential at the top", f"{valid} && {value} == {highest(bits)}"
+            if floor is None:
+                yield f"{name} potential at the bottom", f"{valid} && {value} == {lowest(bits)}"
+        if floor is not None:
+            yield f"{name} potential at its floor", f"{valid} && {value} == {floor}"
+    yield "hidden potential above 0, no spike", "hidden_valid && hidden_potential > 0 && !hidden_spike"
+    yield "hidden potential below 0", "hidden_valid && hidden_potential < 0"
+
+
+def _classes(config: ClassifierConfig) -> Named:
+    bits = config.evidence_bits
+    for number in range(config.classes):
+        yield f"class {number} found", f"class_valid && class_index == {number}"
+    if config.classes > 1:
+        first, second = (f"evidence[{number * bits} +: {bits}]" for number in (0, 1))
+        yield "equal evidence: the first stays", f"class_valid && {first} == {second} && class_index == 0"
+        yield "class changes", "class_valid && class_index != $past(class_index)"
+    if config.readout == "spikes" and bits < 8:
+        top = highest(bits)
+        yield "evidence at the top", f"class_valid && $signed(evidence[0 +: {bits}]) == {top}"
+
+
+def chip(config: ChipConfig) -> Iterator[Point]:
+    """Yield the points of a chip."""
+    group = f"chip {config.readout.encoding}"
+    for name, expression in (
+        ("event of the readout taken by the classifier", "event_valid && event_ready"),
+        ("event of the readout waits for the classifier", "event_valid && !event_ready"),
+        ("class while an event waits", "class_valid && event_valid && !event_ready"),
+        ("class while none waits", "class_valid && !event_valid"),
+        ("class found", "class_valid"),
+        ("sample while an event waits", "sample_valid && event_valid && !event_ready"),
+        ("hidden neuron fires", "hidden_valid && hidden_spike"),
+    ):
+        yield Point(group, name, "eskin_chip", expression)

@@ -1,0 +1,207 @@
+"""All runs one after the other, kept as they come; what they reached together, and what is said of the rest."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import cocotb_tests
+import model
+import rtl
+import verify.coverage
+from base.files import Pieces, origin, write_json
+from board.config import BoardConfig
+from cocotb_tests.runner.build_cache import digest, scratch_folder, sources
+from rtl.verilog import Config
+from verify.coverage.bench import Counts, counting
+from verify.coverage.constructs import Construct
+from verify.coverage.plan import Run
+from verify.coverage.points.all_points import points
+from verify.coverage.points.point import Point
+from verify.coverage.waivers import Waiver, claim, explained, unproved
+
+SOURCES = sources(
+    (
+        *((package, "**/*.py") for package in (rtl, model, cocotb_tests)),
+        (cocotb_tests, "**/*.v"),
+        *((verify.coverage, f"{name}.py") for name in ("bench", "constructs", "stimuli", "boards/*")),
+    )
+)
+KINDS = ("line", "branch", "toggle", "condition")
+
+
+@dataclass
+class Reached:
+    """What some runs reached together.
+
+    Attributes
+    ----------
+    counts : dict of Construct to int
+        How often, over all runs.
+    texts : dict of (str, str) to str
+        A Verilog text that holds it, for each module's name and digest.
+    points : dict of (str, str) to int
+        How often, for every functional point by its group and name.
+    runs : list of str
+    """
+
+    counts: dict[Construct, int] = field(default_factory=dict)
+    texts: dict[tuple[str, str], str] = field(default_factory=dict)
+    points: dict[tuple[str, str], int] = field(default_factory=dict)
+    runs: list[str] = field(default_factory=list)
+
+    def add(self, name: str, counts: Counts, wanted: Iterable[Point]) -> None:
+        """Add a run."""
+        self.runs.append(name)
+        by_label: Counter[str] = Counter()
+        for construct, count in counts.counts.items():
+            if construct.kind == "point":
+                by_label[construct.what] += count
+            else:
+                self.counts[construct] = self.counts.get(construct, 0) + count
+        self.texts |= counts.texts
+        for point in wanted:
+            key = point.group, point.name
+            self.points[key] = self.points.get(key, 0) + by_label[f"point_{point.label}"]
+
+    def of(self, kind: str) -> list[Construct]:
+        """Return all constructs of a kind."""
+        return [construct for construct in self.counts if construct.kind == kind]
+
+    def unreached(self) -> list[Construct]:
+        """Return the constructs that no run reached, in their order."""
+        return sorted(construct for construct, count in self.counts.items() if not count)
+
+
+@dataclass
+class Verdict:
+    """What is said of what the runs reached.
+
+    Attributes
+    ----------
+    explained : dict of Construct to Waiver
+    problems : list of str
+        Points that are missing, constructs without a reason, reasons without a construct, proofs that failed.
+    """
+
+    explained: dict[Construct, Waiver]
+    problems: list[str]
+
+
+def play(runs: Iterable[Run], folder: Path, on_run: Callable[[str, int, int], None]) -> Reached:
+    """Play runs, those left out that the folder holds as these very sources played them; return what they reached.
+
+    Parameters
+    ----------
+    runs : iterable of Run
+    folder : Path
+        What each run reached is kept there.
+    on_run : callable
+        Called with the name of each run, its constructs and how many of them it reached.
+
+    Raises
+    ------
+    MismatchFound, AssertionError
+        If RTL and model differ.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    pieces, reached = Pieces(folder / "coverage.json", SOURCES), Reached()
+    for run in runs:
+        wanted = points(run.config)
+        key = [run.name, _fields(run.config), [asdict(point) for point in wanted]]
+        counts = Counts.from_dict(pieces.of(digest(key), partial(_played, run, folder)))
+        if run.only:
+            counts.counts = {c: n for c, n in counts.counts.items() if c.kind == "point" or c.module in run.only}
+        reached.add(run.name, counts, wanted)
+        own = [count for construct, count in counts.counts.items() if construct.kind != "point"]
+        on_run(run.name, len(own), sum(count > 0 for count in own))
+    return reached
+
+
+def _played(run: Run, folder: Path) -> dict[str, Any]:
+    with scratch_folder(folder, "run") as running, counting(points) as counts:
+        run.play(running.resolve())
+    return counts.to_dict()
+
+
+def _fields(config: Config | BoardConfig) -> dict[str, Any]:
+    return asdict(config) if isinstance(config, BoardConfig) else config.to_dict()
+
+
+def judge(reached: Reached, listed: list[Waiver], whole: bool = True) -> Verdict:
+    """Hold what was reached to the reasons for the rest; with some runs alone (not ``whole``) none is stale."""
+    found, rest, stale = explained(reached.unreached(), listed)
+    problems = [f"not reached: {group}: {name}" for (group, name), count in reached.points.items() if not count]
+    problems += [f"not reached, and no reason given: {construct.said}" for construct in rest]
+    if whole:
+        problems += [
+            f"explains nothing: the waiver of {waiver.kind} {waiver.signal}: {waiver.reason}" for waiver in stale
+        ]
+    claims: dict[tuple[str, str], dict[Construct, str]] = {}
+    for construct, waiver in found.items():
+        if waiver.proof:
+            key = construct.module, construct.text
+            claims.setdefault(key, {})[construct] = claim(construct, _became_1(reached, construct), reached.texts[key])
+    for (module, text), of_module in claims.items():
+        failed = unproved(reached.texts[module, text], module, of_module)
+        problems += [f"reason not proved: {construct.said}" for construct in failed]
+    return Verdict(found, problems)
+
+
+def _became_1(reached: Reached, construct: Construct) -> bool:
+    """Return whether the bit of a toggle was seen to become 1."""
+    bit = construct.what.partition(":")[0]
+    rise = Construct(**{**asdict(construct), "what": f"{bit}:0->1"})
+    return reached.counts.get(rise, 0) > 0
+
+
+def closing_line(reached: Reached, verdict: Verdict) -> str:
+    """Return the last line of ``make coverage``."""
+    parts = []
+    for kind, word in zip(KINDS, ("lines", "branches", "toggles", "conditions"), strict=True):
+        own = reached.of(kind)
+        done = sum(reached.counts[construct] > 0 or construct in verdict.explained for construct in own)
+        parts.append(f"{done:,} of {len(own):,} {word}")
+    hit = sum(count > 0 for count in reached.points.values())
+    told = f"{', '.join(parts)} ({len(verdict.explained):,} explained)"
+    return f"coverage: {told}, {hit:,} of {len(reached.points):,} points"
+
+
+def summary(reached: Reached, verdict: Verdict) -> dict[str, Any]:
+    """Return the result as JSON content, without its origin."""
+    constructs = {}
+    for kind in KINDS:
+        own = reached.of(kind)
+        constructs[kind] = {
+            "total": len(own),
+            "reached": sum(reached.counts[construct] > 0 for construct in own),
+            "explained": sum(construct in verdict.explained for construct in own),
+        }
+    reasons: dict[str, dict[str, Any]] = {}
+    for waiver in verdict.explained.values():
+        line = reasons.setdefault(waiver.reason, {"constructs": 0, "proved": waiver.proof})
+        line["constructs"] += 1
+    groups: dict[str, dict[str, int]] = {}
+    for (group, _), count in reached.points.items():
+        own_group = groups.setdefault(group, {"points": 0, "reached": 0})
+        own_group["points"] += 1
+        own_group["reached"] += count > 0
+    modules = Counter(construct.module for construct in reached.counts)
+    return {
+        "result": closing_line(reached, verdict),
+        "constructs": constructs,
+        "modules": dict(sorted(modules.items())),
+        "reasons": reasons,
+        "points": groups,
+        "runs": reached.runs,
+        "problems": verdict.problems,
+    }
+
+
+def write(path: Path, command: str, reached: Reached, verdict: Verdict) -> None:
+    """Write the result with its command, commit and date."""
+    write_json(path, {**origin(command), **summary(reached, verdict)})

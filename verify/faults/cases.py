@@ -1,0 +1,214 @@
+"""Hostile surroundings: what a readout does then is stated, and held to the model or to a rule, case by case."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.config import ReadoutConfig
+from model.readout import Stimulus
+from model.readout import simulate as simulate_model
+from rtl.readout import Readout
+from verify.faults.bench import bench_gates
+from verify.faults.gate_design import Gates
+from verify.faults.parallel import LANES, Traces, simulate
+from verify.faults.scenario import RESET, codes_of, course, events_of, inputs_of
+
+NO_UPSETS = np.zeros((0, 3), np.int64)
+STUCK = 300
+"""Clocks for which something is stuck."""
+PHASES = 200
+"""Clocks in which it begins, one in each run."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One kind of hostile surroundings.
+
+    Parameters
+    ----------
+    name : str
+    stated : str
+        What happens then.
+    holds : callable
+        Takes a configuration; returns in how many runs that was so, of how many.
+    link : str
+        The link that it is about; empty for both.
+    """
+
+    name: str
+    stated: str
+    holds: Callable[[ReadoutConfig], tuple[int, int]]
+    link: str = ""
+
+
+def _play(config: ReadoutConfig, inputs: dict[str, NDArray[np.uint8]]) -> tuple[Gates, Traces, NDArray[np.int16]]:
+    """Simulate runs, some of their inputs their own; return the events of each."""
+    gates = bench_gates(Readout(config))
+    traces = simulate(gates, {name: bits for name, bits in inputs.items() if name in gates.inputs}, NO_UPSETS)
+    ready = inputs["event_ready"]
+    return gates, traces, codes_of(config, traces.outputs, ready if ready.ndim == 2 else ready[:, 0])
+
+
+def _own(bits: NDArray[np.uint8], values: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """Return an input of one bit that is turned over in some clocks of some runs, shape (clocks, 1, LANES)."""
+    return (bits[:, :, None] ^ values[:, None, :]).astype(np.uint8)
+
+
+def _from(clocks: int, first: int, length: int) -> NDArray[np.bool_]:
+    """Return for run p >= 1 the clocks ``first + p`` and ``length - 1`` more, shape (clocks, LANES); none for run 0."""
+    since = np.arange(clocks)[:, None] - first - np.arange(LANES)
+    mine = (np.arange(LANES) >= 1) & (np.arange(LANES) <= PHASES)
+    return (since >= 0) & (since < length) & mine
+
+
+def _equal(config: ReadoutConfig, codes: NDArray[np.int16], stimulus: Stimulus) -> bool:
+    """Return whether a run, which must have events, gives those of the model."""
+    expected = simulate_model(config, stimulus)
+    found = events_of(config, codes)
+    last = stimulus.clocks - 1  # of the link's events that at the last edge is seen by nobody
+    found, expected = (events[(events["t"] >= 0) & (events["t"] < last)] for events in (found, expected))
+    return len(expected) > 0 and np.array_equal(found, expected)
+
+
+def _changed(
+    config: ReadoutConfig, changes: Callable[[Stimulus, np.random.Generator], dict[str, object]]
+) -> tuple[int, int]:
+    """Play the loaded course with some of its stimulus changed, and hold it to the model."""
+    played = course(config, calm=False)
+    stimulus = dataclasses.replace(played.stimulus, **changes(played.stimulus, np.random.default_rng(1)))  # type: ignore[arg-type]
+    _, _, codes = _play(config, inputs_of(config, stimulus))
+    return int(_equal(config, codes[:, 0], stimulus)), 1
+
+
+def every_sample(config: ReadoutConfig) -> tuple[int, int]:
+    """Hold a run with a new random sample in every clock to the model."""
+
+    def changes(stimulus: Stimulus, rng: np.random.Generator) -> dict[str, object]:
+        samples = rng.integers(-config.full_scale, config.full_scale, (stimulus.clocks, config.taxels))
+        return {"samples": samples.astype(np.int32), "sample_clock": np.arange(stimulus.clocks)}
+
+    return _changed(config, changes)
+
+
+def every_mask(config: ReadoutConfig) -> tuple[int, int]:
+    """Hold a run with another mask in every clock to the model."""
+
+    def changes(stimulus: Stimulus, rng: np.random.Generator) -> dict[str, object]:
+        masks = rng.random((stimulus.clocks, config.taxels)) < 0.8
+        return {"enable": masks, "enable_clock": np.arange(stimulus.clocks)}
+
+    return _changed(config, changes)
+
+
+def reset_at_every_phase(config: ReadoutConfig) -> tuple[int, int]:
+    """Reset for one clock, in another clock of the loaded course in every run; hold what is before and behind."""
+    played = course(config, calm=False)
+    stimulus, inputs = played.stimulus, dict(played.inputs)
+    inputs["rst"] = _own(inputs["rst"], _from(len(inputs["rst"]), RESET, 1))
+    _, _, codes = _play(config, inputs)
+    good = 0
+    for phase in range(1, PHASES + 1):
+        before = dataclasses.replace(stimulus, clocks=phase + 1)
+        found = events_of(config, codes[: RESET + phase + 1, phase])
+        expected = simulate_model(config, before)
+        late = found["t"] == phase  # an event of the link that no clock is left to see
+        if not np.array_equal(found[~late] if config.link == "four_phase" else found, expected):
+            continue
+        good += _equal(config, codes[phase + 1 :, phase], _rest(stimulus, phase + 1))
+    return good, PHASES
+
+
+def _rest(stimulus: Stimulus, start: int) -> Stimulus:
+    """Return what is left of a stimulus from a clock on."""
+    later = stimulus.sample_clock >= start
+    number = int(np.searchsorted(stimulus.enable_clock, start, side="right")) - 1
+    masks = stimulus.enable_clock[number:] - start
+    masks[0] = 0
+    return dataclasses.replace(
+        stimulus,
+        samples=stimulus.samples[later],
+        sample_clock=stimulus.sample_clock[later] - start,
+        clocks=stimulus.clocks - start,
+        enable_clock=masks,
+        enable=stimulus.enable[number:],
+        ready=stimulus.ready[start:],
+    )
+
+
+def sink_stuck(config: ReadoutConfig) -> tuple[int, int]:
+    """Stop the sink for a while, from another clock on in every run; hold all to the model."""
+    played = course(config, calm=False)
+    stimulus, inputs = played.stimulus, dict(played.inputs)
+    stops = _from(len(inputs["rst"]), RESET, STUCK)
+    ready = np.where(stops, 0, inputs["event_ready"])
+    inputs["event_ready"] = ready[:, None, :].astype(np.uint8)
+    gates = bench_gates(Readout(config))
+    traces = simulate(gates, {name: bits for name, bits in inputs.items() if name in gates.inputs}, NO_UPSETS)
+    valid = traces.outputs["event_valid"]
+    good = 0
+    for phase in range(1, PHASES + 1):
+        codes = codes_of(
+            config, {name: o[:, phase : phase + 1] for name, o in traces.outputs.items()}, ready[:, phase : phase + 1]
+        )
+        still = slice(RESET + phase, RESET + phase + STUCK)
+        waits = np.diff(valid[still, phase]).min() >= 0  # what is offered stays
+        good += waits and _equal(
+            config, codes[:, 0], dataclasses.replace(stimulus, ready=ready[RESET:, phase].astype(np.uint8))
+        )
+    return good, PHASES
+
+
+def ack_never_falls(config: ReadoutConfig) -> tuple[int, int]:
+    """Hold ACK high for a while, from another clock on in every run: no REQ meanwhile, and nothing lost."""
+    played = course(config, calm=True)
+    inputs = dict(played.inputs)
+    stuck = _from(len(inputs["rst"]), RESET, STUCK)
+    inputs["ack_high"] = _own(inputs["ack_high"], stuck)
+    _, traces, codes = _play(config, inputs)
+    rises = np.diff(traces.outputs["aer_req"], axis=0, prepend=0) > 0
+    settled = stuck & np.roll(stuck, 4, axis=0)  # a REQ on its way when ACK sticks still rises, three clocks later
+    quiet = ~(rises & settled).any(axis=0)
+    alike = _balance(config, codes) == _balance(config, codes[:, :1])
+    return int((quiet & alike.all(axis=0))[1 : PHASES + 1].sum()), PHASES
+
+
+def ack_glitches(config: ReadoutConfig) -> tuple[int, int]:
+    """Turn ACK over for one clock, another in every run: each REQ is an event still, none lost and none twice."""
+    played = course(config, calm=True)
+    inputs = dict(played.inputs)
+    inputs["ack_turned"] = _own(inputs["ack_turned"], _from(len(inputs["rst"]), RESET, 1))
+    _, _, codes = _play(config, inputs)
+    alike = _balance(config, codes) == _balance(config, codes[:, :1])
+    return int(alike.all(axis=0)[1 : PHASES + 1].sum()), PHASES
+
+
+def _balance(config: ReadoutConfig, codes: NDArray[np.int16]) -> NDArray[np.int64]:
+    """Return the ON events less the OFF events of every taxel, shape (taxels, runs): where its reference has gone."""
+    kinds = [[(codes == 2 * taxel + on).sum(axis=0) for on in (0, 1)] for taxel in range(config.taxels)]
+    return np.array([on - off for off, on in kinds])
+
+
+CASES = (
+    Case("sample_valid in every clock", "every event is that of the model, clock by clock", every_sample),
+    Case("another mask in every clock", "every event is that of the model, clock by clock", every_mask),
+    Case(
+        "reset at every phase",
+        "what comes before and behind it is the model's; what was latched, or on the link, is lost",
+        reset_at_every_phase,
+    ),
+    Case("sink stuck", "what is offered stays; taxels freeze and catch up; the model's events", sink_stuck, "stream"),
+    Case(
+        "ACK never falls", "no REQ while it is high; behind it all goes on, nothing lost", ack_never_falls, "four_phase"
+    ),
+    Case("ACK wrong for a clock", "REQ falls early or late; nothing is lost or sent twice", ack_glitches, "four_phase"),
+)
+
+
+def cases(config: ReadoutConfig) -> list[Case]:
+    """Return the cases of a configuration."""
+    return [case for case in CASES if case.link in ("", config.link)]

@@ -1,0 +1,164 @@
+"""Upsets of the classifier: what they do until the next scan, and which stay until the weights are loaded again."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.classifier.config import ClassifierConfig, highest, lowest
+from model.classifier.file import neuron_image, weight_image
+from model.classifier.network import IntegerNetwork
+from model.classifier.run import first_ready, simulate
+from rtl.classifier import core
+from verify.faults.bench import NUMBER_BITS, bench_gates, channel_of, inside, name_of
+from verify.faults.outcomes import CHANGED, MOVED, NEVER, NOTHING, WRITTEN, UnlikeModel, Upset
+from verify.faults.parallel import last_clock, upset_runs
+from verify.faults.scenario import RESET
+
+GOES_ON = ("class_valid", "event_ready")
+"""Outputs that are high within the last two bins of a scan, or the core has stopped."""
+BINS = (7, 3, 3)
+"""Time bins of three scans: flops are turned in the first; before the last the weights are loaded again."""
+UPSET_BINS = 3
+"""Bins in which flops are turned."""
+MEMORY = re.compile(r"(weights|neurons)\.memory")
+"""Flops that hold what the host loaded."""
+WATCHED = ("event_ready", "class_valid", "class_index", "evidence", "overrun", "stall_count")
+"""Outputs that mean something in every clock; the others do where ``hidden_valid`` or ``output_valid`` is high."""
+
+
+@dataclass(frozen=True)
+class Scans:
+    """What a classifier goes through.
+
+    Attributes
+    ----------
+    network : IntegerNetwork
+    inputs : dict of str to ndarray, shape (clocks, bits)
+        For the gates, ``RESET`` clocks of reset first.
+    starts, ends : list of int
+        Clocks of ``scan_start``, and those behind the last of each scan.
+    """
+
+    network: IntegerNetwork
+    inputs: dict[str, NDArray[np.uint8]]
+    starts: list[int]
+    ends: list[int]
+
+
+def upsets(config: ClassifierConfig, stride: int = 1, flops: str = "") -> Iterator[Upset]:
+    """Turn every flop of a classifier in every clock of some bins, one in each run; yield what came of it.
+
+    An outcome is "others moved" where all classes and evidences of the scan are right, if at other clocks or from other
+    potentials, and "others changed" where they are not, and the next scan is right in every output and clock. It is
+    "until written" where only a scan with weights loaded anew is, or where the core waits for a scan to begin. See
+    ``verify.faults.outcomes.upsets``.
+
+    Raises
+    ------
+    UnlikeModel
+        If the run without upsets does not give the golden model's classes in their clocks.
+    """
+    gates, what = bench_gates(core.Classifier(config)), _scans(config)
+    expected = _expected(config, what)
+    first = what.starts[0] + 1
+    clocks = range(first, first + UPSET_BINS * config.clocks_per_bin, stride)
+    scans = [slice(first_ready(config, start) + 1, end) for start, end in zip(what.starts, what.ends, strict=True)]
+    late = slice(what.ends[0] - 2 * config.clocks_per_bin, what.ends[0])
+    for part, outputs in upset_runs(gates, what.inputs, clocks, inside(gates, flops)):
+        if [_bins(outputs, scan, 0) for scan in scans] != expected:
+            raise UnlikeModel("the gates of the classifier do not give the model's classes")
+        differs = np.logical_or.reduce([values != values[:, :1] for values in _seen(outputs)])
+        last = last_clock(differs)
+        values = [[one[1:] for one in _bins(outputs, scans[0], run)] for run in range(len(part) + 1)]
+        stays, never = (np.logical_or.reduce(differs[scan]) for scan in scans[1:])
+        stops = ~np.logical_and.reduce([(outputs[name][late] != 0).any(axis=0) for name in GOES_ON])
+        for lane, (clock, flop) in enumerate(part, 1):
+            name = name_of(gates, flop)
+            passes = CHANGED if values[lane] != values[0] else MOVED if last[lane] >= 0 else NOTHING
+            outcome = NEVER if never[lane] else WRITTEN if stays[lane] or stops[lane] else passes
+            may_stay = MEMORY.match(name) is not None and not stops[lane]
+            others = max(int(last[lane]) - clock, -1)
+            yield Upset(f"classifier.{name}", clock, outcome, -1, others, -1, 0, 0, may_stay)
+
+
+def _seen(outputs: dict[str, NDArray[np.int64]]) -> list[NDArray[np.int64]]:
+    """Return all outputs, 0 where one means nothing."""
+    seen = [outputs[name] for name in WATCHED]
+    for kind in ("hidden", "output"):
+        valid = outputs[f"{kind}_valid"]
+        names = (f"{kind}_{what}" for what in ("index", "potential", "spike"))
+        seen += [valid, *(outputs[name] * valid for name in names if name in outputs)]
+    return seen
+
+
+def _bins(outputs: dict[str, NDArray[np.int64]], scan: slice, run: int) -> list[tuple[int, int, int]]:
+    """Return clock, class and evidence of every bin of a scan in a run."""
+    clocks = scan.start + np.flatnonzero(outputs["class_valid"][scan, run])
+    found = (outputs[name][clocks, run].tolist() for name in ("class_index", "evidence"))
+    return list(zip(clocks.tolist(), *found, strict=True))
+
+
+def _scans(config: ClassifierConfig) -> Scans:
+    """Return three scans of a random network, with events until two bins before the end of each."""
+    rng = np.random.default_rng(0)
+    network = _network(config, rng)
+    images = [(0, weight_image(network)), (1, neuron_image(network))]
+    words = [(1, neurons, address, word) for neurons, image in images for address, word in enumerate(image)]
+    load: list[tuple[int, ...]] = []  # of every clock: valid, neurons, address, data
+    starts, ends = [], []
+    for number, bins in enumerate(BINS):
+        load += [*words, (0,) * 4, (0,) * 4] if number != 1 else []
+        starts.append(RESET + len(load))
+        load += [(0,) * 4] * (bins * config.clocks_per_bin + 1)
+        ends.append(RESET + len(load))
+    load = [(0,) * 4] * RESET + load
+    clock = np.arange(len(load))
+    offer = np.zeros(len(load), bool)
+    for start, end in zip(starts, ends, strict=True):
+        busy = (clock > start) & (clock < end - config.clocks_per_bin)
+        offer |= busy & (rng.random(len(load)) < 0.25)
+    columns = dict(zip(("load_valid", "load_neurons", "load_address", "load_data"), np.array(load).T, strict=True))
+    widths = core.Classifier(config).signature.members
+    inputs = {
+        "rst": clock[:, None] < RESET,
+        "offer": offer[:, None],
+        "scan_start": np.isin(clock, starts)[:, None],
+        **{name: values[:, None] >> np.arange(widths[name].shape) & 1 for name, values in columns.items()},
+    }
+    return Scans(network, {name: bits.astype(np.uint8) for name, bits in inputs.items()}, starts, ends)
+
+
+def _network(config: ClassifierConfig, rng: np.random.Generator) -> IntegerNetwork:
+    """Return a network with weights over all their bits."""
+
+    def drawn(bits: int, *shape: int) -> NDArray[np.int64]:
+        return rng.integers(lowest(bits), highest(bits) + 1, shape)
+
+    return IntegerNetwork.filled(config, drawn)
+
+
+def _expected(config: ClassifierConfig, what: Scans) -> list[list[tuple[int, int, int]]]:
+    """Return clock, class and evidence of every bin of each scan, as the golden model has them."""
+    offers = np.flatnonzero(what.inputs["offer"]).tolist()
+    mask = (1 << config.evidence_bits) - 1
+    expected: list[list[tuple[int, int, int]]] = []
+    for start, end in zip(what.starts, what.ends, strict=True):
+        events = [
+            (clock + 1 - start, channel_of(number % (1 << NUMBER_BITS), config.inputs))
+            for number, clock in enumerate(offers)
+            if start < clock < end
+        ]
+        bins = range(config.clocks_per_bin, end - start, config.clocks_per_bin)
+        run = simulate(what.network, events, bins, end - start, start=0)
+        assert any(one.spikes.any() for one in run.bins), "no neuron fires"
+        expected.append([])
+        for clock, one in zip(run.valid, run.bins, strict=True):
+            evidence = sum((int(e) & mask) << place * config.evidence_bits for place, e in enumerate(one.evidence))
+            if start + clock < end:
+                expected[-1].append((start + clock, one.winner, evidence))
+    return expected

@@ -1,0 +1,187 @@
+"""Upsets of what the host sets: SPI, registers, test pattern, leak; what passes, and what must be written anew."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cocotb_tests.bench.spi import Timing, waveform
+from model.config import ReadoutConfig
+from model.host import Played, play
+from model.readout import Stimulus
+from model.registers.description import WORD_BYTES, Register, registers
+from model.registers.spi import HIGH_CLOCKS, LOW_CLOCKS, LOW_CLOCKS_TO_READ, Pins, transfer
+from rtl.readout import Readout
+from verify.faults.bench import bench_gates, inside, name_of
+from verify.faults.outcomes import (
+    CHANGED,
+    MOVED,
+    NEVER,
+    NOTHING,
+    WRITTEN,
+    UnlikeModel,
+    Upset,
+    counted,
+    slack,
+)
+from verify.faults.parallel import last_clock, upset_runs
+from verify.faults.scenario import RESET, codes_of, events_of, inputs_of, pause_of, swings
+
+HOST = r"(host|ticks)\."
+"""What the names of flops begin with that are turned here."""
+SETTING = re.compile(r"host\.(step|registers\.(?!clear|control|\w+_(written|told))|pattern\.(at_row|at_column|sign))")
+"""Flops that hold what the host wrote: settings, counters that it clears, and where the pattern of one taxel stays."""
+TRANSFER = re.compile(r"host\.(spi|registers\.\w+_(written|told))")
+"""Those of a transfer, and of the clock behind it, in which what was written is told."""
+SETTLES = 60
+"""Clocks behind the last upset after which what passes by itself has passed."""
+ON_THE_WAY = 6
+"""Clocks behind the end of a transfer in which something of it is still under way."""
+
+
+@dataclass(frozen=True)
+class Play:
+    """What happens to a readout with registers.
+
+    Attributes
+    ----------
+    stimulus : Stimulus
+    pins : list of Pins
+        Of every clock from the end of reset on.
+    upset, alone : range
+        Clocks in which flops are turned, and in which what is no setting must be as ever by itself.
+    written : int
+        From this clock on, after all registers were written anew, everything must be.
+    """
+
+    stimulus: Stimulus
+    pins: list[Pins]
+    upset: range
+    alone: range
+    written: int
+
+
+def upsets(config: ReadoutConfig, mode: int = 0, stride: int = 1, flops: str = HOST) -> Iterator[Upset]:
+    """Turn every flop of the host's side in every clock of a stretch, one in each run; yield what came of it.
+
+    An upset counts as *until written* if the readout is not as ever by itself, but is after the host has written all
+    its registers once more and cleared the readout: in every event, and in every bit that is read back.
+
+    Parameters
+    ----------
+    config : ReadoutConfig
+        With registers and the stream link.
+    mode : int
+        Of the test pattern; 0 for the array.
+    stride : int
+        Clocks from one upset to the next.
+    flops : str
+        Pattern of the names of those that are turned.
+
+    Raises
+    ------
+    UnlikeModel
+        If the run without upsets does not give the events and the levels of MISO of the golden model.
+    """
+    gates, what = bench_gates(Readout(config)), _play(config, mode)
+    inputs = inputs_of(config, what.stimulus) | _levels(what.pins)
+    # Something of a transfer is still under way some clocks behind its end.
+    selected = np.convolve(inputs["spi_cs_n"][:, 0] == 0, np.ones(ON_THE_WAY))[: len(inputs["rst"])] > 0
+    clocks = range(RESET + what.upset.start, RESET + what.upset.stop, stride)
+    alone, written = (slice(RESET + r.start, RESET + r.stop) for r in (what.alone, range(what.written, len(what.pins))))
+    expected = play(config, what.stimulus, what.pins)
+    near = 1 if mode else slack(config)  # of a pattern the window may cut off another event
+    for part, outputs in upset_runs(gates, inputs, clocks, inside(gates, flops)):
+        codes = codes_of(config, outputs, inputs["event_ready"])
+        said = outputs["spi_miso"] | outputs["spi_miso_enable"] << 1
+        if not _as_model(config, expected, codes[:, 0], said[:, 0]):
+            raise UnlikeModel(f"{config.encoding} with registers: the gates do not give the model's events or MISO")
+        misread, events = said != said[:, :1], _more(config, codes)
+        last = last_clock((codes != codes[:, :1]) | misread)
+        changed = events.any(axis=0) | misread.any(axis=0)
+        left_alone = _more(config, codes[alone])
+        stays = np.abs(left_alone).max(axis=0) > near
+        stops = np.abs(left_alone.sum(axis=0)) > near
+        never = misread[written].any(axis=0) | (np.abs(_more(config, codes[written])).max(axis=0) > slack(config))
+        for lane, (clock, flop) in enumerate(part, 1):
+            name = name_of(gates, flop)
+            passes = CHANGED if changed[lane] else MOVED if last[lane] >= 0 else NOTHING
+            outcome = NEVER if never[lane] else WRITTEN if stays[lane] else passes
+            if TRANSFER.match(name):
+                may_stay = selected[clock]
+            else:
+                may_stay = SETTING.match(name) is not None and not ("pattern" in name and stops[lane])
+            yield Upset(name, clock, outcome, -1, max(int(last[lane]) - clock, -1), -1, 0, 0, bool(may_stay))
+
+
+def _more(config: ReadoutConfig, codes: NDArray[np.int16]) -> NDArray[np.int64]:
+    """Return how many events of each kind the runs have more than run 0, shape (2 * taxels, runs)."""
+    counts = counted(config, codes)
+    assert counts[:, 0].any(), "there are no events to be compared"
+    return counts - counts[:, :1]
+
+
+def _play(config: ReadoutConfig, mode: int) -> Play:
+    """Return a run: transfers, during which taxels move; swings; all written anew, and read back; swings again."""
+    rng = np.random.default_rng(0)
+    found = {register.name: register for register in registers(config)}
+    kept = [register for register in found.values() if any(field.kind == "setting" for field in register.fields)]
+    of_test = {"mode": mode, "interval": 2, "row": 1, "column": 1, "turns": int(mode == 2), "on": 1}
+    test = sum(of_test[field.name] << field.low for field in found["test"].fields)
+    pins = [Pins()] * 20
+    pins += _transfer(found["test"], [test]) + _transfer(found["resolution"], [config.resolution])
+    pins += _transfer(found["events"], reads=2) + [Pins()] * 60
+    upset = range(12, len(pins))
+    pause = pause_of(config)
+    start = len(pins) + SETTLES
+    ticks = [(clock, _moved(config, rng)) for clock in range(25, upset.stop, 30)]
+    ticks += [*swings(config, start, 4, pause), (start + 4 * pause, np.zeros(config.taxels, np.int64))]
+    pins += [Pins()] * (SETTLES + 4 * pause)
+    for register in kept[::-1]:
+        pins += _transfer(register, [register.reset])
+    pins += [Pins()] * pause + _transfer(found["control"], [1])
+    written = len(pins)
+    words = (found["stalls"].address - kept[0].address) // WORD_BYTES + 1
+    pins += _transfer(kept[0], reads=words) + _transfer(kept[-1], reads=1)
+    ticks += swings(config, len(pins), 2, pause)
+    pins += [Pins()] * (2 * pause)
+    ready = np.ones(len(pins), np.uint8)
+    ready[: upset.stop] = rng.random(upset.stop) < 0.8
+    stimulus = Stimulus(
+        samples=np.array([level for _, level in ticks], np.int32),
+        sample_clock=np.array([clock for clock, _ in ticks], np.int64),
+        clocks=len(pins),
+        enable_clock=np.zeros(1, np.int64),
+        enable=np.ones((1, config.taxels), bool),
+        ready=ready,
+    )
+    return Play(stimulus, pins, upset, range(start + 3 * pause, start + 4 * pause), written)
+
+
+def _moved(config: ReadoutConfig, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Return samples up to two steps from rest."""
+    return config.step * rng.integers(-2, 3, size=config.taxels)
+
+
+def _transfer(register: Register, words: Sequence[int] = (), reads: int = 0) -> list[Pins]:
+    """Return the pins of a transfer that writes words, or reads some; then CS is high for a while."""
+    timing = Timing(HIGH_CLOCKS, LOW_CLOCKS_TO_READ if reads else LOW_CLOCKS)
+    return list(waveform(transfer(register.address, words or [0] * reads, not reads), timing))
+
+
+def _levels(pins: Sequence[Pins]) -> dict[str, NDArray[np.uint8]]:
+    """Return pins as inputs of the gates, CS high during reset."""
+    levels = np.array([Pins()] * RESET + list(pins), np.uint8)
+    return {f"spi_{name}": levels[:, [place]] for place, name in enumerate(Pins._fields)}
+
+
+def _as_model(config: ReadoutConfig, expected: Played, codes: NDArray[np.int16], said: NDArray[np.int64]) -> bool:
+    """Return whether a run, which must have events and read something, is that of the model."""
+    miso = expected.miso.astype(np.int64) | expected.miso_enable.astype(np.int64) << 1
+    events = events_of(config, codes)
+    same = np.array_equal(events[events["t"] >= 0], expected.events) and np.array_equal(said[RESET:], miso)
+    return bool(same and len(events) and expected.miso.any())

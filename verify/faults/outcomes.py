@@ -1,0 +1,169 @@
+"""What comes of an upset: by what its events differ, how long, and whether the readout is itself again."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.config import ReadoutConfig
+from model.readout import simulate as simulate_model
+from rtl.readout import Readout
+from verify.faults.bench import bench_gates, inside, name_of
+from verify.faults.gate_design import Gates
+from verify.faults.parallel import last_clock, upset_runs
+from verify.faults.scenario import Course, codes_of, course, events_of
+
+NOBODY = -9
+"""The taxel of a flop that belongs to none."""
+TAXEL = re.compile(r"row_(\d+)\.taxel_(\d+)\.")
+PLACES = (
+    (r"(sequencer|packer)\.", "frame_readout"),
+    (TAXEL.pattern + r"window\.", "window"),
+    (TAXEL.pattern, "taxel"),
+    (r"classifier\.(weights|neurons)\.memory", "weights"),
+    *((rf"{block}\.", block) for block in ("arbiter", "link", "decay_ticks", "merge", "relay", "classifier")),
+    *((rf"host\.{block}\.", block) for block in ("spi", "registers", "pattern")),
+    (r"host\.", "host"),
+    (r"ticks\.", "settable_ticks"),
+)
+"""What the names of a block's flops begin with, and the block; all others are the readout's."""
+CLASSES = ("nothing", "own events", "others moved", "others changed", "until written", "never recovers")
+"""From the least to the worst: no event differs; those of the flop's own taxel; those of others, in time alone; in
+number or address; so until a host writes anew what it has written; and the last swing is not answered as ever."""
+NOTHING, OWN, MOVED, CHANGED, WRITTEN, NEVER = CLASSES
+
+
+@dataclass(frozen=True)
+class Upset:
+    """One upset and its outcome.
+
+    Attributes
+    ----------
+    flop : str
+    clock : int
+    outcome : str
+        One of ``CLASSES``.
+    own_clocks, other_clocks : int
+        From the upset to the last clock in which events of its own taxel, or of others, differ; -1 if none does.
+    ticks : int
+        Sample ticks from the upset to the last that others answer by other events; -1 where they never do.
+    lost, added : int
+        Events of others that are missing, and that are too many; a wrong address is both.
+    may_stay : bool
+        Whether what was turned is a setting, or a transfer of one: then it may stay until it is written anew.
+    """
+
+    flop: str
+    clock: int
+    outcome: str
+    own_clocks: int
+    other_clocks: int
+    ticks: int
+    lost: int
+    added: int
+    may_stay: bool = False
+
+    @property
+    def block(self) -> str:
+        """The block that the flop is in."""
+        return next((block for pattern, block in PLACES if re.match(pattern, self.flop)), "readout")
+
+
+class UnlikeModel(AssertionError):
+    """The run without upsets is not that of the model."""
+
+
+def upsets(config: ReadoutConfig, calm: bool, slow: int = 0, stride: int = 1, flops: str = "") -> Iterator[Upset]:
+    """Turn every flop of a readout in every clock of a stretch, one in each run; yield what came of it.
+
+    Parameters
+    ----------
+    config : ReadoutConfig
+    calm : bool
+        Which course is played.
+    slow : int
+        Of the receiver.
+    stride : int
+        Clocks from one upset to the next.
+    flops : str
+        Pattern of the names of those that are turned.
+
+    Raises
+    ------
+    UnlikeModel
+        If the run without upsets does not give the events of the golden model.
+    """
+    gates, played = bench_gates(Readout(config), slow), course(config, calm, slow)
+    expected = simulate_model(config, played.stimulus)
+    turned = inside(gates, flops)
+    for part, outputs in upset_runs(gates, played.inputs, range(played.first, played.last, stride), turned):
+        codes = codes_of(config, outputs, played.inputs["event_ready"])
+        found = events_of(config, codes[:, 0])
+        if not len(expected) or not np.array_equal(found[: len(expected)], expected):
+            raise UnlikeModel(f"{config.encoding}, {config.link}: the gates do not give the model's events")
+        yield from _judged(config, gates, (played, calm), codes, part)
+
+
+def own_taxel(config: ReadoutConfig, flop: str) -> int:
+    """Return the taxel that a flop belongs to, ``NOBODY`` for a shared one."""
+    place = TAXEL.match(flop)
+    return int(place[1]) * config.columns + int(place[2]) if place else NOBODY
+
+
+def _judged(
+    config: ReadoutConfig, gates: Gates, run: tuple[Course, bool], codes: NDArray[np.int16], part: list[tuple[int, int]]
+) -> Iterator[Upset]:
+    """Compare runs with run 0, which had no upset; events are counted until the swings where the course is calm."""
+    played, calm = run
+    names = [name_of(gates, flop) for _, flop in part]
+    own = np.array([own_taxel(config, name) for name in names])
+    good, runs = codes[:, :1], codes[:, 1:]
+    differs = runs != good
+    of_own = (_taxel(runs) == own) | (_taxel(good) == own)
+    of_others = ((runs >= 0) & (_taxel(runs) != own)) | ((good >= 0) & (_taxel(good) != own))
+    own_last, other_last = last_clock(differs & of_own), last_clock(differs & of_others)
+    until = played.last if calm else None  # the swings are no calm course: there a taxel waits for others
+    more = counted(config, runs[:until]) - counted(config, good[:until])
+    others = np.where(np.arange(len(more))[:, None] >> 1 == own, 0, more)
+    answers = _answers(config, runs, played) != _answers(config, good, played)
+    odd = (answers & (np.arange(len(more))[:, None, None] >> 1 != own)).any(axis=0)
+    since = np.searchsorted(played.ticks, [clock for clock, _ in part], side="right") - 1
+    ticks = np.where(odd.any(axis=0), last_clock(odd) - since, -1)
+    answer = counted(config, good[played.answer :])
+    assert answer.reshape(config.taxels, 2).sum(axis=1).all(), "the last swing is not answered by every taxel"
+    lasting = np.abs(counted(config, runs[played.answer :]) - answer)
+    never = lasting.max(axis=0) > slack(config)
+    for lane, (name, (clock, _)) in enumerate(zip(names, part, strict=True)):
+        lost, added = int(-others[:, lane].clip(max=0).sum()), int(others[:, lane].clip(min=0).sum())
+        own_differ = OWN if own_last[lane] >= 0 else NOTHING
+        outcome = NEVER if never[lane] else CHANGED if lost or added else MOVED if other_last[lane] >= 0 else own_differ
+        own_clocks, other_clocks = (max(int(last[lane]) - clock, -1) for last in (own_last, other_last))
+        yield Upset(name, clock, outcome, own_clocks, other_clocks, int(ticks[lane]), lost, added)
+
+
+def _answers(config: ReadoutConfig, codes: NDArray[np.int16], played: Course) -> NDArray[np.int64]:
+    """Return how many events of each taxel and polarity follow each sample tick, shape (2 * taxels, ticks, runs)."""
+    codes = codes[: played.last]
+    return np.stack([np.add.reduceat(codes == kind, played.ticks, axis=0) for kind in range(2 * config.taxels)])
+
+
+def slack(config: ReadoutConfig) -> int:
+    """Return by how many events of a kind an answer of a taxel may differ that is as good as the other.
+
+    The reference of LCS comes to the same level from everywhere. That of CW-LCS need not: it is on the way of the
+    signal, but a closing step, or less than a code, beside. So is that of N-LCS, whose leak may have another phase.
+    """
+    return int(config.encoder.late)
+
+
+def _taxel(codes: NDArray[np.int16]) -> NDArray[np.int16]:
+    return np.where(codes >= 0, codes >> 1, -1)
+
+
+def counted(config: ReadoutConfig, codes: NDArray[np.int16]) -> NDArray[np.int64]:
+    """Return how many events of each taxel and polarity there are, shape (2 * taxels, runs)."""
+    return np.stack([(codes == kind).sum(axis=0) for kind in range(2 * config.taxels)])

@@ -1,0 +1,161 @@
+"""Simulation of gates, 64 runs to a word: every run of the same design, each with inputs and upsets of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from verify.faults.gate_design import Gates
+
+WORDS = 16
+"""Words of a net that are computed together: 1,024 runs, and the nets of a small array stay in the cache."""
+LANES = 64 * WORDS
+
+
+@dataclass(frozen=True)
+class Traces:
+    """What the runs did.
+
+    Attributes
+    ----------
+    outputs : dict of str to ndarray, shape (clocks, runs)
+        Every output port as a number.
+    astray : ndarray of bool, shape (clocks, runs)
+        Some flop differs from that of run 0.
+    """
+
+    outputs: dict[str, NDArray[np.int64]]
+    astray: NDArray[np.bool_]
+
+
+def simulate(gates: Gates, inputs: dict[str, NDArray[np.uint8]], upsets: NDArray[np.int64]) -> Traces:
+    """Simulate ``LANES`` runs.
+
+    Parameters
+    ----------
+    gates : Gates
+    inputs : dict of str to ndarray
+        Of every input port but the clock its bits, lowest first: shape (clocks, bits) for all runs alike, or
+        (clocks, bits, LANES) with those of each run.
+    upsets : ndarray of int64, shape (upsets, 3)
+        Clock, flop and run, in rising order of clocks: the flop's value is turned just before that clock.
+    """
+    clocks = len(next(iter(inputs.values())))
+    rows, nets = [], []
+    for name, bits in gates.inputs.items():
+        if name == "clk":
+            continue
+        given = inputs[name]
+        assert given.shape[1] == len(bits), f"{name} has {len(bits)} bits, not {given.shape[1]}"
+        nets += bits
+        rows.append(_packed(given))
+    driven = np.concatenate(rows, axis=1)
+    seen = [bit for bits in gates.outputs.values() for bit in bits]
+    recorded = np.zeros((clocks, len(seen), WORDS), np.uint64)
+    astray = np.zeros((clocks, WORDS), np.uint64)
+    _run(
+        gates.gates,
+        gates.next,
+        gates.first_flop,
+        (np.array(nets, np.int64), driven),
+        upsets,
+        (np.array(seen, np.int64), recorded, astray),
+    )
+    found, start = {}, 0
+    for name, bits in gates.outputs.items():
+        values = np.zeros((clocks, LANES), np.int64)
+        for place in range(len(bits)):
+            values |= _unpacked(recorded[:, start + place]).astype(np.int64) << place
+        found[name], start = values, start + len(bits)
+    return Traces(found, _unpacked(astray).astype(bool))
+
+
+def upset_runs(
+    gates: Gates, inputs: dict[str, NDArray[np.uint8]], clocks: Iterable[int], flops: Iterable[int]
+) -> Iterator[tuple[list[tuple[int, int]], dict[str, NDArray[np.int64]]]]:
+    """Turn each of some flops in each of some clocks, one in each run from run 1 on; run 0 has no upset.
+
+    Yields
+    ------
+    part : list of (clock, flop)
+        Upsets of the runs 1, 2, ...
+    outputs : dict of str to ndarray, shape (clocks, runs)
+    """
+    flops = list(flops)
+    todo = [(clock, flop) for clock in clocks for flop in flops]
+    driven = {name: bits for name, bits in inputs.items() if name in gates.inputs}
+    for start in range(0, len(todo), LANES - 1):
+        part = todo[start : start + LANES - 1]
+        turned = np.array([(clock, flop, lane) for lane, (clock, flop) in enumerate(part, 1)], np.int64)
+        outputs = simulate(gates, driven, turned).outputs
+        yield part, {name: values[:, : len(part) + 1] for name, values in outputs.items()}
+
+
+def last_clock(happens: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return the last clock in which something happens in each run, -1 where it never does."""
+    return np.where(happens.any(axis=0), len(happens) - 1 - happens[::-1].argmax(axis=0), -1)
+
+
+def _packed(bits: NDArray[np.uint8]) -> NDArray[np.uint64]:
+    """Return bits of runs as words, shape (clocks, bits, WORDS)."""
+    if bits.ndim == 2:
+        return np.where(bits[:, :, None] != 0, ~np.uint64(0), np.uint64(0)).repeat(WORDS, axis=2)
+    return np.packbits(bits, axis=2, bitorder="little").view("<u8")
+
+
+def _unpacked(words: NDArray[np.uint64]) -> NDArray[np.uint8]:
+    """Return words of runs as bits, shape (clocks, LANES)."""
+    return np.unpackbits(np.ascontiguousarray(words).view(np.uint8), axis=1, bitorder="little")
+
+
+@njit(cache=True, nogil=True)
+def _run(gates, after, first_flop, driven, upsets, seen):  # type: ignore[no-untyped-def]
+    """Compute all clocks; record the outputs, and the runs whose flops are not those of run 0."""
+    inputs, given = driven
+    outputs, recorded, astray = seen
+    flops, words = len(after), recorded.shape[2]
+    first_gate = first_flop + flops
+    nets = np.zeros((first_gate + len(gates), words), np.uint64)
+    held = np.zeros((flops, words), np.uint64)
+    one = np.uint64(1)
+    nets[1] = ~np.uint64(0)
+    upset = 0
+    for t in range(len(given)):
+        while upset < len(upsets) and upsets[upset, 0] == t:
+            lane = upsets[upset, 2]
+            nets[first_flop + upsets[upset, 1], lane // 64] ^= one << np.uint64(lane % 64)
+            upset += 1
+        for i in range(len(inputs)):
+            nets[inputs[i]] = given[t, i]
+        for g in range(len(gates)):
+            kind, a, b, c = gates[g, 0], nets[gates[g, 1]], nets[gates[g, 2]], nets[gates[g, 3]]
+            out = nets[first_gate + g]
+            for w in range(words):
+                if kind == 0:
+                    out[w] = a[w] & b[w]
+                elif kind == 1:
+                    out[w] = a[w] | b[w]
+                elif kind == 2:
+                    out[w] = a[w] ^ b[w]
+                elif kind == 3:
+                    out[w] = ~(a[w] ^ b[w])
+                elif kind == 4:
+                    out[w] = ~a[w]
+                elif kind == 5:
+                    out[w] = (a[w] & ~c[w]) | (b[w] & c[w])
+                else:
+                    out[w] = a[w]
+        for i in range(len(outputs)):
+            recorded[t, i] = nets[outputs[i]]
+        for f in range(flops):
+            state = nets[first_flop + f]
+            good = ~np.uint64(0) if state[0] & one else np.uint64(0)
+            for w in range(words):
+                astray[t, w] |= state[w] ^ good
+                held[f, w] = nets[after[f], w]
+        for f in range(flops):
+            nets[first_flop + f] = held[f]

@@ -1,0 +1,159 @@
+"""Which readouts are upset, and what is stated about each of their blocks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from model.classifier.config import ClassifierConfig
+from model.config import ReadoutConfig
+from model.encoders import registry
+from model.frame_config import FrameConfig
+from model.tiles.config import TilesConfig
+
+FEW = ReadoutConfig(rows=2, columns=2, sample_bits=6, resolution=2, leak_period=3, leak_shift=3, fraction_bits=3)
+"""Few bits, so that the ends of the scale and of every counter are near."""
+
+
+Config = ReadoutConfig | FrameConfig | ClassifierConfig
+"""A ``TilesConfig``, which is a ``ReadoutConfig`` too, means the merge, or a relay station if it has one."""
+COURSES = ("host", "pattern of one", "pattern of all")
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A readout, or what stands beside it, whose flops are turned, one in each run.
+
+    Parameters
+    ----------
+    config : ReadoutConfig, TilesConfig, FrameConfig or ClassifierConfig
+    calm : bool
+        Which scenario is played, see ``verify.faults.scenario``; only readouts without registers read it.
+    slow : int
+        Clocks that the receiver of a four-phase link takes for an edge of ACK.
+    stride : int
+        Clocks from one upset of a flop to the next.
+    mode : int
+        Of the test pattern, where there are registers.
+    """
+
+    config: Config
+    calm: bool = True
+    slow: int = 0
+    stride: int = 1
+    mode: int = 0
+
+    @property
+    def name(self) -> str:
+        """What distinguishes it, for a table; the course stands last."""
+        c = self.config
+        if isinstance(c, FrameConfig):
+            return f"{c.rows} x {c.columns}, frames, {c.resolution} in {c.word_bits} bits, calm"
+        if isinstance(c, ClassifierConfig):
+            return f"{c.inputs} inputs, {c.hidden} hidden, {c.classes} classes, {c.readout}, scans"
+        if isinstance(c, TilesConfig):
+            return "a tile's relay station, loaded" if c.relays else f"{c.tile_rows} x {c.tile_columns} tiles, loaded"
+        words = [f"{c.rows} x {c.columns}", c.encoding, c.link, c.frontend, f"{c.sample_bits} bits"]
+        words += ["by the tick"] * (c.decide_every == "sample") + [f"ACK after {self.slow}"] * bool(self.slow)
+        if c.registers != "none":
+            return ", ".join([*words, "registers", COURSES[self.mode]])
+        return ", ".join([*words, "calm" if self.calm else "loaded"])
+
+
+def trials(small: bool = False) -> list[Trial]:
+    """Return all trials, or for the gate one of each encoder, link and block, every seventh clock and rarer."""
+    closing, handshake = _with("cw-lcs", FEW), FEW.replace(link="four_phase")
+    every = [_with(encoding, FEW) for encoding in registry.NAMES]
+    if small:
+        found = [Trial(config, True, stride=19 if config.encoder.late else 7) for config in every]
+        found += [Trial(handshake, False, stride=13), Trial(frames()[0], stride=5)]
+        found += [Trial(tiles()[1], stride=5), Trial(hosts()[0], stride=67), Trial(hosts()[-1], stride=67)]
+        return [*found, Trial(hosts()[0], stride=67, mode=2), Trial(classifiers()[0], stride=13)]
+    sides = {"rows": 3, "columns": 3}
+    stream = [
+        *(config.replace(**sides) for config in every),
+        *(c.replace(frontend="analog", decide_every="sample" if c.encoder.late else "clock") for c in every),
+        FEW.replace(sample_bits=12, resolution=6),
+    ]
+    found = [Trial(config, calm) for config in stream for calm in (True, False)]
+    for calm in (True, False):
+        found += [Trial(handshake, calm), Trial(handshake, calm, 3, 3)]
+        found += [Trial(closing.replace(link="four_phase"), calm, 0, 3)]
+    found += [*map(Trial, frames()), *map(Trial, tiles())]
+    first, *others = hosts()
+    found += [Trial(first, stride=3), *(Trial(config, stride=37) for config in others)]
+    found += [Trial(first, stride=37, mode=mode) for mode in (1, 2)]
+    return [*found, *(Trial(config, stride=2) for config in classifiers())]
+
+
+def _with(encoding: str, config: ReadoutConfig) -> ReadoutConfig:
+    """Return a configuration with an encoder, and a window that closes soon."""
+    period = 3 if registry.named(encoding).windowed else config.window_period
+    return ReadoutConfig.from_dict(config.to_dict() | {"encoding": encoding, "window_period": period})
+
+
+def tiles() -> list[TilesConfig]:
+    """Return skins whose merge is upset, of three tiles and of five; first a tile's relay station, which is upset."""
+    tile = ReadoutConfig(rows=8, columns=8)
+    return [TilesConfig.of(tile, 1, 1, relays=1), *(TilesConfig.of(tile, 1, count) for count in (3, 5))]
+
+
+def hosts() -> list[ReadoutConfig]:
+    """Return readouts with registers; three rows and columns leave numbers that no row and no column has."""
+    config = FEW.replace(rows=3, columns=3, leak_period=5, registers="spi")
+    return [_with(encoding, config) for encoding in registry.NAMES]
+
+
+def classifiers() -> list[ClassifierConfig]:
+    """Return classifiers: with outputs that fire, and with such as do not, of five hidden neurons."""
+    bits = {"in_bits": 4, "rec_bits": 4, "out_bits": 4, "bias_bits": 4, "membrane_bits": 8, "output_bits": 7}
+    both = {"inputs": 4, "classes": 3, "lanes": 2, "clocks_per_bin": 80, "evidence_bits": 6, **bits}
+    both |= {"threshold": 12, "out_threshold": 6, "floor": -20, "out_floor": -10}
+    other = {"readout": "membrane", "neuron_reset": "subtract", "leak_shift": 2, "out_leak_shift": 1, "threshold": 4}
+    return [
+        ClassifierConfig.from_dict(both | {"hidden": 4}),
+        ClassifierConfig.from_dict(both | {"hidden": 5, "lanes": 4} | other),
+    ]
+
+
+def frames() -> list[FrameConfig]:
+    """Return frame readouts: codes that do not fit a word, with a long settling, and such as are a word."""
+    shapes = [(2, 3, 4, 1), (2, 3, 8, 3), (3, 2, 2, 1)]
+    return [
+        FrameConfig(
+            readout=ReadoutConfig(rows=side, columns=side, sample_bits=bits + 2, resolution=bits),
+            word_bits=word,
+            settle_clocks=settle,
+        )
+        for side, bits, word, settle in shapes
+    ]
+
+
+def surroundings(small: bool = False) -> list[ReadoutConfig]:
+    """Return the readouts that meet hostile surroundings."""
+    closing, leaky = FEW.replace(encoding="cw-lcs", window_period=3), FEW.replace(encoding="nlcs")
+    found = [FEW, closing, leaky, FEW.replace(frontend="analog"), FEW.replace(link="four_phase")]
+    return found[-1:] if small else found
+
+
+def most_changed(config: Config, block: str) -> int:
+    """Return how many events of others an upset in a block may take away, and how many it may add, in a calm array.
+
+    A taxel has none but its own. The arbiter holds a burst of one row, the link one event, and so does either place of
+    the merge and of a relay station. The tick and the counter of the leak are common to all taxels: each may answer by
+    an event more or less. Of frames two at most are wrong.
+    """
+    if isinstance(config, FrameConfig):
+        return 2
+    taxels = config.taxels if isinstance(config, ReadoutConfig) else 0
+    return {"taxel": 0, "window": 0, "arbiter": getattr(config, "columns", 0), "link": 1, "merge": 1, "relay": 1}.get(
+        block, taxels
+    )
+
+
+def most_ticks(block: str) -> int | None:
+    """Return after how many sample ticks all others answer as ever in a calm array, None where it may take longer.
+
+    What an upset of arbiter or link changes leaves before the next tick, or just behind it; of a frame readout it is in
+    the frame under way or in the next.
+    """
+    return 1 if block in ("arbiter", "link", "frame_readout") else None

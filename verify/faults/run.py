@@ -1,0 +1,193 @@
+"""All trials one after the other: what came of every upset, counted, and held to what is stated."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from base.files import Pieces, origin, pieces_of, write_json
+from base.workers.cluster import Needs, version
+from model.classifier.config import ClassifierConfig
+from model.config import ReadoutConfig
+from model.frame_config import FrameConfig
+from model.tiles.config import TilesConfig
+from verify.faults import classifier, host, merge, plan
+from verify.faults import frame_readout as frames
+from verify.faults.cases import cases
+from verify.faults.outcomes import CLASSES, NEVER, WRITTEN, Upset, upsets
+from verify.faults.plan import Trial, most_changed, most_ticks
+
+CODE = Needs(packages=("base", "model", "rtl", "verify.faults"))
+"""What results depend on."""
+
+
+@dataclass
+class Tally:
+    """What came of the upsets of one block in one trial.
+
+    Attributes
+    ----------
+    outcomes : Counter of str
+    flops : set of str
+    own_clocks, other_clocks, ticks, lost, added : int
+        The most of any upset, see ``Upset``.
+    """
+
+    outcomes: Counter[str] = field(default_factory=Counter)
+    flops: set[str] = field(default_factory=set)
+    own_clocks: int = -1
+    other_clocks: int = -1
+    ticks: int = -1
+    lost: int = 0
+    added: int = 0
+
+    def add(self, upset: Upset) -> None:
+        """Count an upset."""
+        self.outcomes[upset.outcome] += 1
+        self.flops.add(upset.flop)
+        for name in ("own_clocks", "other_clocks", "ticks", "lost", "added"):
+            setattr(self, name, max(getattr(self, name), getattr(upset, name)))
+
+
+@dataclass
+class Done:
+    """A campaign.
+
+    Attributes
+    ----------
+    blocks : list of dict
+        What came of the upsets of each block in each trial.
+    cases : list of dict
+        What came of each hostile case.
+    problems : list of str
+        What went beyond what is stated.
+    """
+
+    blocks: list[dict[str, Any]]
+    cases: list[dict[str, Any]]
+    problems: list[str]
+
+
+def problems_of(trial: Trial, upset: Upset) -> str:
+    """Return in what an upset goes beyond what is stated; empty if in nothing."""
+    if upset.outcome == NEVER:
+        return "never recovers"
+    if upset.outcome == WRITTEN and not upset.may_stay:
+        return "stays until the host writes anew, which only a setting may"
+    if not trial.calm:
+        return ""
+    most = most_changed(trial.config, upset.block)
+    if max(upset.lost, upset.added) > most:
+        return f"{upset.lost} events of others lost and {upset.added} added, {most} stated"
+    longest = most_ticks(upset.block)
+    if longest is not None and upset.ticks > longest:
+        return f"others answer {upset.ticks} ticks later by other events, {longest} stated"
+    return ""
+
+
+def run(trial: Trial) -> tuple[list[dict[str, Any]], list[str]]:
+    """Run a trial; return a line for every block, and what went beyond what is stated."""
+    tallies: dict[str, Tally] = {}
+    problems: list[str] = []
+    for upset in _upsets(trial):
+        tallies.setdefault(upset.block, Tally()).add(upset)
+        if wrong := problems_of(trial, upset):
+            problems.append(f"{trial.name}: {upset.flop} turned at clock {upset.clock}: {wrong}")
+    return [_line(trial, block, tally) for block, tally in sorted(tallies.items())], problems
+
+
+def _upsets(trial: Trial) -> Iterator[Upset]:
+    config, stride = trial.config, trial.stride
+    if isinstance(config, FrameConfig):
+        return frames.upsets(config, stride)
+    if isinstance(config, ClassifierConfig):
+        return classifier.upsets(config, stride)
+    if isinstance(config, TilesConfig):
+        return merge.upsets(config, stride)
+    if config.registers != "none":
+        return host.upsets(config, trial.mode, stride)
+    return upsets(config, trial.calm, trial.slow, stride)
+
+
+def _line(trial: Trial, block: str, tally: Tally) -> dict[str, Any]:
+    """Return what is kept of a block of a trial."""
+    return {
+        "block": block,
+        "trial": trial.name,
+        "flops": len(tally.flops),
+        "upsets": sum(tally.outcomes.values()),
+        **{name: tally.outcomes[name] for name in CLASSES},
+        "own clocks": tally.own_clocks,
+        "other clocks": tally.other_clocks,
+        "ticks": tally.ticks,
+        "lost": tally.lost,
+        "added": tally.added,
+    }
+
+
+def meet(config: ReadoutConfig) -> Iterator[dict[str, Any]]:
+    """Put a readout into hostile surroundings; yield a line for every case."""
+    for case in cases(config):
+        good, runs = case.holds(config)
+        said = f"{config.rows} x {config.columns}, {config.encoding}, {config.link}, {config.frontend}"
+        yield {"case": case.name, "stated": case.stated, "readout": said, "runs": runs, "as stated": good}
+
+
+def campaign(small: bool, out: Path | None, tell: Callable[[str], None]) -> Done:
+    """Run all trials and meet all surroundings.
+
+    Parameters
+    ----------
+    small : bool
+        Only a few.
+    out : Path or None
+        File for the results. Beside it each piece is kept as it comes, until ``write``: a campaign that was stopped
+        goes on behind them, unless the code has changed.
+    tell : callable
+        Takes a line for each piece.
+    """
+    pieces = Pieces(out, version(CODE))
+    done = Done([], [], [])
+    jobs: list[tuple[str, Callable[[], dict[str, Any]]]] = []
+    jobs += [(f"{trial}", partial(_tried, trial)) for trial in plan.trials(small)]
+    jobs += [(f"{config}", partial(_met, config)) for config in plan.surroundings(small)]
+    for name, job in jobs:
+        piece = pieces.of(name, job)
+        done.blocks += piece["blocks"]
+        done.cases += piece["cases"]
+        done.problems += piece["problems"]
+        for line in piece["said"]:
+            tell(line)
+    return done
+
+
+def _tried(trial: Trial) -> dict[str, Any]:
+    lines, wrong = run(trial)
+    said = f"{trial.name:<70}{sum(line['upsets'] for line in lines):>8} upsets{len(wrong):>4} problems"
+    return {"blocks": lines, "cases": [], "problems": wrong, "said": [said]}
+
+
+def _met(config: ReadoutConfig) -> dict[str, Any]:
+    met = list(meet(config))
+    said = [
+        f"{line['readout']:<36}{line['case']:<42}{line['as stated']:>4} of {line['runs']} as stated" for line in met
+    ]
+    return {"blocks": [], "cases": met, "problems": [], "said": said}
+
+
+def closing_line(done: Done) -> str:
+    """Return the last line of ``make faults``."""
+    total, never = (sum(line[name] for line in done.blocks) for name in ("upsets", NEVER))
+    runs, good = (sum(line[name] for line in done.cases) for name in ("runs", "as stated"))
+    wrong = len(done.problems) + runs - good
+    return f"faults: {total} upsets, {never} of them for good, {runs} hostile runs, {wrong} beyond what is stated"
+
+
+def write(path: Path, command: str, done: Done) -> None:
+    """Write all results as JSON; their pieces are needed no more."""
+    write_json(path, {**origin(command), "result": closing_line(done), **vars(done)})
+    pieces_of(path).unlink(missing_ok=True)

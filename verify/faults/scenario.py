@@ -1,0 +1,189 @@
+"""What a readout goes through while flops are upset: a calm course, or overload, masks and a stuck sink."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.address_events import EVENT_DTYPE, Events
+from model.config import ReadoutConfig
+from model.link import ACK_QUANTA
+from model.readout import Stimulus
+
+RESET = 2
+"""Clocks of reset at the beginning of every run."""
+CALM_TICKS, LOADED_TICKS = 10, 24
+"""Sample ticks in which upsets happen."""
+SWING = 5
+"""Steps from rest to the end of a swing, with which every run ends: then all taxels must answer as ever."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """A run without upsets.
+
+    Attributes
+    ----------
+    stimulus : Stimulus
+        For the model.
+    inputs : dict of str to ndarray, shape (clocks, bits)
+        For the gates; ``RESET`` clocks more.
+    first, last : int
+        The clocks in which upsets happen, counted with those of reset, ``last`` not among them.
+    answer : int
+        The clock from which on all that differs is lasting.
+    ticks : ndarray of int, shape (ticks + 1,)
+        The beginning of the run, and the sample ticks before ``last``.
+    """
+
+    stimulus: Stimulus
+    inputs: dict[str, NDArray[np.uint8]]
+    first: int
+    last: int
+    answer: int
+    ticks: NDArray[np.int64]
+
+
+def course(config: ReadoutConfig, calm: bool, slow: int = 0, seed: int = 0) -> Course:
+    """Return a run of a configuration.
+
+    Parameters
+    ----------
+    config : ReadoutConfig
+    calm : bool
+        Few taxels move with a tick, and all is silent before the next; else there is overload, the mask changes and the
+        sink stands still.
+    slow : int
+        Clocks that the receiver, if any, takes for each edge of ACK.
+    seed : int
+    """
+    rng = np.random.default_rng(seed)
+    per_event, gap = clocks_per_event(config, slow), gap_of(config, calm, slow)
+    ticks = CALM_TICKS if calm else LOADED_TICKS
+    moves = [_calm(config, rng) if calm else _loaded(config, rng) for _ in range(ticks)]
+    levels = list(np.clip(np.cumsum(moves, axis=0) if calm else moves, -config.full_scale, config.full_scale - 1))
+    clocks = (3 + gap * np.arange(ticks)).tolist()
+    end = gap * ticks
+    # All go up and down: thrice to become alike again, and once more to be compared.
+    pause = pause_of(config, per_event)
+    for clock, level in swings(config, end, 4, pause):
+        clocks.append(clock)
+        levels.append(level)
+    total = end + 4 * pause
+    masks = np.ones((3, config.taxels), bool)
+    masks[1] = calm | (rng.random(config.taxels) < 0.5)
+    ready = np.ones(total, np.uint8)
+    if not calm:
+        ready[end // 4 : end // 2] = rng.random(end // 2 - end // 4) < 0.6
+        ready[5 * end // 8 : 3 * end // 4] = 0
+    stimulus = Stimulus(
+        samples=np.array(levels, np.int32),
+        sample_clock=np.array(clocks, np.int64),
+        clocks=total,
+        enable_clock=np.array([0, end // 2, 5 * end // 8], np.int64),
+        enable=masks,
+        ready=ready,
+        ack_delay=np.array([ACK_QUANTA * slow + 1], np.int64),
+    )
+    ticks_at = np.array([0, *(RESET + clock for clock in clocks if clock < end)])
+    return Course(stimulus, inputs_of(config, stimulus), RESET, RESET + end, RESET + end + 3 * pause, ticks_at)
+
+
+def pause_of(config: ReadoutConfig, per_event: int = 1) -> int:
+    """Return the clocks in which all taxels come from one end of the scale to the other."""
+    return (2 * config.full_scale // config.step + 2) * config.taxels * per_event + 40
+
+
+def swings(config: ReadoutConfig, start: int, number: int, pause: int) -> Iterator[tuple[int, NDArray[np.int64]]]:
+    """Yield sample ticks, clock and levels: all taxels go up and down in turn, the last time up, which all answer.
+
+    Behind each swing they rest so that windows close.
+    """
+    quiet = _quiet_ticks(config)
+    for swing in range(number):
+        level = np.full(config.taxels, SWING * config.step * (1 - 2 * ((number - 1 - swing) % 2)))
+        for tick in range(quiet + 1):
+            yield start + swing * pause + tick * ((pause - 8) // (quiet + 1)), level
+
+
+def clocks_per_event(config: ReadoutConfig, slow: int) -> int:
+    """Return the clocks that the link takes for an event."""
+    return 7 + 2 * slow if config.link == "four_phase" else 1
+
+
+def gap_of(config: ReadoutConfig, calm: bool, slow: int) -> int:
+    """Return the clocks from one sample tick to the next while flops are turned."""
+    return (16 * clocks_per_event(config, slow) if calm else 8) + 8
+
+
+def _calm(config: ReadoutConfig, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Return by how much the samples move: those of up to three taxels by up to two steps."""
+    moves = np.zeros(config.taxels, np.int64)
+    moves[rng.integers(config.taxels, size=3)] = config.step * rng.integers(-2, 3, size=3)
+    return moves
+
+
+def _loaded(config: ReadoutConfig, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Return samples: anywhere."""
+    return rng.integers(-config.full_scale, config.full_scale, config.taxels)
+
+
+def _quiet_ticks(config: ReadoutConfig) -> int:
+    """Return how many ticks a swing has beside the first: windows shall close, and leaky references leak."""
+    if config.closes:
+        return config.window_period << config.closing_levels_log2
+    return 12 * config.leak_period if config.encoder.leaks else 0
+
+
+def inputs_of(config: ReadoutConfig, stimulus: Stimulus) -> dict[str, NDArray[np.uint8]]:
+    """Return a stimulus as the bits of a readout's inputs in every clock, behind ``RESET`` clocks of reset."""
+    clocks = stimulus.clocks
+    tick = np.searchsorted(stimulus.sample_clock, np.arange(clocks), side="right") - 1
+    codes = np.where(tick[:, None] >= 0, stimulus.samples[np.maximum(tick, 0)], 0)
+    mask = np.searchsorted(stimulus.enable_clock, np.arange(clocks), side="right") - 1
+    bits = {
+        "sample": (codes[:, :, None] >> np.arange(config.sample_bits) & 1).reshape(clocks, -1),
+        "sample_valid": np.isin(np.arange(clocks), stimulus.sample_clock)[:, None],
+        "taxel_enable": stimulus.enable[mask],
+        "event_ready": np.resize(stimulus.ready, clocks)[:, None],
+        **{name: np.zeros((clocks, 1)) for name in ("ack_high", "ack_turned", "rst")},
+    }
+    before = {name: np.zeros((RESET, values.shape[1])) for name, values in bits.items()} | {"rst": np.ones((RESET, 1))}
+    return {name: np.concatenate([before[name], values]).astype(np.uint8) for name, values in bits.items()}
+
+
+def codes_of(
+    config: ReadoutConfig, outputs: dict[str, NDArray[np.int64]], ready: NDArray[np.uint8]
+) -> NDArray[np.int16]:
+    """Return the events of runs, shape (clocks, runs): 2 * taxel + polarity in the clock of an event, else -1.
+
+    An event of the four-phase link is in the clock before that in which REQ is first seen high, as in the model.
+    """
+    if config.link == "four_phase":
+        request = outputs["aer_req"]
+        rises = np.zeros(request.shape, bool)
+        rises[:-1] = request[1:] > request[:-1]
+        address = np.zeros(request.shape, np.int64)
+        if "aer_addr" in outputs:
+            address[:-1] = outputs["aer_addr"][1:]
+        column = address & (1 << config.column_bits) - 1
+        row = address >> config.column_bits & (1 << config.row_bits) - 1
+        polarity = address >> (config.column_bits + config.row_bits) if config.has_polarity else 1
+    else:
+        rises = (outputs["event_valid"] & ready[:, :1].astype(np.int64)) != 0
+        nothing = np.zeros(rises.shape, np.int64)
+        row, column = outputs.get("event_row", nothing), outputs.get("event_col", nothing)
+        polarity = outputs.get("event_polarity", nothing + 1)
+    return np.where(rises, 2 * (row * config.columns + column) + polarity, -1).astype(np.int16)
+
+
+def events_of(config: ReadoutConfig, codes: NDArray[np.int16]) -> Events:
+    """Return the events of one run, after its reset, as the model gives them."""
+    at = np.flatnonzero(codes >= 0)
+    events = np.empty(len(at), EVENT_DTYPE)
+    events["t"], events["p"] = at - RESET, codes[at] & 1
+    events["y"], events["x"] = np.divmod(codes[at] >> 1, config.columns)
+    return events

@@ -1,0 +1,95 @@
+"""Random configurations in which a mutant must do the same as the original to count as equivalent."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from base.errors import InputError
+from cocotb_tests.bench.draw import Draw
+from model.classifier.chip_config import ChipConfig
+from model.classifier.config import ClassifierConfig
+from model.encoders.registry import NAMES
+from model.frame_config import FrameConfig
+from model.tiles.config import MergeConfig, TilesConfig
+from rtl.verilog import Config
+
+COUNT = 16
+"""Configurations of a file."""
+
+MOST_TAXELS = 9
+SET: dict[str, dict[str, Any]] = {
+    "link": {"link": "four_phase"},
+    "window": {"encoding": "cw-lcs"},
+    "decay": {"encoding": "nlcs", "registers": "none"},
+    "registers": {"registers": "spi"},
+    "registers.decay": {"registers": "spi", "encoding": "nlcs", "leak_period": 20},
+}
+"""Fields that a file's readouts have in common, so that it is in them."""
+
+
+@cache
+def configs(file: str, seed: int) -> tuple[Config, ...]:
+    """Return configurations in which a file takes part, ``rtl/registers/decay.py``, drawn at random."""
+    name = ".".join(Path(file).with_suffix("").parts[1:])
+    rng = np.random.default_rng([seed, sum(map(ord, name))])
+    found: list[Config] = []
+    while len(found) < COUNT:
+        try:
+            found.append(_one(name, rng))
+        except InputError:  # parts that do not fit each other
+            continue
+    return tuple(found)
+
+
+def _one(file: str, rng: np.random.Generator) -> Config:
+    if file.startswith("classifier") and file != "classifier.chip":
+        return _classifier(rng)
+    fixed = SET.get(file, SET.get(file.partition(".")[0], {}))
+    if (encoding := file.removeprefix("encoders.").replace("_", "-")) in NAMES:
+        fixed = {"encoding": encoding}
+    if file.startswith("tiles") or file == "classifier.chip":
+        fixed = {"link": "stream", "registers": "none"}
+    readout = Draw(int(rng.integers(1 << 30)), set=fixed, most_taxels=MOST_TAXELS).config
+    if file == "frame":
+        bits = int(rng.integers(readout.resolution, 33))
+        return FrameConfig(readout=readout.replace(registers="none"), word_bits=bits, settle_clocks=_of(rng, 1, 2, 5))
+    if file.startswith("tiles"):
+        skin = TilesConfig.of(readout, int(rng.integers(1, 4)), int(rng.integers(1, 4)))
+        return MergeConfig(skin) if file == "tiles.merge" else skin
+    if file == "classifier.chip":
+        inputs = readout.taxels * (1 + int(rng.integers(2)))
+        classifier = _classifier(rng).replace(inputs=inputs, reset=readout.reset, clocks_per_bin=400)
+        return ChipConfig(readout=readout, classifier=classifier.replace(bin_s=400 / readout.clock_hz))
+    return readout
+
+
+def _of(rng: np.random.Generator, *values: Any) -> Any:
+    return values[rng.integers(len(values))]
+
+
+def _classifier(rng: np.random.Generator) -> ClassifierConfig:
+    bits = {name: int(rng.integers(2, 9)) for name in ("in_bits", "rec_bits", "out_bits", "bias_bits")}
+    shifts = ("in_shift", "rec_shift", "bias_shift", "out_shift", "out_bias_shift", "leak_shift", "out_leak_shift")
+    return ClassifierConfig(
+        inputs=int(rng.integers(1, 7)),
+        hidden=int(rng.integers(1, 10)),
+        classes=int(rng.integers(1, 5)),
+        lanes=_of(rng, 1, 2, 4),
+        clocks_per_bin=int(rng.integers(5, 50)),
+        **bits,
+        **{name: int(rng.integers(4)) for name in shifts},
+        membrane_bits=int(rng.integers(9, 20)),
+        output_bits=int(rng.integers(9, 20)),
+        evidence_bits=int(rng.integers(8, 20)),
+        threshold=int(rng.integers(1, 200)),
+        floor=_of(rng, None, -7, 0),
+        neuron_reset=_of(rng, "zero", "subtract"),
+        readout=_of(rng, "spikes", "membrane"),
+        out_threshold=int(rng.integers(1, 200)),
+        out_floor=_of(rng, None, -7, 0),
+        reset=_of(rng, "sync", "async"),
+    )

@@ -1,0 +1,39 @@
+"""Writes the RTLIL of the configurations in which a file takes part: run in a copy of the checkout with a mutant."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+from rtl.block import Netlist
+from rtl.verilog import top_block
+from verify.mutants.configs import configs
+
+
+def designs(file: str, seed: int, count: int) -> dict[str, dict[str, str]]:
+    """Return the RTLIL of all modules by configuration and name; no modules where the generator refuses to make them.
+
+    Parameters
+    ----------
+    file : str
+        ``rtl/registers/decay.py``.
+    seed : int
+        Of the configurations.
+    count : int
+        Number of configurations.
+    """
+    found: dict[str, dict[str, str]] = {}
+    for config in configs(file, seed)[:count]:
+        made = Netlist(config.reset == "async")
+        try:
+            made.add(top_block(config))
+        except Exception:  # a mutant may raise anything
+            made.modules = {}
+        found[f"{type(config).__name__} {config.to_dict()}"] = made.modules
+    return found
+
+
+if __name__ == "__main__":
+    file, seed, count, out = sys.argv[1:]
+    Path(out).write_text(json.dumps(designs(file, int(seed), int(count))))

@@ -1,0 +1,185 @@
+"""Mutants of a source file: small wrong edits, made by Cosmic Ray and by a few operators of our own for hardware."""
+
+from __future__ import annotations
+
+import ast
+import random
+import re
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from cosmic_ray.ast import ast_nodes, get_ast
+from cosmic_ray.mutating import mutate_code
+from cosmic_ray.operators.operator import Operator
+from cosmic_ray.plugins import get_operator, operator_names
+
+from verify.mutants.hardware import HARDWARE
+
+LEFT_OUT = re.compile(r"RemoveDecorator|Variable(Replacer|Inserter)|\w+_(Eq|NotEq|Lt|LtE|Gt|GtE)_Is(Not)?")
+"""Numba's decorators change speed alone, two operators need lists of names, and nobody writes ``is`` for ``==``."""
+
+NO_HARDWARE = ("_Div", "_FloorDiv", "_Mod", "_Pow")
+"""Endings of operators that Amaranth refuses or that nobody writes: not used for the RTL."""
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One edit of one construct.
+
+    Attributes
+    ----------
+    file : str
+        ``rtl/taxel.py``.
+    function : str
+        Qualified name of the innermost function or class around the construct; empty at the level of the module.
+    operator : str
+        Operator of Cosmic Ray, or of ``hardware.py``.
+    number : int
+        Number of the construct among those of the operator in that function, from 0.
+    line : int
+    edit : str
+        The line before and after, for a reader.
+    text : str
+        The whole file with the edit.
+    """
+
+    file: str
+    function: str
+    operator: str
+    number: int
+    line: int
+    edit: str
+    text: str
+
+    @property
+    def name(self) -> str:
+        """Name by construct, which does not change when other lines do."""
+        return f"{self.file} {self.function or 'module'} {self.operator} {self.number}"
+
+    @property
+    def of_rtl(self) -> bool:
+        """Whether hardware is generated from the file."""
+        return self.file.startswith("rtl/")
+
+    @property
+    def kind(self) -> str:
+        """Kind of the operator, whatever it writes."""
+        return self.operator.partition("_")[0]
+
+    @property
+    def block(self) -> str:
+        """Block or room that the file belongs to: ``taxel``, ``registers``."""
+        return Path(self.file).with_suffix("").parts[1]
+
+
+@dataclass(frozen=True)
+class Place:
+    """A construct that an operator can edit: ``occurrence`` counts within the file, ``number`` within the function."""
+
+    operator: str
+    function: str
+    number: int
+    occurrence: int
+    start: tuple[int, int]
+
+
+def places(file: str, text: str) -> dict[tuple[int, int], list[Place]]:
+    """Return the places of a file that operators can edit, by line and column."""
+    nodes = list(ast_nodes(get_ast(text)))
+    functions = _functions(text)
+    found: dict[tuple[int, int], list[Place]] = {}
+    for name, operator in _operators(file.startswith("rtl/")).items():
+        numbers: Counter[str] = Counter()
+        occurrence = 0
+        for node in nodes:
+            for start, _ in operator.mutation_positions(node):
+                function = _around(functions, start[0])
+                found.setdefault(start, []).append(Place(name, function, numbers[function], occurrence, start))
+                numbers[function] += 1
+                occurrence += 1
+    return dict(sorted(found.items()))
+
+
+def sample(file: str, text: str, share: float, fewest: int, seed: int) -> tuple[list[Mutant], int]:
+    """Return a sample of the mutants of a file, one from each stretch of it, and how many places the file has.
+
+    Which mutants are drawn from a file does not depend on other files. Edits of annotations and decorators are left
+    out, as are edits that are no Python.
+    """
+    every = list(places(file, text).values())
+    count = min(len(every), max(fewest, round(share * len(every))))
+    ends = [number * len(every) // count for number in range(count + 1)] if count else []
+    rng = random.Random(f"{seed} {file}")
+    found: dict[str, Mutant] = {}
+    for stretch in pairwise(ends):
+        for number in rng.sample(range(*stretch), stretch[1] - stretch[0]):
+            choices = rng.sample(every[number], len(every[number]))
+            if mutant := next(filter(None, (mutated(file, text, place) for place in choices)), None):
+                found[mutant.text] = mutant
+                break
+    return list(found.values()), len(every)
+
+
+def mutated(file: str, text: str, place: Place) -> Mutant | None:
+    """Return the mutant of a place; None if the edit changes nothing that the program does."""
+    new = mutate_code(text, _operators(file.startswith("rtl/"))[place.operator], place.occurrence)
+    try:
+        if new is None or _meaning(new) == _meaning(text):
+            return None
+    except SyntaxError:
+        return None
+    before, after = text.splitlines(), new.splitlines()
+    line = next(n for n, pair in enumerate(zip(before, after, strict=False)) if pair[0] != pair[1])
+    edit = f"{before[line].strip()} -> {after[line].strip()}"
+    return Mutant(file, place.function, place.operator, place.number, line + 1, edit, new)
+
+
+@cache
+def _operators(hardware: bool) -> dict[str, Operator]:
+    """Return the operators by name, those of hardware for the RTL alone."""
+    found: dict[str, Operator] = {}
+    for name in operator_names():
+        short = name.partition("/")[2]
+        if not LEFT_OUT.fullmatch(short) and not (hardware and short.endswith(NO_HARDWARE)):
+            found[short] = get_operator(name)()
+    return found | {type(operator).__name__: operator for operator in HARDWARE if hardware}
+
+
+@cache
+def _functions(text: str) -> list[tuple[int, int, str]]:
+    """Return first line, last line and qualified name of every function and class."""
+
+    def walk(node: ast.AST, name: str) -> Iterator[tuple[int, int, str]]:
+        for child in ast.iter_child_nodes(node):
+            inner = name
+            if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+                inner = f"{name}.{child.name}" if name else child.name
+                yield child.lineno, child.end_lineno or child.lineno, inner
+            yield from walk(child, inner)
+
+    return list(walk(ast.parse(text), ""))
+
+
+def _around(functions: list[tuple[int, int, str]], line: int) -> str:
+    inside = [function for function in functions if function[0] <= line <= function[1]]
+    return max(inside)[2] if inside else ""
+
+
+@cache
+def _meaning(text: str) -> str:
+    """Return what a program does, without annotations and decorators."""
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        changed: Any = node
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            changed.decorator_list = []
+        if isinstance(node, ast.FunctionDef):
+            changed.returns = None
+        if isinstance(node, ast.arg | ast.AnnAssign):
+            changed.annotation = ast.Constant(None)
+    return ast.dump(tree)

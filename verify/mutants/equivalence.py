@@ -1,0 +1,134 @@
+"""Equivalence of a mutated module and the original, for runs of any length: no test can tell them apart then."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from rtl import yosys
+from verify.proofs.engine import CONVERGED, MAPPED_GATE, ONE_GATE, RUN_ABC
+
+PORT = re.compile(r"^  wire (?:width (\d+) )?(?:signed )?(input|output) \d+ +(?:signed )?\\(\S+)$", re.MULTILINE)
+
+CELL = re.compile(r"^  cell \\(eskin_\w+) ", re.MULTILINE)
+
+DIFFERS = re.compile(r"Output\s+0 was asserted in frame")
+"""Of the bounded search, or of the proof's."""
+
+GUARDS = {
+    "eskin_arbiter": dict.fromkeys(("event_row", "event_col", "event_polarity"), "event_valid"),
+    "eskin_readout": dict.fromkeys(("event_row", "event_col", "event_polarity"), "event_valid"),
+    "eskin_merge": {f"event_{name}": "event_valid" for name in ("tile", "row", "col", "polarity")},
+    "eskin_relay": dict.fromkeys(("event_row", "event_col", "event_polarity"), "event_valid"),
+    "eskin_taxel": {"polarity": "request"},
+    "eskin_row": {"column_polarity": "column_request"},
+    "eskin_pattern": {"column_polarity": "row_request", "column_request": "row_request"},
+    "eskin_frame_sequencer": dict.fromkeys(("sample_code", "sample_first", "sample_last"), "sample_valid"),
+    "eskin_frame_packer": dict.fromkeys(("word_data", "word_sync"), "word_valid"),
+    "eskin_frame_readout": dict.fromkeys(("word_data", "word_sync"), "word_valid"),
+    "eskin_spi": {"write_data": "write"},
+    "eskin_classifier": {
+        f"{kind}_{name}": f"{kind}_valid" for kind in ("hidden", "output") for name in ("index", "potential", "spike")
+    },
+}
+"""Outputs that mean something only where another is not 0, by the contract of a stream; by module."""
+
+TO_GATES = (
+    "read_rtlil readout.il; read_verilog miter.v; hierarchy -check -top miter; proc; flatten; opt_clean; "
+    "memory_map; async2sync; formalff -clk2ff -ff2anyinit; setundef -init -zero; setundef -undriven -zero; opt -full; "
+    "techmap; opt -fast; simplemap; dffunmap; aigmap; opt_clean; "
+    "write_aiger -I -zinit -no-startoffset miter.aig; design -reset; "
+)
+
+
+def ports_of(rtlil: str) -> list[tuple[int, str, str]]:
+    """Return bits, direction and name of every port of a module."""
+    return [(int(bits or 1), way, name) for bits, way, name in PORT.findall(rtlil)]
+
+
+def miter(module: str, ports: list[tuple[int, str, str]]) -> str:
+    """Return Verilog whose one output is high where the two modules differ; ``ports`` are (bits, direction, name)."""
+    guards = GUARDS.get(module, {})
+    lines = [f"  input [{bits - 1}:0] {name};" for bits, way, name in ports if way == "input"]
+    differences, wires = ["1'b0"], {"gold": [], "gate": []}  # type: tuple[list[str], dict[str, list[str]]]
+    outputs = {name for _, way, name in ports if way == "output"}
+    for bits, way, name in ports:
+        for side, wired in wires.items():
+            wired.append(f".{name}({name if way == 'input' else f'{side}_{name}'})")
+        if way == "output":
+            lines += [f"  wire [{bits - 1}:0] gold_{name}, gate_{name};"]
+            meant = f"(|gold_{guards[name]}) & " if guards.get(name) in outputs else ""
+            differences.append(f"({meant}(gold_{name} != gate_{name}))")
+    lines += [f"  {side}_{module} {side}({', '.join(wired)});" for side, wired in wires.items()]
+    named = ", ".join([name for _, way, name in ports if way == "input"] + ["bad"])
+    body = "\n".join(lines)
+    return f"module miter({named});\n  output bad;\n{body}\n  assign bad = {' | '.join(differences)};\nendmodule\n"
+
+
+def same(module: str, original: Mapping[str, str], mutated: Mapping[str, str], limit_s: int = 30) -> bool | None:
+    """Return whether a module does the same in two designs after any reset; None where the solver finds no answer.
+
+    Parameters
+    ----------
+    module : str
+    original, mutated : mapping of str to str
+        RTLIL of all modules of each design by their names.
+    limit_s : int
+        Seconds for the proof.
+    """
+    texts = []
+    for side, modules in (("gold", original), ("gate", mutated)):
+        text = "\n".join(modules.values())
+        text = re.sub(r"^(module|  cell) \\eskin_", rf"\1 \\{side}_eskin_", text, flags=re.MULTILINE)
+        texts.append(text)
+    ports = ports_of(original[module])
+    if sorted(ports) != sorted(ports_of(mutated[module])):
+        return False
+    if not any(way == "output" for _, way, _ in ports):
+        raise ValueError(f"{module} has no output to compare")
+    commands = ["set abcout said.txt", "read_aiger miter.aig", "strash", "bmc3 -a -F 12 -T 10"]
+    commands += ["read_aiger miter.aig", "strash", "scorr", "dretime -b", "strash", f"pdr -a -T {limit_s}"]
+    commands += ["read_blif gate.blif", "strash"]
+    files = {"one_gate.v": ONE_GATE, "gate.blif": MAPPED_GATE, "solve.abc": "\n".join(commands).encode() + b"\n"}
+    files["miter.v"] = miter(module, ports).encode()
+    said = yosys.run(TO_GATES + RUN_ABC, "\n".join(texts), "said.txt", files)
+    if DIFFERS.search(said):
+        return False
+    return True if CONVERGED.search(said) else None
+
+
+def within(module: str, modules: Mapping[str, str]) -> dict[str, str]:
+    """Return the RTLIL of a module and of those within it, by their names."""
+    found: dict[str, str] = {}
+    todo = [module]
+    while todo:
+        name = todo.pop()
+        if name not in found:
+            found[name] = modules[name]
+            todo += CELL.findall(modules[name])
+    return found
+
+
+def difference(original: Path, mutated: Path) -> str:
+    """Return where designs are not proved to do the same, empty if nowhere; each file holds those of ``designs``."""
+    sides: list[dict[str, dict[str, str]]] = [json.loads(path.read_text()) for path in (original, mutated)]
+    proved: set[tuple[str, ...]] = set()
+    for config, before in sides[0].items():
+        after = sides[1][config]
+        if before.keys() != after.keys():
+            return f"other modules in {config}"
+        for module in (name for name in before if before[name] != after[name]):
+            pair = within(module, before), within(module, after)
+            if (key := (*pair[0].values(), *pair[1].values())) in proved:
+                continue
+            if not (answer := same(module, *pair)):
+                return f"{module} {'differs' if answer is False else 'is not proved to be the same'} in {config}"
+            proved.add(key)
+    return ""
+
+
+if __name__ == "__main__":
+    sys.stdout.write(difference(Path(sys.argv[1]), Path(sys.argv[2])))

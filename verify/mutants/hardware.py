@@ -1,0 +1,95 @@
+"""Operators for Amaranth, beside those of Cosmic Ray: assignments dropped, conditions stuck, choices exchanged."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator
+from typing import Any
+
+import parso
+from cosmic_ray.operators.operator import Operator
+
+Edit = tuple[Any, str]
+"""A node of parso below the one that is looked at, and the code that takes its place."""
+
+
+class HardwareOperator(Operator):
+    """Writes other code in the place of a part of a node."""
+
+    @abstractmethod
+    def edits(self, node: Any) -> Iterator[Edit]:
+        """Yield the edits of a node."""
+
+    def mutation_positions(self, node: Any) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
+        """Yield start and end of each edit."""
+        for part, _ in list(self.edits(node)):
+            yield part.start_pos, part.end_pos
+
+    def mutate(self, node: Any, index: int) -> Any:
+        """Make an edit and return the node."""
+        part, code = list(self.edits(node))[index]
+        siblings = part.parent.children
+        siblings[siblings.index(part)] = parso.parse(part.get_first_leaf().prefix + code)
+        return node
+
+    @classmethod
+    def examples(cls) -> tuple[()]:
+        """Return no examples: the tests have some."""
+        return ()
+
+
+def arguments(node: Any, *names: str) -> Any:
+    """Return what stands between the parentheses of a call of some names; None if the node is no such call."""
+    children = getattr(node, "children", [])
+    if node.type != "atom_expr" or len(children) < 2 or children[-1].type != "trailer":
+        return None
+    callee, call = "".join(child.get_code(include_prefix=False) for child in children[:-1]), children[-1].children
+    return call[1] if callee in names and call[0].value == "(" and len(call) == 3 else None
+
+
+class DropAssignment(HardwareOperator):
+    """Drops an assignment of ``m.d.comb += ...`` or ``m.d.sync += [..., ...]``."""
+
+    def edits(self, node: Any) -> Iterator[Edit]:
+        """Yield each assignment."""
+        if node.type != "expr_stmt" or not node.get_code(include_prefix=False).startswith("m.d."):
+            return
+        value = node.children[-1]
+        if value.type != "atom" or value.children[0].value != "[":
+            yield value, "[]"
+        elif getattr(value.children[1], "type", "") == "testlist_comp":
+            items = value.children[1].children
+            if not any(item.type in ("sync_comp_for", "comp_for") for item in items):
+                yield from ((item, "*[]") for item in items[::2])
+
+
+class StickCondition(HardwareOperator):
+    """Makes the condition of ``m.If`` or ``m.Elif`` always true, never true, or the opposite."""
+
+    def edits(self, node: Any) -> Iterator[Edit]:
+        """Yield the three edits of a condition."""
+        if condition := arguments(node, "m.If", "m.Elif"):
+            yield from ((condition, code) for code in ("1", "0", f"({condition.get_code().strip()}) == 0"))
+
+
+class SwapChoice(HardwareOperator):
+    """Exchanges the two values of a ``Mux``."""
+
+    def edits(self, node: Any) -> Iterator[Edit]:
+        """Yield the exchange."""
+        chosen = arguments(node, "Mux")
+        if chosen is not None and chosen.type == "arglist":
+            condition, yes, no = (part.get_code().strip() for part in chosen.children[::2][:3])
+            yield chosen, f"{condition}, {no}, {yes}"
+
+
+class SwapReduction(HardwareOperator):
+    """Writes ``all`` for ``any`` and the other way round."""
+
+    def edits(self, node: Any) -> Iterator[Edit]:
+        """Yield the exchange."""
+        if node.type == "trailer" and node.children[0].value == "." and node.children[1].value in ("any", "all"):
+            yield node.children[1], {"any": "all", "all": "any"}[node.children[1].value]
+
+
+HARDWARE = (DropAssignment(), StickCondition(), SwapChoice(), SwapReduction())

@@ -1,0 +1,94 @@
+"""What becomes of one mutant: killed by a test or a property, equivalent, refused by the generator, or alive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from verify.mutants.checkout import failed_property, first_failed, mutated, run
+from verify.mutants.configs import COUNT
+from verify.mutants.edits import Mutant
+from verify.mutants.questions import Questions
+
+FEW = 3
+"""Configurations of which the generator must make one, or the mutant counts as refused."""
+
+MAKE_S, COMPARE_S, PROVE_S = 300, 900, 1800
+"""Seconds in which designs are made, compared, and a block is proved."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What all mutants of a file are asked.
+
+    Attributes
+    ----------
+    checkout : Path
+        Copy of the checkout without a mutant.
+    questions : Questions
+    skipped : tuple of str
+        Tests that fail without a mutant.
+    limit_s : float
+        Seconds that the tests may take.
+    seed : int
+        Of the configurations in which equivalence is proved.
+    """
+
+    checkout: Path
+    questions: Questions
+    skipped: tuple[str, ...]
+    limit_s: float
+    seed: int
+
+
+def ask_quick_check(mutant: Mutant, asked: Asked) -> dict[str, Any]:
+    """Return ``verdict``: stillborn (the generator refuses it), killed, with ``by`` and ``quick``, or open."""
+    with mutated(asked.checkout, mutant.file, mutant.text) as place:
+        if mutant.of_rtl and not _made(place, mutant.file, asked.seed, place / "few.json", FEW):
+            return {"verdict": "stillborn"}
+        by = first_failed(place, asked.questions.tests, asked.skipped, asked.limit_s, quick=True)
+        return {"verdict": "killed", "by": by, "quick": True} if by else {"verdict": "open"}
+
+
+def conclude(mutant: Mutant, asked: Asked) -> dict[str, Any]:
+    """Return ``verdict`` of a mutant that passes the quick check: killed, with ``by``, equivalent, alive, or left."""
+    with mutated(asked.checkout, mutant.file, mutant.text) as place:
+        if by := first_failed(place, asked.questions.tests, asked.skipped, asked.limit_s, quick=False):
+            return {"verdict": "killed", "by": by}
+        if not mutant.of_rtl:
+            return {"verdict": "alive"}
+        differs = _difference(place, mutant.file, asked)
+        if not differs:
+            return {"verdict": "equivalent"}
+        for block in asked.questions.proofs:
+            if by := failed_property(place, block, PROVE_S):
+                return {"verdict": "killed", "by": f"property {by}"}
+        return {"verdict": "left", "differs": differs}
+
+
+def ask_all_cosimulations(mutant: Mutant, asked: Asked) -> dict[str, Any]:
+    """Return ``verdict`` of a mutant of the RTL that is left: killed, with ``by``, or alive."""
+    with mutated(asked.checkout, mutant.file, mutant.text) as place:
+        if by := first_failed(place, asked.questions.tests, asked.skipped, asked.limit_s, quick=False):
+            return {"verdict": "killed", "by": by}
+        return {"verdict": "alive"}
+
+
+def _made(checkout: Path, file: str, seed: int, out: Path, count: int = COUNT) -> bool:
+    """Write the designs of a checkout to a file and return whether one at least could be made."""
+    said = run(checkout, ["verify.mutants.designs", file, str(seed), str(count), str(out)], MAKE_S)
+    return said.code == 0 and "module" in out.read_text()
+
+
+def _difference(place: Path, file: str, asked: Asked) -> str:
+    """Return where a mutant's designs are not proved to do what the original's do; empty if nowhere."""
+    before, after = place / "before.json", place / "after.json"
+    if not _made(asked.checkout, file, asked.seed, before):
+        raise RuntimeError(f"the generator refuses {file} without a mutant")
+    if not _made(place, file, asked.seed, after):
+        return "the generator is too slow"
+    said = run(asked.checkout, ["verify.mutants.equivalence", str(before), str(after)], COMPARE_S)
+    if said.code:
+        raise RuntimeError(f"the comparison of designs fails: {said.text[-2000:]}")
+    return "not compared in time" if said.code is None else said.text.strip()

@@ -1,0 +1,110 @@
+"""Which files are mutated, and which tests and proofs are asked about each: by names and imports, not by a list."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from cocotb_tests.runner.build_cache import ROOT
+from verify.proofs.plan import proofs
+
+MOST = 6
+"""Test files beyond those with the name of a file: where more would come, its own say enough."""
+
+NO_RESULTS = {"__init__", "__main__", "cli", "commands", "figures", "report", "board", "text", "datasheet", "studies"}
+"""Folders and files that parse, print, draw or write texts: their mutants spoil no result."""
+
+NO_LOGIC = {"block", "yosys", "verilog", "delivery", "gates", "ports"}
+"""Files of ``rtl/`` that describe no hardware."""
+
+
+@dataclass(frozen=True)
+class Questions:
+    """What is asked about the mutants of a file.
+
+    Attributes
+    ----------
+    tests : tuple of str
+        Test files.
+    proofs : tuple of str
+        Blocks of ``make formal``.
+    """
+
+    tests: tuple[str, ...]
+    proofs: tuple[str, ...] = ()
+
+
+def mutated_files(packages: tuple[str, ...], root: Path = ROOT) -> list[str]:
+    """Return the files of some packages that are mutated: those with results or logic in them, and with tests."""
+    found = []
+    for path in sorted(file for package in packages for file in (root / package).rglob("*.py")):
+        parts = set(path.relative_to(root).with_suffix("").parts)
+        if not parts & NO_RESULTS and not (packages == ("rtl",) and path.stem in NO_LOGIC):
+            found.append(path.relative_to(root).as_posix())
+    return found
+
+
+def questions(file: str, root: Path = ROOT) -> Questions:
+    """Return what is asked about a file.
+
+    Its tests are the test files with its name or that of its folder, and those that import it if these are few. A
+    file of the RTL is asked the tests of the files that place it, too. So is a file without a test file of its own
+    name, if these are few or there are no others.
+    """
+    return Questions(_tests(file, root), _proofs(file, root) if file.startswith("rtl/") else ())
+
+
+@cache
+def _tests(file: str, root: Path) -> tuple[str, ...]:
+    found = _own(file, root)
+    if Path(file).stem in {Path(path).stem.removeprefix("test_") for path in found}:
+        users = _users(file, root) if file.startswith("rtl/") else []
+        return tuple(dict.fromkeys([*found, *(test for user in users for test in _own(user, root))]))
+    more = tuple(dict.fromkeys([*found, *(test for user in _users(file, root) for test in _tests(user, root))]))
+    return more if len(more) <= MOST or not found or file.startswith("rtl/") else tuple(found)
+
+
+def _own(file: str, root: Path) -> list[str]:
+    """Return the test files with the name of a file or of its folder, and those that import it if these are few."""
+    package, *names = Path(file).with_suffix("").parts
+    imports = _imports(root)
+    tests = [path for path in imports if Path(path).stem.startswith("test_")]
+    near = [path for path in tests if path.startswith((f"tests/{package}/", "cocotb_tests/"))]
+    named = [path for path in near if Path(path).stem in {f"test_{name}" for name in (package, *names)}]
+    importing = [path for path in tests if ".".join([package, *names]) in imports[path] and path not in named]
+    return named + importing if len(importing) <= MOST else named or importing
+
+
+@cache
+def _proofs(file: str, root: Path) -> tuple[str, ...]:
+    """Return the blocks of ``make formal`` with the name of a file, or else those of the files that import it."""
+    names = Path(file).with_suffix("").parts
+    blocks = dict.fromkeys(proof.block for proof in proofs())
+    own = [block for block in blocks if any(block == name or block.startswith(f"{name}_") for name in names)]
+    return tuple(own or dict.fromkeys(block for user in _users(file, root) for block in _proofs(user, root)))
+
+
+def _users(file: str, root: Path) -> list[str]:
+    """Return the files of its package that import a file, without those that only write texts of it."""
+    package, module = file.partition("/")[0], ".".join(Path(file).with_suffix("").parts)
+    users = [path for path, wanted in _imports(root).items() if path.startswith(f"{package}/") and module in wanted]
+    return [user for user in users if Path(user).stem not in NO_LOGIC]
+
+
+@cache
+def _imports(root: Path) -> dict[str, set[str]]:
+    """Return the modules that every file imports, anywhere in it."""
+    found: dict[str, set[str]] = {}
+    for path in sorted(root.rglob("*.py")):
+        if {".venv", "out", "build"} & set(path.relative_to(root).parts):
+            continue
+        wanted: set[str] = set()
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                wanted |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                wanted |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+        found[path.relative_to(root).as_posix()] = wanted
+    return found

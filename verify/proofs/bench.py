@@ -1,0 +1,114 @@
+"""A block and its checker side by side, as one design for a solver."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from amaranth.asserts import AnyConst
+from amaranth.back import rtlil
+from amaranth.hdl import (
+    ClockSignal,
+    Elaboratable,
+    Fragment,
+    Instance,
+    Module,
+    ResetSignal,
+    Shape,
+    Signal,
+)
+from amaranth.lib import wiring
+
+from rtl import yosys
+from rtl.block import Netlist
+from verify.proofs.checker import Checker, inputs
+
+TOP = "bench"
+CONSTANTS = ("watch", "rival")
+"""Inputs of a checker that are any value, for good."""
+
+
+class Bench(Elaboratable):
+    """The block under proof, every input of it free but for those that its checker drives, and the checker.
+
+    Parameters
+    ----------
+    checker : Checker
+    clocked : bool
+        Whether the block has a clock.
+
+    Attributes
+    ----------
+    free : list of Signal
+        Inputs of the design.
+    bad, seen : dict of str to Signal
+        Outputs of the design by the name of the property: it fails; what it speaks of happens.
+    """
+
+    def __init__(self, checker: Checker[Any], clocked: bool) -> None:
+        self.checker, self.clocked = checker, clocked
+        self.free: list[Signal] = []
+        self.bad = {p.name: Signal(name=f"bad_{p.name}") for p in checker.proved}
+        self.seen = {p.name: Signal(name=f"seen_{p.name}") for p in checker.proved}
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        checker = self.checker
+        m.submodules.checker = checker
+        driven = checker.drive(m, self._input)
+        block = checker.block(checker.config)
+        wires: dict[str, Any] = {"i_clk": ClockSignal(), "i_rst": ResetSignal()} if self.clocked else {}
+        for name, member in block.signature.members.items():
+            inward = member.flow is wiring.In
+            wire = getattr(checker, name)
+            if inward and name not in driven:
+                m.d.comb += wire.eq(self._input(name, Shape.cast(member.shape).width))
+            wires[f"{'i' if inward else 'o'}_{name}"] = wire
+        wires |= {f"o_{name}": getattr(checker, name) for name in checker.inner(checker.config)}
+        m.submodules.dut = Instance(block.module_name, **wires)
+        for name in filter(checker.has, CONSTANTS):
+            m.d.comb += getattr(checker, name).eq(AnyConst(len(getattr(checker, name))))
+        told = {*block.signature.members, *checker.inner(checker.config), *driven, *CONSTANTS}
+        if left := set(inputs(checker)) - told:
+            raise AssertionError(f"nothing drives {', '.join(sorted(left))} of {type(checker).__name__}")
+        for name in self.bad:
+            ok, seen = getattr(checker, f"ok_{name}"), getattr(checker, f"seen_{name}")
+            m.d.comb += [self.bad[name].eq(~ok), self.seen[name].eq(seen)]
+        return m
+
+    def _input(self, name: str, width: int) -> Signal:
+        """Return a new input of the design."""
+        self.free.append(Signal(width, name=name))
+        return self.free[-1]
+
+    @property
+    def ports(self) -> list[Signal]:
+        """Inputs and outputs; the outputs stand in the order of ``bad``, then of ``seen``."""
+        return [*self.free, *self.bad.values(), *self.seen.values()]
+
+
+def netlist(checker: Checker[Any]) -> str:
+    """Return the RTLIL of the block that a checker watches and of those within it, as the Verilog is made from."""
+    made = Netlist(async_reset=False)
+    made.add(checker.block(checker.config))
+    return made.text
+
+
+def design(checker: Checker[Any], blocks: Callable[[Checker[Any]], str] = netlist) -> tuple[str, Bench]:
+    """Return the RTLIL of block, checker and bench, top module ``bench``, and the bench.
+
+    The first clock of a run stands for the one that ends a reset. Later resets are free, at any time.
+    """
+    text = blocks(checker)
+    name = checker.block.module_name
+    bench = Bench(checker, yosys.is_clocked(text[text.rindex(f"module \\{name}\n") :]))
+    fragment = Fragment.get(bench, "formal")
+    return text + "\n" + rtlil.convert(fragment, name=TOP, ports=bench.ports, emit_src=False), bench
+
+
+def exposing(checker: Checker[Any]) -> str:
+    """Return the command of Yosys that makes outputs of the registers that a checker looks at."""
+    name = checker.block.module_name
+    return "".join(
+        f"expose {name}/w:{register}; " for register in inputs(checker) if register in checker.inner(checker.config)
+    )

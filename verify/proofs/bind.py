@@ -1,0 +1,112 @@
+"""The properties for a designer's own tools: a SystemVerilog file that is bound to the delivered Verilog."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from amaranth.lib import wiring
+
+from model.config import ReadoutConfig
+from model.frame_config import FrameConfig
+from rtl import yosys
+from rtl.block import Netlist
+from rtl.verilog import YOSYS_SCRIPT, header
+from verify.proofs.bench import CONSTANTS
+from verify.proofs.blocks.arbiter import ArbiterChecker
+from verify.proofs.blocks.frame import FrameChecker
+from verify.proofs.blocks.link import LinkChecker
+from verify.proofs.blocks.readout import ReadoutChecker
+from verify.proofs.blocks.taxel import TaxelChecker
+from verify.proofs.blocks.window import WindowChecker
+from verify.proofs.checker import Checker
+
+ReadoutOrFrame = ReadoutConfig | FrameConfig
+
+
+def checkers(config: ReadoutOrFrame) -> Iterator[tuple[Checker[Any], str, dict[str, str]]]:
+    """Yield each checker of a readout, the module to which it is bound, and what stands for its inputs there.
+
+    Inputs that are not named have their own name in that module.
+    """
+    if isinstance(config, FrameConfig):
+        yield FrameChecker(config), "eskin_frame_readout", {}
+        return
+    yield TaxelChecker(config), "eskin_taxel", {}
+    if config.closes:
+        yield WindowChecker(config), "eskin_window", {}
+    if config.link == "four_phase":
+        yield LinkChecker(config), "eskin_link", {}
+    if not config.encoder.late and config.frontend == "analog" and config.decide_every == "clock":
+        yield ReadoutChecker(config), "eskin_readout", {}
+    arbiter = ArbiterChecker(config)
+    places = {name: f"arbiter.{name}" for name in arbiter.block(config).signature.members}
+    taxels = [f"row_{row}.taxel_{column}" for row in range(config.rows) for column in range(config.columns)]
+    for name in ("request", "polarity"):
+        places[name] = "{" + ", ".join(f"{taxel}.{name}" for taxel in reversed(taxels)) + "}"
+    yield arbiter, "eskin_readout", places
+
+
+def watched(checker: Checker[Any]) -> int:
+    """Return how many values the free constants of a checker have: each gets an instance of its own."""
+    if not checker.has("watch"):
+        return 1
+    config = checker.config
+    return config.words_per_frame * config.word_bits if isinstance(config, FrameConfig) else int(config.taxels)
+
+
+def properties(config: ReadoutOrFrame) -> str:
+    """Return the SystemVerilog text: a checker for every block, its properties as assertions, and the bindings."""
+    parts = [
+        header(config, "//"),
+        "// Properties of the blocks, proved of the RTL (make formal); read it beside the Verilog.\n",
+    ]
+    for checker, module, places in checkers(config):
+        made = Netlist(async_reset=False)
+        made.add(checker)
+        text = yosys.run(YOSYS_SCRIPT.format(top=checker.module_name), made.text, "readout.v")
+        parts += [yosys.tidy(text), _assertions(checker), _binding(checker, module, places)]
+    return "\n".join(parts)
+
+
+def _ports(checker: Checker[Any]) -> dict[str, int]:
+    """Return the widths of what a checker looks at, but for its free constants."""
+    members = checker.signature.members
+    found = {name: len(getattr(checker, name)) for name, member in members.items() if member.flow is wiring.In}
+    return {name: width for name, width in found.items() if name not in CONSTANTS}
+
+
+def _assertions(checker: Checker[Any]) -> str:
+    """Return the module that asserts what a checker says, for every value of its free constants."""
+    name = checker.module_name.replace("_properties", "_assertions")
+    outputs = [f"{kind}_{item.name}" for item in checker.proved for kind in ("ok", "seen")]
+    outputs += [f"holds_{assumption}" for assumption in checker.assumptions]
+    ports = {"clk": 1, "rst": 1, **_ports(checker)}
+    count = watched(checker)
+    wires = [f".{port}({port})" for port in (*ports, *outputs)]
+    for offset, constant in enumerate(filter(checker.has, CONSTANTS)):
+        bits = len(getattr(checker, constant))
+        wires.append(f".{constant}({bits}'((index + {offset}) % {count}))")
+    lines = [f"module {name}("]
+    lines.append(",\n".join(f"  input wire [{width - 1}:0] {port}" for port, width in ports.items()))
+    lines += [");", "  reg started = 1'b0;", "  always @(posedge clk) if (rst) started <= 1'b1;"]
+    lines += ["  genvar index;", f"  generate for (index = 0; index < {count}; index = index + 1) begin : each"]
+    lines += [f"    wire {output};" for output in outputs]
+    lines += [
+        f"    {checker.module_name} watcher({', '.join(wires)});",
+        "    always @(posedge clk) if (started && !rst) begin",
+    ]
+    for item in checker.proved:
+        lines.append(f"      assert (ok_{item.name});  // {item.meaning}")
+        lines.append(f"      cover (seen_{item.name});")
+    for assumption, meaning in checker.assumptions.items():
+        lines.append(f"      assert (holds_{assumption});  // assumed: {meaning}")
+    return "\n".join([*lines, "    end", "  end endgenerate", "endmodule", ""])
+
+
+def _binding(checker: Checker[Any], module: str, places: dict[str, str]) -> str:
+    """Return the line that binds a checker to a module."""
+    name = checker.module_name.replace("_properties", "_assertions")
+    wires = [f".{port}({places.get(port, port)})" for port in ("clk", "rst", *_ports(checker))]
+    line = f"bind {module} {name} {name.removeprefix('eskin_')}({', '.join(wires)});"
+    return f"`ifndef YOSYS  // Yosys knows no bind: there the assertions are placed by hand\n{line}\n`endif\n"

@@ -1,0 +1,201 @@
+"""The arbiter: who is granted, what leaves, and how long anybody waits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+from amaranth.hdl import Cat, Const, Module, Signal
+from amaranth.lib.wiring import In
+
+from model.config import ReadoutConfig
+from rtl.arbiter import Arbiter
+from verify.proofs.checker import Checker, Property, at_most_one, before, bit_of, cyclic, implies, within
+
+
+class ArbiterChecker(Checker[ReadoutConfig]):
+    """Watches the arbiter, and the requests of all taxels beside it.
+
+    Attributes
+    ----------
+    request, polarity : In(rows * columns)
+        What every taxel asks for, selected or not.
+    watch, rival : In(bits)
+        Two taxels, any, for good.
+    """
+
+    block = Arbiter
+    properties = (
+        Property("one_hot_grant", "at most one row is selected, at most one granted, and none that is not selected"),
+        Property("grant_implies_request", "a row that is selected or granted has a request"),
+        Property("idle_grants", "with nothing latched, a request is granted in the same clock"),
+        Property("no_bubble", "in the clock after one with a request an event is offered"),
+        Property("address_correct", "an event names the watched taxel only if its request was latched before"),
+        Property("exactly_one_event", "a latched request leaves before the next of its taxel is latched, and once"),
+        Property("in_turn", "a latched request leaves behind at most columns - 1 others"),
+        Property(
+            "polarity_kept",
+            "an event carries the polarity that its request had when it was latched",
+            applies=lambda config: config.has_polarity,
+        ),
+        Property("payload_stable", "an event that is not taken is offered again, the same in every bit"),
+        Property("row_order", "the row granted is the first requesting one behind the last granted, cyclically"),
+        Property(
+            "column_order",
+            "the events of a row leave in rising column order",
+            applies=lambda config: config.columns > 1,
+        ),
+        Property("no_starvation", "an event is among the next (rows + 1) * columns after its request was raised"),
+        Property(
+            "fairness",
+            "of two taxels that both request, none is granted twice before the other: n steady ones get one in n",
+            applies=lambda config: config.rows > 1,
+        ),
+    )
+    assumptions: ClassVar = {
+        "lines_follow_requests": "row and column lines are those of the taxels' requests, as a row drives them"
+    }
+
+    def observed(self, config: ReadoutConfig) -> dict[str, Any]:
+        taxel = In(max(1, (config.taxels - 1).bit_length()))
+        own = {"request": In(config.taxels), "watch": taxel, "rival": taxel}
+        return super().observed(config) | own | ({"polarity": In(config.taxels)} if config.has_polarity else {})
+
+    def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
+        """Drive the lines as ``rtl.taxel.Row`` does, from requests that come and go as they like."""
+        m.d.comb += self.request.eq(free("request", self.config.taxels))
+        rows, columns = self._lines(self.request)
+        m.d.comb += [self.row_request.eq(rows), self.column_request.eq(columns)]
+        if self.config.has_polarity:
+            m.d.comb += [
+                self.polarity.eq(free("polarity", self.config.taxels)),
+                self.column_polarity.eq(self._lines(self.polarity)[1]),
+            ]
+        return {"row_request", "column_request", "column_polarity", "request", "polarity"}
+
+    def _lines(self, taxels: Signal) -> tuple[Any, Any]:
+        """Return the row lines and the column lines, gated by ``select``, of a bit for each taxel."""
+        rows, columns = self.config.rows, self.config.columns
+        words = [taxels[row * columns : (row + 1) * columns] for row in range(rows)]
+        gated = [word & self.select[row].replicate(columns) for row, word in enumerate(words)]
+        return Cat(word.any() for word in words), Cat(gated)
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        rows, columns = self._lines(self.request)
+        follows = (self.row_request == rows) & (self.column_request == columns)
+        if self.config.has_polarity:
+            follows &= self.column_polarity == self._lines(self.polarity)[1]
+        self.suppose(m, "lines_follow_requests", follows)
+        self._grants(m)
+        self._stream(m)
+        self._order(m)
+        self._watched(m)
+        self._fairness(m)
+        return self.finish(m)
+
+    def _grants(self, m: Module) -> None:
+        asked = self.row_request.any()
+        self.promise(
+            m,
+            "one_hot_grant",
+            at_most_one(self.select) & at_most_one(self.granted) & within(self.granted, self.select),
+            self.granted.any() & asked,
+        )
+        self.promise(
+            m, "grant_implies_request", within(self.select | self.granted, self.row_request), self.granted.any()
+        )
+        idle = ~self.event_valid & asked
+        self.promise(m, "idle_grants", implies(idle, self.granted.any()), idle)
+        asked_before = before(m, asked, "asked")
+        self.promise(
+            m,
+            "no_bubble",
+            implies(asked_before, self.event_valid),
+            asked_before & before(m, self.event_valid & self.event_ready, "left"),
+        )
+
+    def _stream(self, m: Module) -> None:
+        payload = Cat(getattr(self, n) for n in ("event_row", "event_col", "event_polarity") if self.has(n))
+        waits = before(m, self.event_valid & ~self.event_ready, "waits")
+        same = payload == before(m, payload, "payload") if len(payload) else Const(1)
+        self.promise(m, "payload_stable", implies(waits, self.event_valid & same), waits)
+
+    def _order(self, m: Module) -> None:
+        asked, granted = self.row_request.any(), self.granted.any()
+        # Rows from the one behind the last granted on, in cyclic order, up to the granted one: none of them asks.
+        last, jumps = cyclic(m, self.row_request, self.granted)
+        wraps = granted & (self.granted <= last)
+        self.promise(m, "row_order", ~jumps, wraps & asked)
+        if self.config.columns > 1:
+            row = self.event_row if self.has("event_row") else Const(0)
+            goes_on = before(m, self.event_valid & self.event_ready & ~granted, "goes_on") & self.event_valid
+            again = goes_on & before(m, self.event_valid, "valid")
+            rises = (self.event_col > before(m, self.event_col, "column")) & (row == before(m, row, "row"))
+            fresh = before(m, granted, "granted")
+            self.promise(m, "column_order", implies(again & ~fresh, rises), again & ~fresh)
+
+    def _watched(self, m: Module) -> None:
+        """Follow the requests of one taxel from the clock in which they are raised to their event."""
+        columns = self.config.columns
+        bound = (self.config.rows + 1) * columns
+        requests, grants = bit_of(self.request, self.watch), Cat(grant.replicate(columns) for grant in self.granted)
+        takes = requests & bit_of(grants, self.watch)
+        leaves = self.event_valid & self.event_ready
+        named = self.event_valid & self._names(self.watch)
+        mine = leaves & named
+        latched = Signal()
+        m.d.sync += latched.eq(takes | (latched & ~mine))
+        self.promise(m, "address_correct", implies(named, latched) & self._exists(), named)
+        self.promise(m, "exactly_one_event", implies(takes & latched, mine), takes & latched)
+
+        ahead = Signal(range(columns + 1))
+        with m.If(takes):
+            m.d.sync += ahead.eq(0)
+        with m.Elif(leaves & (ahead != columns)):
+            m.d.sync += ahead.eq(ahead + 1)
+        self.promise(m, "in_turn", implies(latched, ahead < columns), mine & (ahead == columns - 1))
+
+        # Events that left since the request was raised, the one that leaves now not counted; kept when it is latched.
+        waited, kept = Signal(range(bound + 2)), Signal(range(bound + 2))
+        after = Signal(range(bound + 2))
+        m.d.comb += after.eq(waited + (leaves & (waited != bound)))
+        m.d.sync += waited.eq(after & (requests & ~takes).replicate(len(after)))
+        with m.If(takes):
+            m.d.sync += kept.eq(after)
+        with m.Elif(leaves & (kept != bound)):
+            m.d.sync += kept.eq(kept + 1)
+        late = (latched & (kept >= bound)) | (waited >= bound)
+        self.promise(m, "no_starvation", ~late, mine & (kept == bound - 1))
+
+        if self.config.has_polarity:
+            polarity = Signal()
+            with m.If(takes):
+                m.d.sync += polarity.eq(bit_of(self.polarity, self.watch))
+            self.promise(m, "polarity_kept", implies(named & latched, self.event_polarity == polarity), named)
+
+    def _fairness(self, m: Module) -> None:
+        if self.config.rows == 1:
+            return
+        grants = Cat(grant.replicate(self.config.columns) for grant in self.granted)
+        takes, rival = (bit_of(self.request & grants, taxel) for taxel in (self.watch, self.rival))
+        # The rival has asked all the time since the watched taxel was granted, and was not granted.
+        owed = Signal()
+        asks = bit_of(self.request, self.rival) & ~rival
+        with m.If(takes):
+            m.d.sync += owed.eq(asks)
+        with m.Elif(owed):
+            m.d.sync += owed.eq(asks)
+        self.promise(m, "fairness", ~(owed & takes & bit_of(self.request, self.rival) & ~rival), owed & rival)
+
+    def _names(self, taxel: Signal) -> Any:
+        """Return whether the event's address is that of a taxel."""
+        row = self.event_row if self.has("event_row") else Const(0)
+        column = self.event_col if self.has("event_col") else Const(0)
+        return row * self.config.columns + column == taxel
+
+    def _exists(self) -> Any:
+        """Return whether the event's address is that of any taxel."""
+        row = self.event_row if self.has("event_row") else Const(0)
+        column = self.event_col if self.has("event_col") else Const(0)
+        return ~self.event_valid | ((row < self.config.rows) & (column < self.config.columns))

@@ -1,0 +1,112 @@
+"""The frame readout: taxels in order, no word lost, an overrun reported exactly."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from amaranth.hdl import Array, Cat, Const, Module, Mux, Signal
+from amaranth.lib.wiring import In
+
+from model.frame_config import FrameConfig
+from rtl.frame import FrameReadout
+from verify.proofs.checker import Checker, Property, before, implies
+
+
+class FrameChecker(Checker[FrameConfig]):
+    """Watches the whole frame readout. The converter answers when it likes, the sink takes words when it likes.
+
+    Attributes
+    ----------
+    watch : In(bits)
+        A bit of a frame's words, any, for good.
+    """
+
+    block = FrameReadout
+    properties = (
+        Property("taxels_in_order", "during a scan exactly taxel number i is selected for code i, between scans none"),
+        Property("one_conversion_each", "a conversion starts once for a taxel, and never while one is under way"),
+        Property("settled", "a conversion starts settle_clocks clocks after its taxel was selected at the earliest"),
+        Property("scan_goes_on", "while the sink takes words the next conversion starts in time"),
+        Property("overrun_exact", "frame_overrun follows exactly a frame_start within a scan"),
+        Property("words_carry_codes", "every bit of every word is that of its code, and 0 behind the last code"),
+        Property("sync_on_first", "the first word of every frame, and no other, is marked"),
+        Property("frame_completes", "after the last code all words of the frame leave as soon as the sink takes them"),
+        Property("word_stable", "a word that is not taken is offered again, the same in every bit"),
+    )
+
+    def observed(self, config: FrameConfig) -> dict[str, Any]:
+        return super().observed(config) | {"watch": In((config.words_per_frame * config.word_bits - 1).bit_length())}
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        rows, columns, settle = self.config.rows, self.config.columns, self.config.settle_clocks
+        row, column = Signal(rows, init=1, name="row_now"), Signal(columns, init=1, name="column_now")
+        scan, converting = Signal(), Signal()
+        taken, last = Signal(), Signal()
+        m.d.comb += [taken.eq(converting & self.adc_done), last.eq(taken & row[-1] & column[-1])]
+        m.d.sync += [
+            scan.eq((scan | self.frame_start) & ~last),
+            converting.eq((converting | self.adc_start) & ~taken),
+        ]
+        with m.If(taken):
+            m.d.sync += column.eq(Cat(column[-1], column[:-1]))
+            with m.If(column[-1]):
+                m.d.sync += row.eq(Cat(row[-1], row[:-1]))
+        selected = (self.row_select == (row & scan.replicate(rows))) & (
+            self.column_select == (column & scan.replicate(columns))
+        )
+        self.promise(m, "taxels_in_order", selected, self.adc_start & row[-1] & column[-1])
+        self.promise(m, "one_conversion_each", implies(self.adc_start, scan & ~converting), self.adc_start)
+        waited = Signal(range(settle + 6))
+        with m.If(~scan | converting):
+            m.d.sync += waited.eq(0)
+        with m.Elif(waited != settle + 5):
+            m.d.sync += waited.eq(waited + 1)
+        self.promise(m, "settled", implies(self.adc_start, waited >= settle), self.adc_start & (waited == settle))
+        stuck = Signal(range(settle + 6))
+        m.d.sync += stuck.eq(
+            (stuck + 1) & (scan & ~converting & ~self.adc_start & self.word_ready).replicate(len(stuck))
+        )
+        self.promise(m, "scan_goes_on", stuck < settle + 3, self.adc_start)
+        missed = before(m, self.frame_start & scan, "missed")
+        self.promise(m, "overrun_exact", self.frame_overrun == missed, missed & ~scan)
+        self._words(m, taken, last, row, column)
+        return self.finish(m)
+
+    def _words(self, m: Module, taken: Signal, last: Signal, row: Signal, column: Signal) -> None:
+        """Follow one bit of a frame from its code to its word; two frames may be on the way."""
+        config = self.config
+        bits, width, count = config.resolution, config.word_bits, config.words_per_frame
+        leaves = self.word_valid & self.word_ready
+        number = Signal(range(count), name="word_number")
+        ends = leaves & (number == count - 1)
+        with m.If(leaves):
+            m.d.sync += number.eq(Mux(ends, 0, number + 1))
+        into, out = Signal(name="frame_in"), Signal(name="frame_out")
+        m.d.sync += [into.eq(into ^ last), out.eq(out ^ ends)]
+
+        places = range(count * width)
+        codes = config.taxels * bits
+        mine = [
+            row[place // bits // config.columns] & column[place // bits % config.columns] if place < codes else Const(0)
+            for place in places
+        ]
+        padding = [Const(1, 1)] * ((1 << len(self.watch)) - count * width)
+        kept = Array(Signal(name=f"bit_{frame}") for frame in range(2))
+        with m.If(taken & Array([*mine, *padding])[self.watch]):
+            sent = Array([*(self.adc_code[place % bits] for place in places), *padding])[self.watch]
+            m.d.sync += kept[into].eq(sent)
+        real = self.watch < codes
+        due = (
+            self.word_valid
+            & Array([*(number == place // width for place in places), *[Const(0, 1)] * len(padding)])[self.watch]
+        )
+        shown = Array([*(self.word_data[place % width] for place in places), *padding])[self.watch]
+        self.promise(m, "words_carry_codes", implies(due, shown == (kept[out] & real)), due & shown)
+        self.promise(m, "sync_on_first", implies(self.word_valid, self.word_sync == (number == 0)), ends)
+        behind = Signal(range(6))
+        m.d.sync += behind.eq((behind + (behind != 5)) & ((into != out) & self.word_ready & ~ends).replicate(3))
+        self.promise(m, "frame_completes", behind < 4, (into != out) & ends)
+        waits = before(m, self.word_valid & ~self.word_ready, "waits")
+        word = Cat(self.word_data, self.word_sync)
+        self.promise(m, "word_stable", implies(waits, self.word_valid & (word == before(m, word, "word"))), waits)

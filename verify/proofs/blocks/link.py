@@ -1,0 +1,100 @@
+"""The four-phase link: its protocol under any ACK, and that every event crosses once."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from amaranth.hdl import Cat, Const, Module, Signal
+
+from model.config import ReadoutConfig
+from rtl.link import FourPhaseLink
+from verify.proofs.checker import Checker, Property, before, implies
+
+
+class LinkChecker(Checker[ReadoutConfig]):
+    """Watches the four-phase link; ACK is free, at any time and of any length."""
+
+    block = FourPhaseLink
+    properties = (
+        Property("one_pulse_per_event", "REQ rises two clocks after an event is taken, and never otherwise"),
+        Property(
+            "address_of_event",
+            "from the clock before REQ rises until REQ falls the address is that of the event taken",
+            applies=lambda config: config.event_bits > 0,
+        ),
+        Property(
+            "address_stable",
+            "the address does not move while REQ is high, nor while the ACK of a receiver is",
+            applies=lambda config: config.event_bits > 0,
+        ),
+        Property("one_at_a_time", "an event is taken only when REQ of the one before has risen and fallen"),
+        Property("req_waits_for_ack", "REQ falls only when ACK has been high while REQ was"),
+        Property("req_after_ack_low", "REQ rises only when the ACK of a receiver is low"),
+        Property("req_answers_ack", "REQ falls three clocks after ACK at the latest"),
+        Property(
+            "ack_is_synchronised",
+            "an event is taken, and REQ falls, only for an ACK that has passed two flops",
+        ),
+        Property("ready_answers_ack", "with nothing in hand, the third clock with ACK low takes an event"),
+    )
+    assumptions: ClassVar = {
+        "ack_follows_req": "ACK rises only while REQ is high and falls only while it is low; a reset may break that off"
+    }
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        req, ack, taken = self.aer_req, self.aer_ack, self.event_valid & self.event_ready
+        req_before, ack_before = before(m, req, "req"), before(m, ack, "ack")
+        rises, falls = req & ~req_before, ~req & req_before
+
+        # A receiver: after a reset ACK may still be high.
+        known, kept = Signal(), Signal(init=1)
+        follows = ~known | ~((ack & ~ack_before & ~req) | (~ack & ack_before & req))
+        m.d.sync += [known.eq(1), kept.eq(kept & follows)]
+        receiver = Signal()
+        m.d.comb += receiver.eq(kept & follows)
+        self.suppose(m, "ack_follows_req", follows)
+
+        setup = before(m, taken, "taken")
+        due = before(m, setup, "setup")
+        self.promise(m, "one_pulse_per_event", rises == due, rises)
+        busy = Signal()
+        m.d.sync += busy.eq(taken | (busy & ~(req_before & ~req)))
+        in_hand = busy & ~falls
+        self.promise(m, "one_at_a_time", implies(self.event_ready, ~in_hand), self.event_ready & falls)
+
+        self._address(m, taken, setup, receiver)
+
+        # ACK passes two flops: REQ falls for an ACK of at least two clocks ago, within the same REQ.
+        answered = Signal()
+        m.d.sync += answered.eq(req & (answered | ack))
+        self.promise(m, "req_waits_for_ack", implies(falls & receiver, answered), falls & receiver)
+        self.promise(m, "req_after_ack_low", implies(rises & receiver, ~ack_before), rises & receiver & ack)
+        # In the first clocks after a reset ACK counts as high.
+        stages = [Signal(init=1, name=f"ack_{clocks}_before") for clocks in (1, 2, 3)]
+        m.d.sync += [new.eq(old) for new, old in zip(stages, [ack, *stages[:2]], strict=True)]
+        passed = implies(self.event_ready, ~stages[1]) & implies(falls, stages[2])
+        self.promise(m, "ack_is_synchronised", passed, self.event_ready & ack)
+        for name, waiting, done in (
+            ("req_answers_ack", req & ack, ~req),
+            ("ready_answers_ack", ~in_hand & ~ack & ~req & ~setup, self.event_ready),
+        ):
+            clocks = Signal(range(5), name=f"{name}_clocks")
+            m.d.sync += clocks.eq(waiting.replicate(3) & (clocks + (clocks != 4)))
+            full = 3 if name == "req_answers_ack" else 2
+            self.promise(m, name, implies((clocks >= full) & waiting, done), clocks == full)
+        return self.finish(m)
+
+    def _address(self, m: Module, taken: Any, setup: Signal, receiver: Any) -> None:
+        fields = Cat(getattr(self, n) for n in ("event_col", "event_row", "event_polarity") if self.has(n))
+        if not len(fields):
+            return
+        held_event = Signal(len(fields))
+        with m.If(taken):
+            m.d.sync += held_event.eq(fields)
+        shown = setup | self.aer_req
+        self.promise(m, "address_of_event", implies(shown, self.aer_addr == held_event), shown & held_event.any())
+        moved = self.aer_addr != before(m, self.aer_addr, "address")
+        held = before(m, self.aer_req | (self.aer_ack & receiver), "held") | self.aer_req
+        held &= receiver | self.aer_req
+        self.promise(m, "address_stable", implies(held, ~moved), held & Const(1))

@@ -1,0 +1,150 @@
+"""The merge of tiles: whose event is taken, what leaves, and how long anybody waits."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from amaranth.hdl import Array, Cat, Const, Module, Mux, Signal
+from amaranth.lib.wiring import In
+
+from model.tiles.config import TilesConfig
+from rtl.tiles.merge import Merge
+from verify.proofs.checker import Checker, Property, at_most_one, before, bit_of, cyclic, implies, within
+
+DEPTH = 2
+"""Events that a merge holds at most."""
+
+
+class MergeChecker(Checker[TilesConfig]):
+    """Watches the merge; the tiles' streams are free, and what needs their rules holds as long as they kept them.
+
+    Attributes
+    ----------
+    watch, rival : In(bits)
+        Two tiles, any, for good.
+    """
+
+    block = Merge
+    properties = (
+        Property("takes_one", "at most one tile's event is taken in a clock, and only one that is offered"),
+        Property("takes_what_fits", "while fewer than two events are held an offered one is taken, else none"),
+        Property("tile_order", "the tile that is taken is the first offering one behind the last taken, cyclically"),
+        Property("in_order", "an event that leaves is the oldest that its tile has given and that has not left"),
+        Property("none_lost", "an event is offered exactly while fewer have left than were taken, by two at most"),
+        Property("payload_stable", "an event that is not taken is offered again, the same in every bit"),
+        Property("no_bubble", "in the clock after one in which a tile offers an event the merge offers one"),
+        Property("no_starvation", "an event is among the next tiles + 2 that leave after it was offered"),
+        Property(
+            "fairness",
+            "of two tiles that both offer events, none is taken twice before the other: n busy ones get one in n",
+            applies=lambda config: config.tiles > 1,
+        ),
+    )
+    assumptions: ClassVar = {
+        "tiles_hold_events": "an event that a tile offers stays, the same in every bit, until taken"
+    }
+
+    def observed(self, config: TilesConfig) -> dict[str, Any]:
+        tile = In(max(1, config.tile_bits))
+        return super().observed(config) | {"watch": tile, "rival": tile}
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        tiles = self.config.tiles
+        taken = self.tile_valid & self.tile_ready
+        comes, leaves = taken.any(), self.event_valid & self.event_ready
+
+        # The tiles' side: what is offered stays.
+        waits = self.tile_valid & ~self.tile_ready
+        offers = [self._payload("tile", index) for index in range(tiles)]
+        stays = Const(1)
+        for index, payload in enumerate(offers):
+            waited = before(m, waits[index], f"waits_{index}")
+            same = payload == before(m, payload, f"payload_{index}") if len(payload) else Const(1)
+            stays &= implies(waited, self.tile_valid[index] & same)
+        kept = Signal(init=1)
+        m.d.sync += kept.eq(kept & stays)
+        self.suppose(m, "tiles_hold_events", stays)
+
+        held = Signal(range(DEPTH + 2))
+        m.d.sync += held.eq(held + comes - leaves)
+        self.promise(m, "takes_one", at_most_one(self.tile_ready) & within(self.tile_ready, self.tile_valid), comes)
+        fits = held < DEPTH
+        self.promise(m, "takes_what_fits", comes == (self.tile_valid.any() & fits), self.tile_valid.any() & ~fits)
+        counts = (self.event_valid == (held != 0)) & (held <= DEPTH)
+        self.promise(m, "none_lost", counts, held == DEPTH)
+        self.promise(
+            m,
+            "no_bubble",
+            implies(before(m, self.tile_valid.any(), "asked"), self.event_valid),
+            before(m, self.tile_valid.any() & leaves, "left") & self.event_valid,
+        )
+        offered = self._payload("event", 0, with_tile=True)
+        stalls = before(m, self.event_valid & ~self.event_ready, "stalls")
+        same = offered == before(m, offered, "offered") if len(offered) else Const(1)
+        self.promise(m, "payload_stable", implies(stalls, self.event_valid & same), stalls)
+        last, jumps = cyclic(m, self.tile_valid, taken)
+        self.promise(m, "tile_order", ~jumps, taken.any() & (taken <= last))
+        self._watched(m, taken, leaves, kept & stays, offers)
+        return self.finish(m)
+
+    def _watched(self, m: Module, taken: Any, leaves: Any, kept: Any, offers: list[Any]) -> None:
+        """Follow the events of one tile: those that the merge holds, the oldest first, and the one that is offered."""
+        tiles = self.config.tiles
+        given = bit_of(taken, self.watch)
+        mine = leaves & self._names(self.watch)
+        inside = Signal(range(DEPTH + 2))
+        m.d.sync += inside.eq(inside + given - mine)
+        payload = (
+            Array([*offers, *[offers[0]] * ((1 << len(self.watch)) - tiles)])[self.watch] if len(offers[0]) else None
+        )
+        right: Any = inside != 0
+        if payload is not None:
+            oldest, newest = (Signal(len(offers[0]), name=name) for name in ("oldest", "newest"))
+            with m.If(given):
+                m.d.sync += newest.eq(payload)
+            with m.If(mine | (inside == 0)):
+                m.d.sync += oldest.eq(Mux(inside == DEPTH, newest, payload))
+            right &= self._payload("event", 0) == oldest
+        exists = self._tile() < tiles
+        self.promise(m, "in_order", implies(mine, right) & implies(self.event_valid, exists), mine & (inside == DEPTH))
+
+        # Events that left since the watched tile's was offered, the one that leaves now not counted.
+        bound = tiles + DEPTH
+        waits = bit_of(self.tile_valid & ~self.tile_ready, self.watch)
+        waited, kept_count = Signal(range(bound + 1)), Signal(range(bound + 1))
+        after = Signal(range(bound + 1))
+        m.d.comb += after.eq(waited + (leaves & (waited != bound)))
+        m.d.sync += waited.eq(Mux(waits, after, 0))
+        # The newest event of the tile within the merge is the latest to leave.
+        with m.If(given):
+            m.d.sync += kept_count.eq(after)
+        with m.Elif(leaves & (kept_count != bound)):
+            m.d.sync += kept_count.eq(kept_count + 1)
+        late = ((inside != 0) & (kept_count >= bound)) | (waited >= bound)
+        self.promise(m, "no_starvation", implies(kept, ~late), mine & (inside == 1) & (kept_count == bound - 1))
+
+        if tiles > 1:
+            other = bit_of(taken, self.rival)
+            asks = bit_of(self.tile_valid, self.rival) & ~other
+            owed = Signal()
+            with m.If(given):
+                m.d.sync += owed.eq(asks)
+            with m.Elif(owed):
+                m.d.sync += owed.eq(asks)
+            self.promise(m, "fairness", ~(owed & given & asks), owed & other)
+
+    def _payload(self, stream: str, index: int, with_tile: bool = False) -> Any:
+        """Return the payload of a tile's stream, or of the merge's."""
+        words = [getattr(self, f"{stream}_{name}") for name in ("col", "row", "polarity") if self.has(f"event_{name}")]
+        parts = self.config.tiles if stream == "tile" else 1
+        bits = [len(word) // parts for word in words]
+        fields = [word[index * width : (index + 1) * width] for word, width in zip(words, bits, strict=True)]
+        return Cat(*fields, *([self._tile()] if with_tile else []))
+
+    def _tile(self) -> Any:
+        return self.event_tile if self.has("event_tile") else Const(0, 1)
+
+    def _names(self, tile: Signal) -> Any:
+        """Return whether the event that is offered is that of a tile."""
+        return self._tile() == tile

@@ -1,0 +1,120 @@
+"""The test pattern: one request after the other, each for its taxel, with its polarity and at its pace."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from amaranth.hdl import Cat, Const, Module, Mux, Signal
+from amaranth.lib.wiring import In
+
+from model.config import ReadoutConfig
+from model.registers.pattern import ALL
+from rtl.logic import encode
+from rtl.registers.pattern import TestPattern, fields
+from verify.proofs.checker import Checker, Property, at_most_one, before, implies
+
+
+class PatternChecker(Checker[ReadoutConfig]):
+    """Watches the pattern; its register changes at any time, and any row is granted."""
+
+    block = TestPattern
+    properties = (
+        Property("one_request", "at most one taxel requests, and none while the pattern is off or begins anew"),
+        Property("waits_for_grant", "a request stays, the same in every bit, until its row is granted"),
+        Property("starts_there", "the first request is that of the taxel in the register"),
+        Property("in_turn", "behind the request of a taxel comes its own again, or that of the next taxel"),
+        Property(
+            "at_its_pace", "a request rises 2**interval clocks behind the one before, or as soon as that is taken"
+        ),
+        Property(
+            "polarity_turns",
+            "the polarity is that of the register, and turns with every event of one taxel or every round, if at all",
+            applies=lambda config: config.has_polarity,
+        ),
+    )
+
+    def inner(self, config: ReadoutConfig) -> dict[str, Any]:
+        sides = {"at_row": config.rows, "at_column": config.columns}
+        places = {name: In((side - 1).bit_length()) for name, side in sides.items() if side > 1}
+        return {**places, "count": In((1 << dict(fields(config))["interval"]) - 1)}
+
+    def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
+        """Let the register change only where a restart goes with it, as the register file does; mode 3 is refused."""
+        names = {*fields(self.config), "restart"}
+        begins = free("restart", 1)
+        m.d.sync += self.restart.eq(begins)
+        for name, width in fields(self.config).items():
+            kept = Signal(width, init=1 if name == "on" else 0, name=f"kept_{name}")
+            new = free(name, width)
+            with m.If(begins):
+                m.d.sync += kept.eq(new & ~(new.all().replicate(width)) if name == "mode" else new)
+            m.d.comb += getattr(self, name).eq(kept)
+        return names
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        config = self.config
+        asks, taken = Signal(), Signal()
+        m.d.comb += [asks.eq(self.row_request.any()), taken.eq((self.row_request & self.granted).any())]
+        taxel = Cat(encode(self.column_request), encode(self.row_request))
+        place = Cat(getattr(self, name) for name in ("at_column", "at_row") if self.has(name))
+        runs = (self.mode != 0) & ~self.restart
+        first = Cat(
+            getattr(self, name)[: (side - 1).bit_length()]
+            for name, side in (("column", config.columns), ("row", config.rows))
+            if side > 1
+        )
+        quiet = (self.mode == 0) | self.restart
+        alone = at_most_one(self.row_request) & at_most_one(self.column_request)
+        self.promise(m, "one_request", implies(asks, ~quiet & alone & self.column_request.any()), asks)
+        waited = before(m, asks & ~taken, "waited") & ~self.restart
+        sign = (self.column_polarity & self.column_request).any() if config.has_polarity else Const(0)
+        request = Cat(taxel, sign)
+        same = request == before(m, request, "request")
+        self.promise(m, "waits_for_grant", implies(waited, asks & same), waited & (taxel != 0))
+
+        # What comes next: kept by the last request that was taken.
+        begun, due, due_sign = Signal(), Signal(len(taxel)), Signal(init=1)
+        last = taxel == config.taxels - 1
+        with m.If(self.restart):
+            m.d.sync += begun.eq(0)
+        with m.Elif(taken):
+            m.d.sync += [begun.eq(1), due.eq(Mux(self.mode == ALL, self._following(taxel), taxel))]
+        right = implies(runs & ~begun, place == first) & implies(asks & ~begun, taxel == first)
+        self.promise(m, "starts_there", right, asks & ~begun & (first != 0))
+        right = implies(runs & begun, place == due) & implies(asks & begun, taxel == due)
+        self.promise(m, "in_turn", right, asks & begun & (due == 0) & (self.mode == ALL))
+        if config.has_polarity:
+            with m.If(self.restart):
+                m.d.sync += due_sign.eq(self.on)
+            with m.Elif(taken & self.turns & ((self.mode != ALL) | last)):
+                m.d.sync += due_sign.eq(~due_sign)
+            self.promise(m, "polarity_turns", implies(asks, sign == due_sign), asks & (due_sign != self.on))
+        self._pace(m, asks, taken, quiet)
+        return self.finish(m)
+
+    def _following(self, taxel: Any) -> Any:
+        """Return the taxel behind one, for sides that are powers of two: then the address is its index."""
+        return (taxel + 1)[: len(taxel)]
+
+    def _pace(self, m: Module, asks: Signal, taken: Signal, quiet: Any) -> None:
+        """Count the clocks since a request rose."""
+        since, old, took = Signal(17), before(m, asks, "asks"), before(m, taken, "taken")
+        fresh = asks & (~old | took)
+        idle = Signal(init=1)
+        with m.If(quiet):
+            m.d.sync += [since.eq(0), idle.eq(1)]
+        with m.Elif(fresh):
+            m.d.sync += [since.eq(1), idle.eq(0)]
+        with m.Elif(since != (1 << 17) - 1):
+            m.d.sync += since.eq(since + 1)
+        early = ~idle & (since < (Const(1, 1) << self.interval))
+        late = ~quiet & ~asks & ~idle & (since >= (Const(1, 1) << self.interval)) & ~early
+        started = before(m, ~quiet & (self.mode != 0), "started")
+        right = implies(fresh, ~early) & ~late & implies(started & idle & ~quiet, asks)
+        # The counter of the block, which says when the next one may rise.
+        left = (Const(1, 1) << self.interval)[:16] - 1
+        first, so_far = idle & ~fresh, Mux(fresh, 0, since)
+        right &= quiet | Mux(self.count != 0, ~first & (self.count + so_far == left), first | (so_far >= left))
+        self.promise(m, "at_its_pace", right, fresh & ~idle & (self.interval == 2))

@@ -1,0 +1,146 @@
+"""The readout as a whole, seen from its ports: one event for every step of a reference, none of a masked taxel."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from amaranth.hdl import Array, Cat, Const, Module, Signal, signed
+from amaranth.lib.wiring import In
+
+from model.config import ReadoutConfig
+from rtl.readout import Readout
+from verify.proofs.checker import Checker, Property, before, implies
+
+
+class ReadoutChecker(Checker[ReadoutConfig]):
+    """Watches the readout with the analog front end and LCS: its references are ports. Comparators decide at random.
+
+    Attributes
+    ----------
+    watch : In(bits)
+        A taxel, any, for good.
+    """
+
+    block = Readout
+    properties = (
+        Property(
+            "one_event_per_step",
+            "events of a taxel that stays enabled are its steps: each once, in order, with its sign",
+        ),
+        Property("none_outstanding", "no more of a taxel's events are on the way than request, latch and link hold"),
+        Property(
+            "leaves_in_time",
+            "a step's event leaves within (rows + 1) * columns + 2 clocks of a ready sink",
+            applies=lambda config: config.link == "stream",
+        ),
+        Property(
+            "masked_is_silent", "after a taxel is masked at most what was latched leaves, one event, two with a link"
+        ),
+        Property(
+            "masked_for_good",
+            "a masked taxel's event leaves within columns + 1 clocks of a ready sink, or never",
+            applies=lambda config: config.link == "stream",
+        ),
+        Property("masked_is_reset", "the reference of a masked taxel is that of a reset"),
+        Property("others_do_not_move", "the reference of an enabled taxel moves by D or not at all"),
+    )
+
+    def observed(self, config: ReadoutConfig) -> dict[str, Any]:
+        return super().observed(config) | {"watch": In(max(1, (config.taxels - 1).bit_length()))}
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        config = self.config
+        enable, reference = Signal(), Signal(signed(config.sample_bits), name="u")
+        words = [self.reference_code[i * config.sample_bits :][: config.sample_bits] for i in range(config.taxels)]
+        m.d.comb += [enable.eq(self._pick([*self.taxel_enable], 0)), reference.eq(self._pick(words, 0).as_signed())]
+        event, polarity = self._event(m)
+
+        old, on = before(m, reference, "u"), before(m, enable, "enable")
+        known = before(m, Const(1, 1), "known")
+        step = Signal()
+        m.d.comb += step.eq(on & (reference != old))
+        size = Signal(signed(config.sample_bits + 2))
+        m.d.comb += size.eq(reference - old)
+        exact = (size == 0) | (size == config.step) | (size == -config.step)
+        self.promise(m, "others_do_not_move", implies(on, exact), step)
+        off = known & ~on
+        self.promise(
+            m,
+            "masked_is_reset",
+            implies(off, reference == config.reference_reset),
+            off & (old != config.reference_reset),
+        )
+        self._queue(m, enable, step, reference > old, event, polarity)
+        self._masked(m, enable, event)
+        return self.finish(m)
+
+    def _pick(self, values: list[Any], default: int) -> Any:
+        """Return that of the watched taxel."""
+        spare = (1 << len(self.watch)) - len(values)
+        return Array([*values, *[Const(default, len(values[0]))] * spare])[self.watch]
+
+    def _event(self, m: Module) -> tuple[Signal, Any]:
+        """Return whether an event of the watched taxel leaves in this clock, and its polarity."""
+        config = self.config
+        event = Signal(name="event_leaves")
+        if config.link == "stream":
+            row = self.event_row if self.has("event_row") else Const(0)
+            column = self.event_col if self.has("event_col") else Const(0)
+            leaves, polarity = self.event_valid & self.event_ready, self.event_polarity
+        else:
+            leaves = self.aer_req & ~before(m, self.aer_req, "req")
+            column = self.aer_addr[: config.column_bits]
+            row = self.aer_addr[config.column_bits :][: config.row_bits]
+            polarity = self.aer_addr[-1]
+        m.d.comb += event.eq(leaves & (row * config.columns + column == self.watch))
+        return event, polarity
+
+    def _queue(self, m: Module, enable: Signal, step: Signal, up: Any, event: Signal, polarity: Any) -> None:
+        """Keep the signs of the steps whose events have not left, as long as the taxel was never masked."""
+        depth = 2 if self.config.link == "stream" else 3
+        steady, count, signs = Signal(init=1), Signal(range(depth + 2)), Signal(depth + 1)
+        m.d.sync += steady.eq(steady & enable)
+        # A step that is seen in this clock was made at the end of the one before: its event may not leave yet.
+        now, held = Signal(range(depth + 2)), Signal(depth + 1)
+        m.d.comb += [
+            now.eq(count + (step & (count <= depth))),
+            held.eq(signs | (up << count) & step.replicate(depth + 1)),
+        ]
+        m.d.sync += [count.eq(now - (event & (now != 0))), signs.eq(_shift(held, event))]
+        right = (count != 0) & (polarity == signs[0])
+        self.promise(m, "one_event_per_step", implies(event & steady, right), event & steady & ~polarity)
+        self.promise(m, "none_outstanding", implies(steady, now <= depth), steady & (now == depth))
+        if self.config.link == "stream":
+            bound = (self.config.rows + 1) * self.config.columns + 2
+            clocks = Signal(range(bound + 2))
+            waiting = (now != 0) & self.event_ready & ~event
+            with m.If(event | (now == 0)):
+                m.d.sync += clocks.eq(0)
+            with m.Elif(waiting & (clocks <= bound)):
+                m.d.sync += clocks.eq(clocks + 1)
+            self.promise(
+                m, "leaves_in_time", implies(steady, clocks < bound), event & steady & (clocks >= self.config.columns)
+            )
+
+    def _masked(self, m: Module, enable: Signal, event: Signal) -> None:
+        most = 1 if self.config.link == "stream" else 2
+        left = Signal(range(most + 2))
+        with m.If(enable):
+            m.d.sync += left.eq(0)
+        with m.Elif(event & (left <= most)):
+            m.d.sync += left.eq(left + 1)
+        self.promise(m, "masked_is_silent", left <= most, ~enable & (left == most))
+        if self.config.link == "stream":
+            bound = self.config.columns + 1
+            clocks = Signal(range(bound + 1))
+            with m.If(enable):
+                m.d.sync += clocks.eq(0)
+            with m.Elif(self.event_ready & (clocks != bound)):
+                m.d.sync += clocks.eq(clocks + 1)
+            self.promise(m, "masked_for_good", implies(~enable & (clocks == bound), ~event), ~enable & event)
+
+
+def _shift(word: Signal, taken: Signal) -> Any:
+    """Return a queue of bits without its first one, if that is taken."""
+    return Cat(Array([word, Cat(word[1:], Const(0, 1))])[taken])

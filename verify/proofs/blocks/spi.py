@@ -1,0 +1,94 @@
+"""The SPI slave: what is written is what a whole, unbroken transfer said, what is read is what was there."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from amaranth.hdl import Cat, Const, Module, Mux, Signal, Value
+
+from model.config import ReadoutConfig
+from model.registers.description import WORD_BYTES
+from rtl.registers.spi import NarrowSlave, SpiSlave
+from verify.proofs.checker import Checker, Property, before, implies
+
+
+class SpiChecker(Checker[ReadoutConfig]):
+    """Watches the slave; pins and data are free, at any time."""
+
+    block: ClassVar[type[SpiSlave]] = SpiSlave
+    properties = (
+        Property(
+            "aborted_writes_nothing",
+            "a word is written only in the clock of its last bit, in a transfer to write that CS never broke off",
+        ),
+        Property("whole_is_written", "with the last bit of every such word it is written"),
+        Property("written_as_sent", "the word written has the bits that were sent"),
+        Property("address_as_sent", "its address is that of the command, and a word more with every word before it"),
+        Property("read_as_kept", "every bit of MISO is that of the word that was at the address before its first bit"),
+        Property("quiet_otherwise", "MISO is 0 but within the words of a transfer to read"),
+        Property(
+            "opens_after_two", "a transfer is under way from CS low behind two clocks of high until CS is seen high"
+        ),
+    )
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        address_bits, word_bits = self.block.address_bits, self.block.word_bits
+        command_bits, whole_bits = 1 + address_bits, 1 + address_bits + word_bits
+        sck = self._past(m, self.spi_sck, "sck", 3)
+        cs_n = self._past(m, self.spi_cs_n, "cs_n", 4)
+        mosi = self._past(m, self.spi_mosi, "mosi", 2)
+        under_way = Signal()
+        opens = ~cs_n[1] & cs_n[2] & cs_n[3]
+        m.d.sync += under_way.eq(opens | (under_way & ~cs_n[1]))
+        unbroken = under_way & ~cs_n[1]
+        rise, fall = Signal(), Signal()
+        m.d.comb += [rise.eq(unbroken & sck[1] & ~sck[2]), fall.eq(unbroken & ~sck[1] & sck[2])]
+
+        # Bits of the command and the word so far, and all that was sent, taken with every rise.
+        bits, sent, writes = Signal(range(whole_bits)), Signal(max(word_bits, command_bits)), Signal()
+        whole, now = Signal(), Cat(mosi[1], sent[:-1])
+        m.d.comb += whole.eq(bits == whole_bits - 1)
+        with m.If(opens):
+            m.d.sync += bits.eq(0)
+        with m.Elif(rise):
+            m.d.sync += [bits.eq(Mux(whole, command_bits, bits + 1)), sent.eq(now)]
+        address = Signal(address_bits)
+        with m.If(rise & (bits == command_bits - 1)):
+            m.d.sync += [address.eq(now), writes.eq(now[address_bits])]
+        with m.Elif(rise & whole):
+            m.d.sync += address.eq(address + WORD_BYTES)
+
+        complete = rise & whole & writes
+        self.promise(m, "aborted_writes_nothing", implies(self.write, complete), self.write)
+        self.promise(m, "whole_is_written", implies(complete, self.write), complete)
+        self.promise(m, "written_as_sent", implies(self.write, self.write_data == now[:word_bits]), self.write & now[0])
+        in_data = bits >= command_bits
+        self.promise(m, "address_as_sent", implies(in_data, self.address == address), self.write & (address != 0))
+        self._reading(m, rise, fall, bits == command_bits, in_data & ~writes)
+        self.promise(m, "opens_after_two", self.spi_miso_enable == under_way, under_way & cs_n[1])
+        return self.finish(m)
+
+    def _past(self, m: Module, pin: Value, name: str, clocks: int) -> list[Signal]:
+        """Return a pin as it was one clock before, two, and so on."""
+        found: list[Any] = []
+        for clock in range(clocks):
+            found.append(before(m, found[-1] if found else pin, f"{name}_{clock}"))
+        return found
+
+    def _reading(self, m: Module, rise: Signal, fall: Signal, first: Value, reads: Value) -> None:
+        """The word is looked at once, with the fall of SCK before its first bit."""
+        kept = Signal(self.block.word_bits)
+        with m.If(fall & reads & first):
+            m.d.sync += kept.eq(self.read_data)
+        with m.Elif(fall & reads):
+            m.d.sync += kept.eq(Cat(Const(0, 1), kept[:-1]))
+        shown = rise & reads
+        self.promise(m, "read_as_kept", implies(shown, self.spi_miso == kept[-1]), shown & self.spi_miso)
+        self.promise(m, "quiet_otherwise", implies(~reads, ~self.spi_miso), ~reads & rise)
+
+
+class NarrowSpiChecker(SpiChecker):
+    """The same with short addresses and words."""
+
+    block = NarrowSlave

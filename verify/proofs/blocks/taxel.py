@@ -1,0 +1,261 @@
+"""The taxel: when it asks, how its reference moves, and what a mask or a waiting request does to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from amaranth.hdl import Const, Module, Mux, Signal, Value, signed
+from amaranth.lib.wiring import In
+
+from model.config import ReadoutConfig
+from rtl.taxel import Taxel
+from verify.proofs.checker import Checker, Property, before, implies
+
+
+def _digital(config: ReadoutConfig) -> bool:
+    return config.frontend == "digital"
+
+
+def _analog(config: ReadoutConfig) -> bool:
+    return config.frontend == "analog"
+
+
+def _leaks(config: ReadoutConfig) -> bool:
+    return config.encoder.leaks
+
+
+@dataclass
+class Now:
+    """What a taxel is about to do in a clock, by the specification; references in codes with all their fraction bits.
+
+    Attributes
+    ----------
+    reference, half_width : Value
+        Those of this clock.
+    asks : Value
+        It decides, and a comparator says so, on the scale or off it.
+    acts : Value
+        It raises an event at the end of this clock.
+    up : Value
+        Direction of the step.
+    then : Value
+        The reference after this clock, as an integer of more bits than the scale.
+    """
+
+    reference: Value
+    half_width: Value
+    asks: Value
+    acts: Value
+    up: Value
+    then: Value
+
+
+class TaxelChecker(Checker[ReadoutConfig]):
+    """Watches one taxel. Samples, comparator decisions, grants, mask and ticks come as they like."""
+
+    block = Taxel
+    properties = (
+        Property(
+            "decides_exactly",
+            "a free taxel raises a request exactly where x has crossed a threshold and the step stays on the scale",
+        ),
+        Property("asks_again", "a taxel whose request is taken may raise the next one in that clock: no bubble"),
+        Property(
+            "reference_exact", "the reference moves by its step with every event, and by its leak, and never else"
+        ),
+        Property("never_wraps", "no step and no leak leads off the scale, whatever the comparators say"),
+        Property(
+            "ends_do_nothing",
+            "a decision for a step off the scale gives no event and no step",
+            applies=_analog,
+        ),
+        Property(
+            "approaches",
+            "an event brings the reference nearer to the sample",
+            applies=lambda config: _digital(config) and not _leaks(config),
+        ),
+        Property(
+            "polarity_of_step",
+            "a request is ON where its step went up and OFF where it went down",
+            applies=lambda config: config.has_polarity,
+        ),
+        Property("waits_unchanged", "while a request waits, request, polarity, reference and window hold still"),
+        Property("disabled_is_silent", "a masked taxel requests nothing, in that very clock"),
+        Property("disabled_is_reset", "in the clock after, reference and window are those of a reset"),
+        Property("window_opens", "after an event the window is fully open", applies=lambda config: config.closes),
+        Property("leak_is_monotone", "without an event the reference never moves away from zero", applies=_leaks),
+        Property(
+            "leak_reaches_floor",
+            "a decay tick brings a reference nearer to zero, but for one of less than 2**(k-1) units: its floor",
+            applies=_leaks,
+        ),
+        Property(
+            "code_is_floor",
+            "the code at the DAC is the reference, rounded down",
+            applies=lambda config: _leaks(config) and _analog(config),
+        ),
+    )
+
+    def inner(self, config: ReadoutConfig) -> dict[str, Any]:
+        """Return the reference, unless a port shows all of it, and the half-width likewise."""
+        if _leaks(config):
+            bits = config.sample_bits + config.fraction_bits
+            return {"charge": In(signed(bits) if config.has_polarity else bits - 1)}
+        if _analog(config):
+            return {}
+        own = {"reference": In(signed(config.sample_bits - (config.grid - 1).bit_length()))}
+        return own | ({"window_half_width": In(config.closing_levels_log2 + 1)} if config.closes else {})
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        now = self._now(m)
+        self._requests(m, now)
+        self._moves(m, now)
+        self._stillness(m, now)
+        return self.finish(m)
+
+    @property
+    def _fraction(self) -> int:
+        return self.config.encoder.fraction_bits(self.config)
+
+    @property
+    def _init(self) -> int:
+        return self.config.reference_reset << self._fraction
+
+    def _now(self, m: Module) -> Now:
+        config, fraction = self.config, self._fraction
+        wide = signed(config.sample_bits + fraction + 4)
+        reference, half_width, then = (Signal(wide, name=name) for name in ("u", "h", "u_then"))
+        if _leaks(config):
+            m.d.comb += reference.eq(self.charge)
+        else:
+            m.d.comb += reference.eq(self.reference_code if _analog(config) else self.reference * config.grid)
+        m.d.comb += half_width.eq(config.step << fraction)
+        if config.closes:
+            shown = self.half_width if _analog(config) else self.window_half_width * config.grid
+            m.d.comb += half_width.eq(shown)
+
+        free = self.enable & (~self.request | self.granted)
+        decides = free & (self.tick if config.decide_every == "sample" else Const(1))
+        above, below = self._comparators(m, reference, half_width)
+        up = Value.cast(above)
+        moved = Mux(up, reference + half_width, reference - half_width)
+        top, bottom = config.full_scale << fraction, config.encoder.lowest(config) << fraction
+        asks = decides & (above | below)
+        acts = asks & (moved >= bottom) & (moved < top)
+        leak: Any = 0
+        if _leaks(config):
+            shift = config.leak_shift
+            leak = Mux(free & self.decay, (reference + (1 << (shift - 1))) >> shift, 0)
+            if config.has_polarity:  # a step towards zero takes the place of the leak
+                leak = Mux(acts & (up == (reference < 0)), 0, leak)
+        m.d.comb += then.eq(reference + Mux(acts, Mux(up, half_width, -half_width), 0) - leak)
+        return Now(reference, half_width, asks, acts, up, then)
+
+    def _comparators(self, m: Module, reference: Signal, half_width: Signal) -> tuple[Any, Any]:
+        """Return what the comparators say; those of the digital front end see every bit of the newest sample."""
+        config = self.config
+        if _analog(config):
+            return self.above, self.below if config.has_polarity else Const(0)
+        sample = Signal(signed(config.sample_bits), name="x")
+        # To a taxel without polarity, whose reference never is below zero, a sample below zero is as good as zero.
+        newest = self.sample if config.has_polarity else Mux(self.sample < 0, 0, self.sample)
+        if Taxel(config).sleeps:  # that of the block is kept, and not heard until there is a new one
+            kept, known = Signal(sample.shape(), name="x_kept"), Signal(name="x_known")
+            with m.If(self.enable & self.sample_valid):
+                m.d.sync += kept.eq(newest)
+            m.d.sync += known.eq(self.enable & (known | self.sample_valid))
+            m.d.comb += sample.eq(Mux(known, kept, 0))
+        else:
+            with m.If(~self.enable):
+                m.d.sync += sample.eq(0)
+            with m.Elif(self.sample_valid):
+                m.d.sync += sample.eq(newest)
+        self._sample = sample
+        gap = Signal(signed(config.sample_bits + 4), name="gap")
+        m.d.comb += gap.eq(sample - (reference >> self._fraction))
+        half_width = half_width >> self._fraction
+        above = gap > half_width if config.encoder.strict else gap >= half_width
+        return above, gap < -half_width if config.has_polarity else Const(0)
+
+    def _requests(self, m: Module, now: Now) -> None:
+        taken = self.request & self.granted
+        due = Signal()
+        m.d.sync += due.eq(self.enable & (now.acts | (self.request & ~self.granted)))
+        acted = before(m, now.acts, "acted")
+        self.promise(m, "decides_exactly", self.request == (due & self.enable), self.request & acted)
+        again = before(m, taken & now.acts, "again")
+        self.promise(m, "asks_again", implies(again & self.enable, self.request), again & self.enable)
+        stopped = before(m, now.asks & ~now.acts, "stopped")
+        still = now.reference == before(m, now.reference, "u") if not _leaks(self.config) else Const(1)
+        self.promise(m, "ends_do_nothing", implies(stopped, ~self.request & still), stopped)
+        if self.config.has_polarity:
+            up = before(m, now.up, "up")
+            self.promise(m, "polarity_of_step", implies(acted & self.request, self.polarity == up), acted & ~up)
+
+    def _moves(self, m: Module, now: Now) -> None:
+        config = self.config
+        expected = Signal(now.reference.shape(), init=self._init, name="u_expected")
+        m.d.sync += expected.eq(Mux(self.enable, now.then, self._init))
+        acted, old = before(m, now.acts, "acted"), before(m, now.reference, "u")
+        self.promise(m, "reference_exact", now.reference == expected, acted)
+        # A wrap is a jump over the whole scale. Near the end one more step of this size would leave it.
+        jump = now.reference - old
+        step = config.step << self._fraction
+        down: Any = (_magnitude(m, old, "size") >> config.leak_shift) + 1 if _leaks(config) else step
+        up: Any = step
+        if _leaks(config) and config.has_polarity:
+            up = down = step + down
+        near = acted & (now.reference + step >= config.full_scale << self._fraction)
+        on = before(m, self.enable, "on")
+        self.promise(m, "never_wraps", implies(on, (jump <= up) & (jump >= -down)), on & near)
+        if _digital(config) and not _leaks(config):
+            sample = before(m, self._sample, "x")
+            after, ahead = (_magnitude(m, sample - u, name) for u, name in ((now.reference, "after"), (old, "ahead")))
+            self.promise(m, "approaches", implies(acted, after < ahead), acted)
+        if config.closes:
+            self.promise(m, "window_opens", implies(acted, now.half_width == config.step), acted)
+        if _leaks(config):
+            floor = 1 << (config.leak_shift - 1)
+            quiet = before(m, self.enable & ~now.acts, "quiet")
+            inward = now.reference <= old
+            if config.has_polarity:
+                inward = Mux(old < 0, (now.reference >= old) & (now.reference <= 0), inward & (now.reference >= 0))
+            self.promise(m, "leak_is_monotone", implies(quiet, inward), quiet & (now.reference < old))
+            leaked = quiet & before(m, self.decay & (~self.request | self.granted), "leaked")
+            lower = Mux(old >= floor, now.reference < old, Mux(old < -floor, now.reference > old, now.reference == old))
+            self.promise(
+                m, "leak_reaches_floor", implies(leaked, lower), leaked & (old >= floor) & (now.reference < floor)
+            )
+            if _analog(config):
+                floor_code = now.reference >> self._fraction
+                self.promise(m, "code_is_floor", self.reference_code == floor_code, floor_code != 0)
+
+    def _stillness(self, m: Module, now: Now) -> None:
+        waited = before(m, self.enable & self.request & ~self.granted, "waited")
+        state = [now.reference, now.half_width, *([self.polarity] if self.config.has_polarity else [])]
+        same: Any = ~self.enable | self.request
+        for number, value in enumerate(state):
+            same &= value == before(m, value, f"state_{number}")
+        self.promise(m, "waits_unchanged", implies(waited, same), waited & self.enable)
+        self.promise(
+            m,
+            "disabled_is_silent",
+            implies(~self.enable, ~self.request),
+            before(m, self.request, "asked") & ~self.enable,
+        )
+        off = before(m, ~self.enable, "off")
+        reset = (now.reference == self._init) & ~self.request
+        if self.config.closes:
+            reset &= now.half_width == self.config.step
+        self.promise(
+            m, "disabled_is_reset", implies(off, reset), off & (before(m, now.reference, "u_off") != self._init)
+        )
+
+
+def _magnitude(m: Module, value: Value, name: str) -> Signal:
+    """Return the absolute value of a number."""
+    size = Signal(len(value), name=name)
+    m.d.comb += size.eq(Mux(value < 0, -value, value))
+    return size

@@ -1,0 +1,157 @@
+"""A checker watches a block of the readout and says, clock by clock, which of its properties hold.
+
+It is a block of its own, so one description serves three ends: a solver proves that its outputs never fall
+(``verify.proofs.bench``), Verilog of it is bound to the delivered text (``verify.proofs.bind``), and both look at
+the same ports and registers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, ClassVar, TypeVar
+
+from amaranth.hdl import Array, Cat, Const, Module, Signal, Value
+from amaranth.lib import wiring
+from amaranth.lib.wiring import In, Out
+
+from rtl.block import Block
+
+Config = TypeVar("Config")
+
+
+@dataclass(frozen=True)
+class Property:
+    """A sentence about a block that never fails.
+
+    Parameters
+    ----------
+    name : str
+        Snake case; the checker's outputs ``ok_NAME`` and ``seen_NAME`` are called after it.
+    meaning : str
+        The sentence.
+    applies : callable
+        Whether a configuration has anything that the property speaks of.
+    """
+
+    name: str
+    meaning: str
+    applies: Callable[[Any], bool] = lambda config: True
+
+
+class Checker(Block[Config]):
+    """Watches one block.
+
+    Attributes
+    ----------
+    watch : In(bits)
+        Index of the taxel that is looked at, any one of them, for good; absent where it is not needed.
+    ok_NAME, seen_NAME : Out(1)
+        The property holds in this clock; what it speaks of happens in this clock, so that it is not vacuous.
+    holds_NAME : Out(1)
+        An assumption about what is around the block holds in this clock. A bench guarantees it (``drive``), or the
+        properties that need it hold as long as it held (they say so); simulation checks it where the block is at work.
+    """
+
+    block: ClassVar[type[Any]]
+    properties: ClassVar[tuple[Property, ...]]
+    assumptions: ClassVar[Mapping[str, str]] = MappingProxyType({})
+
+    def __init__(self, config: Config) -> None:
+        self.module_name = f"{self.block.module_name}_properties"
+        self.proved = tuple(p for p in self.properties if p.applies(config))
+        self.given: dict[str, Value] = {}
+        self._said: set[str] = set()
+        outputs = [f"{kind}_{p.name}" for p in self.proved for kind in ("ok", "seen")]
+        outputs += [f"holds_{name}" for name in self.assumptions]
+        super().__init__(config, {**self.observed(config), **{name: Out(1) for name in outputs}})
+
+    def observed(self, config: Config) -> dict[str, Any]:
+        """Return what is looked at, as inputs: the ports of the block, and its registers by name (``inner``)."""
+        ports = {name: In(member.shape) for name, member in self.block(config).signature.members.items()}
+        return ports | self.inner(config)
+
+    def inner(self, config: Config) -> dict[str, Any]:
+        """Return the registers of the block that are looked at, as inputs by their names."""
+        return {}
+
+    def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
+        """Drive some inputs of the block from free ones; return their names. The others are free themselves."""
+        return set()
+
+    def promise(self, m: Module, name: str, ok: Any, seen: Any) -> None:
+        """Say when a property holds and when what it speaks of happens; nothing where it does not apply."""
+        if any(p.name == name for p in self.proved):
+            m.d.comb += [getattr(self, f"ok_{name}").eq(ok), getattr(self, f"seen_{name}").eq(seen)]
+            self._said.add(name)
+
+    def suppose(self, m: Module, name: str, holds: Any) -> None:
+        """Say when an assumption holds."""
+        m.d.comb += getattr(self, f"holds_{name}").eq(holds)
+        self._said.add(name)
+
+    def finish(self, m: Module) -> Module:
+        """Return the module; refuse one that left a property or an assumption open."""
+        left = {p.name for p in self.proved} | set(self.assumptions)
+        if left - self._said:
+            raise AssertionError(f"{type(self).__name__} says nothing of {', '.join(sorted(left - self._said))}")
+        return m
+
+    def has(self, name: str) -> bool:
+        """Return whether the checker has an input or output of that name."""
+        return name in self.signature.members
+
+
+def before(m: Module, value: Any, name: str) -> Signal:
+    """Return a value as it was one clock before; 0 in the first clock."""
+    value = Value.cast(value)
+    old = Signal(value.shape(), name=f"{name}_before")
+    m.d.sync += old.eq(value)
+    return old
+
+
+def at_most_one(bits: Value) -> Value:
+    """Return whether at most one bit is set."""
+    return (bits & (bits - 1)[: len(bits)]) == 0
+
+
+def within(bits: Value, others: Value) -> Value:
+    """Return whether every bit that is set is set in ``others`` too."""
+    return (bits & ~others) == 0
+
+
+def implies(condition: Any, then: Any) -> Value:
+    """Return whether ``then`` holds where ``condition`` does; both are one bit."""
+    return ~Value.cast(condition).bool() | Value.cast(then).bool()
+
+
+def bit_of(word: Any, index: Signal) -> Any:
+    """Return a bit of a word, 0 beyond its end."""
+    return Array([*word, *[Const(0, 1)] * ((1 << len(index)) - len(word))])[index]
+
+
+def cyclic(m: Module, asks: Any, taken: Any) -> tuple[Signal, Any]:
+    """Return who was taken last, and whether who is taken now leaves out one that asks on the way from there, in turn.
+
+    Parameters
+    ----------
+    m : Module
+    asks, taken : Value(n)
+        A bit each; at most one is taken.
+    """
+    number = len(taken)
+    last = Signal(number, init=1 << (number - 1))
+    with m.If(taken.any()):
+        m.d.sync += last.eq(taken)
+    jumps: Any = Const(0)
+    for start in range(number):
+        for way in range(1, number + 1):
+            between = Cat(asks[(start + step) % number] for step in range(1, way))
+            jumps |= last[start] & taken[(start + way) % number] & between.any()
+    return last, jumps
+
+
+def inputs(checker: Checker[Any]) -> Iterable[str]:
+    """Return the names of what a checker looks at."""
+    return [name for name, member in checker.signature.members.items() if member.flow is wiring.In]

@@ -1,0 +1,95 @@
+"""The solvers inside Yosys: property-directed reachability proves for good, bounded search finds what can happen.
+
+ABC, a part of the pinned Yosys, does both; it looks at the design as gates, an output for every property.
+"""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from rtl import yosys
+from verify.proofs.bench import TOP, design, exposing, netlist
+from verify.proofs.checker import Checker
+
+TO_GATES = (
+    "read_rtlil readout.il; {expose}hierarchy -check -top {top}; proc; flatten; opt_clean; async2sync; "
+    "formalff -clk2ff -ff2anyinit; setundef -undriven -anyseq; opt -full; "
+    "techmap; opt -fast; simplemap; dffunmap; aigmap; opt_clean; "
+    "write_aiger -I -zinit -no-startoffset search.aig; "
+    "delete -port o:seen_*; opt_clean; write_aiger -I -zinit -no-startoffset proof.aig; design -reset; "
+)
+RUN_ABC = "read_verilog one_gate.v; prep; simplemap; abc -script solve.abc"
+"""ABC runs within a pass that maps gates: it gets one to map, and its script looks at the design instead."""
+
+ONE_GATE = b"module one_gate(input a, b, output y); assign y = a & b; endmodule\n"
+ECHO = re.compile(r"\+ write_blif .*\n")
+"""A line of another stream, which lands anywhere within the solvers' words."""
+ASSERTED = re.compile(r"Output\s+(\d+) was asserted in frame\s+(\d+) \(solved")
+"""In these words bounded search alone gives the number of a clock; the proof's is a number of its own."""
+CONVERGED = re.compile(r"Proved output\s+(\d+) in frame")
+MAPPED_GATE = b".model netlist\n.inputs a b\n.outputs y\n.names a b y\n11 1\n.end\n"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the solvers found out about a block.
+
+    Attributes
+    ----------
+    proved : frozenset of str
+        Properties that hold in every clock of every run.
+    failed : dict of str to int
+        Properties that fail, and in which clock at the latest search did so; the first clock is 0.
+    reached : dict of str to int
+        What properties speak of, and the first clock in which it can happen.
+    depth : int
+        Clocks of the bounded search.
+    seconds : float
+    """
+
+    proved: frozenset[str]
+    failed: dict[str, int]
+    reached: dict[str, int]
+    depth: int
+    seconds: float
+
+
+def solve(
+    checker: Checker[Any], depth: int, limit_s: int = 120, blocks: Callable[[Checker[Any]], str] = netlist
+) -> Verdict:
+    """Look for failures and for what properties speak of, then prove the properties.
+
+    Parameters
+    ----------
+    checker : Checker
+        Properties, block and configuration.
+    depth : int
+        Clocks of the bounded search.
+    limit_s : int
+        Seconds for the proof of properties that did not fail; 0 leaves the proof out.
+    blocks : callable
+        Returns the RTLIL of the block.
+    """
+    started = time.monotonic()
+    text, bench = design(checker, blocks)
+    names = [("bad", name) for name in bench.bad] + [("seen", name) for name in bench.seen]
+    commands = ["set abcout said.txt", "read_aiger search.aig", "strash", f"bmc3 -a -F {depth}"]
+    if limit_s:
+        commands += ["read_aiger proof.aig", "strash", "scorr", "dretime -b", "strash", f"pdr -a -T {limit_s}"]
+    commands += ["read_blif gate.blif", "strash"]
+    files = {"one_gate.v": ONE_GATE, "gate.blif": MAPPED_GATE, "solve.abc": "\n".join(commands).encode() + b"\n"}
+    script = TO_GATES.format(top=TOP, expose=exposing(checker)) + RUN_ABC
+    said = ECHO.sub("", yosys.run(script, text, "said.txt", files))
+    found = {names[int(n)]: int(clock) for n, clock in ASSERTED.findall(said)}
+    certain = {names[int(n)] for n in CONVERGED.findall(said)}
+    return Verdict(
+        proved=frozenset(name for kind, name in certain if kind == "bad"),
+        failed={name: clock for (kind, name), clock in found.items() if kind == "bad"},
+        reached={name: clock for (kind, name), clock in found.items() if kind == "seen"},
+        depth=depth,
+        seconds=time.monotonic() - started,
+    )

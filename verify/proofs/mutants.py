@@ -1,0 +1,76 @@
+"""Generated mutants: Yosys' ``mutate`` draws them from the RTLIL of a block, one pin of one cell each.
+
+A mutant inverts a bit of a pin, ties it to a constant, or makes it depend on another bit of the same pin. The checker
+and the bench stay as they are.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any
+
+from rtl import yosys
+from verify.proofs.bench import netlist
+from verify.proofs.checker import Checker
+
+PREPARE = "read_rtlil readout.il; hierarchy -check -top {top}; proc; opt_clean; "
+"""Registers and multiplexers become cells, whose pins can be mutated."""
+
+WIRES = "bufnorm -pos; bufnorm -reset; "
+"""Wires and ports that are other names of a register or of a part of it get a cell too, so that they can be mutated."""
+
+LIST = "mutate -list {count} -seed {seed} -o mutants.txt {only}; "
+CLOCK_PIN = re.compile(r"-port \\?clk ", re.IGNORECASE)
+"""A mutant of a clock is none: the solvers step all registers together, whatever their clock pins are tied to."""
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One mutant of a block.
+
+    Attributes
+    ----------
+    name : str
+        Arguments with which Yosys' ``mutate`` makes it from the block.
+    rtlil : str
+        The block with the mutant, and the blocks within it.
+    """
+
+    name: str
+    rtlil: str
+
+    def instead(self, checker: Checker[Any]) -> str:
+        """Return the block with the mutant, where ``verify.proofs.bench.netlist`` returns the block."""
+        return self.rtlil
+
+
+def mutants(checker: Checker[Any], count: int, seed: int, only: str = "") -> list[Mutant]:
+    """Return mutants of the block that a checker watches.
+
+    Parameters
+    ----------
+    checker : Checker
+    count : int
+        Mutants that Yosys draws. Those of clock pins are left out.
+    seed : int
+        Another seed gives other mutants; some may be those of the first seed. Those of seed 0 are of cells that compute
+        or store, those of other seeds also of mere wires.
+    only : str
+        Arguments of ``mutate -list`` that choose, as in "-mode const0 -wire aer_req".
+    """
+    return make(netlist(checker), checker.block.module_name, count, seed, only)
+
+
+def make(rtlil: str, top: str, count: int, seed: int, only: str = "") -> list[Mutant]:
+    """Return mutants of a design; see ``mutants``."""
+    prepare = PREPARE.format(top=top) + WIRES * bool(seed)
+    drawing = LIST.format(count=count, seed=seed, only=only)
+    listed = yosys.run(prepare + drawing, rtlil, "mutants.txt").splitlines()
+    lines = [line for line in dict.fromkeys(listed) if not CLOCK_PIN.search(line)]
+    files = [f"{number}.il" for number in range(len(lines))]
+    script = prepare + "design -save whole; "
+    for file, line in zip(files, lines, strict=True):
+        script += f"design -load whole; {line}; write_rtlil {file}; "
+    made = yosys.run_for(script, rtlil, files)
+    return [Mutant(line.removeprefix("mutate "), made[file]) for file, line in zip(files, lines, strict=True)]

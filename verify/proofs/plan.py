@@ -1,0 +1,183 @@
+"""Which block is proved in which configurations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from model.config import ReadoutConfig
+from model.encoders import registry
+from model.frame_config import FrameConfig
+from model.tiles.config import TilesConfig
+from verify.proofs.blocks.arbiter import ArbiterChecker
+from verify.proofs.blocks.frame import FrameChecker
+from verify.proofs.blocks.link import LinkChecker
+from verify.proofs.blocks.merge import MergeChecker
+from verify.proofs.blocks.pattern import PatternChecker
+from verify.proofs.blocks.readout import ReadoutChecker
+from verify.proofs.blocks.registers import RegistersChecker
+from verify.proofs.blocks.relay import RelayChecker
+from verify.proofs.blocks.spi import NarrowSpiChecker
+from verify.proofs.blocks.taxel import TaxelChecker
+from verify.proofs.blocks.window import WindowChecker
+from verify.proofs.checker import Checker
+
+
+@dataclass(frozen=True)
+class Proof:
+    """One block in one configuration.
+
+    Parameters
+    ----------
+    checker : type of Checker
+        Block and properties.
+    config : ReadoutConfig or FrameConfig
+    depth : int
+        Clocks of the search for failures, and for what the properties speak of.
+    small : bool
+        Part of the gate.
+    hunts : bool
+        Planted bugs are looked for in it.
+    """
+
+    checker: type[Checker[Any]]
+    config: Any
+    depth: int
+    small: bool = False
+    hunts: bool = False
+
+    @property
+    def block(self) -> str:
+        """Name of the block."""
+        return self.checker.block.module_name.removeprefix("eskin_")
+
+    @property
+    def size(self) -> str:
+        """What distinguishes the configuration, for a table."""
+        config = self.config
+        if self.block in ("arbiter", "link"):
+            return f"{config.rows} x {config.columns}{'' if config.has_polarity else ' unipolar'}"
+        if self.block == "merge":
+            return f"{config.tiles} tiles, {config.tile.event_bits} bits"
+        if self.block == "relay":
+            return f"{config.tile.event_bits} bits"
+        if self.block == "frame_readout":
+            return f"{config.rows} x {config.columns}, {config.resolution} in {config.word_bits} bits"
+        if self.block == "spi":
+            return f"words of {self.checker.block.word_bits} bits"
+        if self.block in ("registers", "pattern"):
+            return f"{config.rows} x {config.columns} {config.encoding}"
+        if self.block == "readout":
+            return f"{config.rows} x {config.columns} {config.link}"
+        what = f"{config.encoding} {config.frontend} {config.sample_bits} bits"
+        return what + (" by the tick" if config.decide_every == "sample" else "")
+
+
+SMALL = ReadoutConfig(sample_bits=6, resolution=2, window_period=2, leak_shift=2, fraction_bits=2)
+"""Few bits, in which every end of the scale is near and every counter soon full."""
+
+NEAR_THE_END = ReadoutConfig(reference_reset=2048 - 2 * 16)
+"""The default widths, with a reference that starts two steps below the top."""
+
+
+def arbiters() -> list[Proof]:
+    """Return the proofs of the arbiter; the depth reaches the bound on waiting."""
+    sizes = [(1, 1, "lcs"), (2, 2, "lcs"), (1, 4, "lcs"), (4, 1, "lcs"), (3, 5, "lcs"), (3, 5, "nlcs")]
+    configs = [ReadoutConfig(rows=rows, columns=columns, encoding=encoding) for rows, columns, encoding in sizes]  # type: ignore[arg-type]
+    return [
+        Proof(ArbiterChecker, c, (c.rows + 1) * c.columns + 2, c.rows == c.columns == 2, c.rows == c.columns == 2)
+        for c in configs
+    ]
+
+
+def links() -> list[Proof]:
+    """Return the proofs of the link: no address at all, the smallest, and more bits."""
+    configs = [
+        ReadoutConfig(rows=1, columns=1, encoding="nlcs", link="four_phase"),
+        ReadoutConfig(rows=2, columns=2, link="four_phase"),
+        ReadoutConfig(rows=3, columns=5, link="four_phase"),
+    ]
+    return [Proof(LinkChecker, c, 16, c.rows == 2, c.rows == 2) for c in configs]
+
+
+def taxels() -> list[Proof]:
+    """Return the proofs of the taxel and its window: both front ends, both paces, few bits and the default widths."""
+    ends: tuple[Any, ...] = ("digital", "analog")
+    codes: tuple[Any, ...] = registry.NAMES
+    windows = [
+        Proof(
+            WindowChecker,
+            SMALL.replace(encoding="cw-lcs", frontend=end, sample_bits=8),
+            12,
+            end == "digital",
+            end == "digital",
+        )
+        for end in ends
+    ]
+    few = [SMALL.replace(encoding=code, frontend=end) for code in codes for end in ends]
+    by_tick = [c.replace(decide_every="sample") for c in few]
+    wide = [NEAR_THE_END.replace(encoding=code, frontend=end) for code in codes for end in ends]
+    return [
+        *windows,
+        *(Proof(TaxelChecker, c, 14, c == few[0], c in (few[0], few[3], few[5])) for c in few),
+        *(Proof(TaxelChecker, c, 14, hunts=c == by_tick[4]) for c in by_tick),
+        *(Proof(TaxelChecker, c, 6) for c in wide),
+    ]
+
+
+def readouts() -> list[Proof]:
+    """Return the proofs of whole readouts: few bits, since every taxel of the array is in them."""
+    links: tuple[Any, ...] = ("stream", "four_phase")
+    few = ReadoutConfig(frontend="analog", sample_bits=4, resolution=2)
+    spiking = [few.replace(rows=side, columns=side, link=link) for side in (1, 2) for link in links]
+    # Codes of a word's size, of half a word, and such as do not fit it.
+    shapes = [(1, 1, 2, 2), (1, 1, 3, 4), (2, 2, 2, 4), (2, 2, 3, 8), (3, 5, 1, 2)]
+    frames = [
+        FrameConfig(
+            readout=ReadoutConfig(rows=rows, columns=columns, sample_bits=bits + 2, resolution=bits),
+            word_bits=word,
+            settle_clocks=3 if word == 8 else 1,
+        )
+        for rows, columns, bits, word in shapes
+    ]
+    return [
+        *(Proof(FrameChecker, c, 20, c == frames[0], c in frames[1:4]) for c in frames),
+        *(Proof(ReadoutChecker, c, 12, c == spiking[0], c in spiking[1:3]) for c in spiking),
+    ]
+
+
+def hosts() -> list[Proof]:
+    """Return the proofs of what a host sets at run time: a mask of part of a word, and one of a word and more."""
+    base = ReadoutConfig(registers="spi")
+    few = base.replace(rows=2, columns=2, encoding="nlcs", sample_bits=8, resolution=3, leak_period=5)
+    more = base.replace(rows=5, columns=8, encoding="cw-lcs", window_period=5)
+    patterns = [base.replace(rows=2, columns=2), base.replace(rows=1, columns=4), base.replace(rows=4, columns=1)]
+    return [
+        Proof(NarrowSpiChecker, few, 27, True, True),
+        *(Proof(RegistersChecker, c, 8, c == few, True) for c in (few, more)),
+        *(Proof(PatternChecker, c, 14, c.rows == 2, c.rows == 2) for c in patterns),
+    ]
+
+
+def merges() -> list[Proof]:
+    """Return the proofs of the merge: one tile, two, one with no address of its own, and counts of no power of two."""
+    few = ReadoutConfig(rows=2, columns=2)
+    bare = ReadoutConfig(rows=1, columns=1, encoding="nlcs")
+    sizes = [(few, 1, 1), (few, 1, 2), (bare, 1, 2), (few, 3, 1), (bare, 1, 5), (few, 2, 2)]
+    configs = [TilesConfig.of(tile, rows, columns) for tile, rows, columns in sizes]
+    return [Proof(MergeChecker, c, c.tiles + 8, c == configs[1], c == configs[3]) for c in configs]
+
+
+def relays() -> list[Proof]:
+    """Return the proofs of the relay station: no bits at all, few, and those of a tile of 64 x 64."""
+    tiles = [
+        ReadoutConfig(rows=1, columns=1, encoding="nlcs"),
+        ReadoutConfig(rows=2, columns=2),
+        ReadoutConfig(rows=64, columns=64),
+    ]
+    return [Proof(RelayChecker, TilesConfig.of(t, 1, 1, 1), 8, t.rows == 2, t.rows == 2) for t in tiles]
+
+
+def proofs() -> list[Proof]:
+    """Return all proofs, in the order in which they run."""
+    return [*arbiters(), *links(), *merges(), *relays(), *taxels(), *readouts(), *hosts()]

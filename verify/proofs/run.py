@@ -1,0 +1,204 @@
+"""Runs the proofs and sums up what they say."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from base.files import Pieces
+from verify.proofs.bench import design
+from verify.proofs.checker import Property
+from verify.proofs.engine import Verdict, solve
+from verify.proofs.mutants import mutants
+from verify.proofs.plan import Proof
+
+FEWEST_MUTANTS = 3
+"""Generated mutants by which every property must fail."""
+
+DRAWN, MOST_DRAWS = 40, 12
+"""Mutants that are drawn at once in a configuration, and how often at most where a property has too few."""
+
+
+@dataclass
+class Outcome:
+    """What all proofs together say of one property of one block.
+
+    Attributes
+    ----------
+    block : str
+    property : Property
+    sizes : list of str
+        Configurations in which it was proved.
+    problems : list of str
+        Why it counts as failed; empty where it holds.
+    seconds : float
+        Of all proofs of its block: the solver takes the properties of a block together.
+    depth : int
+        Clocks of the deepest search for a failure.
+    reached : int or None
+        First clock in which what it speaks of happens, the least of all configurations.
+    mutants : int
+        Generated mutants by which it fails; 0 where none were drawn.
+    """
+
+    block: str
+    property: Property
+    sizes: list[str] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+    seconds: float = 0.0
+    depth: int = 0
+    reached: int | None = None
+    mutants: int = 0
+
+    def add(self, proof: Proof, verdict: Verdict) -> None:
+        """Take in the verdict on a configuration that the property applies to."""
+        name = self.property.name
+        self.seconds += verdict.seconds
+        self.depth = max(self.depth, verdict.depth)
+        if name in verdict.reached:
+            self.reached = min(verdict.reached[name], self.reached if self.reached is not None else verdict.depth)
+        if name in verdict.failed:
+            self.problems.append(f"{proof.size}: fails in clock {verdict.failed[name]}")
+        elif name not in verdict.proved:
+            self.problems.append(f"{proof.size}: not proved")
+        else:
+            self.sizes.append(proof.size)
+
+    def finish(self) -> None:
+        """Call a property failed that no configuration has, or that speaks of what never happens."""
+        if not self.sizes and not self.problems:
+            self.problems.append("no proof has it")
+        elif self.reached is None:
+            self.problems.append("what it speaks of never happens: an empty proof")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what a report says of it."""
+        return {
+            "block": self.block,
+            "property": self.property.name,
+            "meaning": self.property.meaning,
+            "sizes": self.sizes,
+            "unbounded": not self.problems,
+            "depth": self.depth,
+            "first_seen": self.reached,
+            "seconds": round(self.seconds, 1),
+            "problems": self.problems,
+            "mutants": self.mutants,
+        }
+
+
+def outcomes(verdicts: Iterable[tuple[Proof, Verdict]], whole: bool = True) -> list[Outcome]:
+    """Return what the proofs say of every property of every block among them.
+
+    Parameters
+    ----------
+    verdicts : iterable of (Proof, Verdict)
+    whole : bool
+        Whether all configurations are among them: then a property that none has is a failure.
+    """
+    found: dict[tuple[str, str], Outcome] = {}
+    for proof, verdict in verdicts:
+        applies = {p.name for p in proof.checker(proof.config).proved}
+        for item in proof.checker.properties:
+            if item.name in applies or whole:
+                found.setdefault((proof.block, item.name), Outcome(proof.block, item))
+            if item.name in applies:
+                found[proof.block, item.name].add(proof, verdict)
+    for outcome in found.values():
+        outcome.finish()
+    return list(found.values())
+
+
+def closing_line(problems: Collection[list[str]]) -> str:
+    """Return the last line of ``make formal`` from the problems of each property."""
+    failed = sum(map(bool, problems))
+    unbounded = len(problems) - failed
+    return f"proved: {len(problems) - failed} properties, {unbounded} of them unbounded, {failed} failed"
+
+
+@dataclass(frozen=True)
+class Hunt:
+    """Generated mutants of a block in one configuration, and the properties that fail by each.
+
+    Attributes
+    ----------
+    block, size : str
+    seed : int
+        With which they were drawn.
+    mutants : dict of str to list of str
+        Failed properties by the arguments of Yosys' ``mutate``; none where the mutant survives.
+    """
+
+    block: str
+    size: str
+    seed: int
+    mutants: dict[str, list[str]]
+
+    @property
+    def killed(self) -> int:
+        """Mutants by which a property fails."""
+        return sum(bool(failed) for failed in self.mutants.values())
+
+
+def hunt(proof: Proof, seed: int, count: int = DRAWN) -> Hunt:
+    """Draw mutants of a block in one configuration, and search each for failures of its properties."""
+    checker = proof.checker(proof.config)
+    found = {
+        mutant.name: sorted(solve(checker, proof.depth, 0, mutant.instead).failed)
+        for mutant in mutants(checker, count, seed)
+    }
+    return Hunt(proof.block, proof.size, seed, found)
+
+
+def fingerprint(proof: Proof) -> str:
+    """Return a text that differs where block, checker or bench of a proof differ."""
+    return hashlib.sha256(design(proof.checker(proof.config))[0].encode()).hexdigest()[:16]
+
+
+def hunts(block: str, proofs: Iterable[Proof], pieces: Pieces) -> Iterator[Hunt]:
+    """Hunt in every configuration of a block; draw more mutants where a property has too few, up to ``MOST_DRAWS``.
+
+    What ``pieces`` hold of the same design is taken from there.
+    """
+    grounds = [proof for proof in proofs if proof.block == block and proof.hunts]
+    count: Counter[str] = Counter()
+    for seed in range(MOST_DRAWS):
+        for proof in grounds:
+            names = {item.name for item in proof.checker(proof.config).proved}
+            if seed and all(count[name] >= FEWEST_MUTANTS for name in names):
+                continue
+            name = f"{proof.block} {proof.size} {proof.depth} {seed} {fingerprint(proof)}"
+            found = Hunt(**pieces.of(name, lambda p=proof, s=seed: {"hunt": asdict(hunt(p, s))})["hunt"])  # type: ignore[misc]
+            count.update(name for failed in found.mutants.values() for name in failed)
+            yield found
+
+
+def judge(results: list[Outcome], found: Iterable[Hunt]) -> None:
+    """Count by every property the mutants by which it fails; a property with too few is a failure.
+
+    Parameters
+    ----------
+    results : list of Outcome
+        Of all properties of a block.
+    found : iterable of Hunt
+        All hunts in the block.
+    """
+    of = {outcome.property.name: outcome for outcome in results}
+    drawn = 0
+    for one in found:
+        drawn += len(one.mutants)
+        for name in (name for failed in one.mutants.values() for name in failed):
+            of[name].mutants += 1
+    for outcome in results:
+        if outcome.mutants < FEWEST_MUTANTS:
+            outcome.problems.append(f"fails by only {outcome.mutants} of {drawn} generated mutants")
+
+
+def mutants_line(results: list[Outcome], found: list[Hunt]) -> str:
+    """Return the line on mutants: how many were drawn and killed, and the fewest by which a property fails."""
+    drawn, killed = sum(len(one.mutants) for one in found), sum(one.killed for one in found)
+    fewest = min(outcome.mutants for outcome in results)
+    return f"mutants: {drawn} generated, {killed} killed; every property fails by {fewest} of them or more"

@@ -1,0 +1,175 @@
+"""A soak: one random configuration after the other, for hours; it can be resumed, and several share one folder."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from base.files import atomic_write, make_folder, origin, write_json
+from cocotb_tests.bench.draw import Draw
+from cocotb_tests.runner.build_cache import SOURCES
+from cocotb_tests.runner.cocotb_runners import Simulator
+from cocotb_tests.runner.process import MismatchFound
+from verify.soak.play import Failure, failure, failure_of, play, shrink
+
+MOST_SAMPLES = 4_000_000
+"""Samples of a run, of all its taxels."""
+RUN_CLOCKS = 2_000_000
+SMALL_CLOCKS = 20_000
+"""Clocks up to which a failure is made small with Icarus, whose programs are built at once."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is soaked.
+
+    Attributes
+    ----------
+    seconds : float
+        After that no further configuration is begun.
+    seed : int
+        The first.
+    clocks : int
+        Of each configuration.
+    simulator : "verilator" or "icarus"
+    folder : Path
+        Holds a file for every configuration that is done, and one for each that failed.
+    """
+
+    seconds: float
+    seed: int
+    clocks: int
+    simulator: Simulator
+    folder: Path
+
+
+class SoakFailed(Exception):  # the outcome that is looked for, not a defect of the program
+    """RTL and model differ; the text says where, and ends with the smallest command that shows it."""
+
+
+def soak(plan: Plan, on_piece: Callable[[dict[str, Any]], None]) -> None:
+    """Soak until the time is over; if there is any, one more configuration at least.
+
+    Parameters
+    ----------
+    plan : Plan
+    on_piece : callable
+        Called with what each configuration came to.
+
+    Raises
+    ------
+    SoakFailed
+    """
+    folder = make_folder(plan.folder, "pieces")
+    end = time.monotonic() + plan.seconds
+    seed = plan.seed
+    more = plan.seconds > 0
+    while more:
+        with _claimed(folder / f"{seed}.json") as mine:
+            if mine:
+                piece = _piece(plan, seed)
+                write_json(folder / f"{seed}.json", piece)
+                on_piece(piece)
+                more = time.monotonic() < end
+        seed += 1
+
+
+def draws_of(plan: Plan, seed: int) -> list[Draw]:
+    """Return the runs of a configuration, so long that their samples fit the memory."""
+    draws: list[Draw] = []
+    left = plan.clocks
+    while left > 0:
+        draw = Draw(seed, 1, run=len(draws))
+        samples = MOST_SAMPLES * draw.mean_gap / draw.config.taxels
+        clocks = int(min(left, RUN_CLOCKS, max(samples, 1)))
+        draws.append(Draw(seed, clocks, run=len(draws)))
+        left -= clocks
+    return draws
+
+
+def _piece(plan: Plan, seed: int) -> dict[str, Any]:
+    """Play a configuration and return what it came to."""
+    draws = draws_of(plan, seed)
+    done = 0
+
+    def count(run: Any) -> None:
+        nonlocal done
+        done += 1
+
+    began = time.monotonic()
+    try:
+        tally = play(draws, plan.simulator, count)
+    except MismatchFound as found:
+        raise SoakFailed(_kept(plan, failure_of(draws[done], str(found)))) from None
+    config = draws[0].config
+    piece = {"seed": seed, "configuration": config.to_dict(), "sources": SOURCES, "simulator": plan.simulator}
+    piece |= {"runs": tally.runs, "clocks": tally.clocks, "events": tally.events}
+    return piece | {"seconds": round(time.monotonic() - began, 1)} | origin(f"make soak ONLY={seed}")
+
+
+def _kept(plan: Plan, found: Failure) -> str:
+    """Make a failure small, keep its text in a file, and return it."""
+
+    def fails(draw: Draw) -> Failure | None:
+        return failure(draw, "icarus" if draw.clocks <= SMALL_CLOCKS else plan.simulator)
+
+    text = shrink(found, fails).text
+    with atomic_write(make_folder(plan.folder, "mismatches") / f"{found.draw.seed}.txt") as file:
+        file.write(f"{text}\n\nat first: {found.text}\n".encode())
+    return text
+
+
+@contextlib.contextmanager
+def _claimed(piece: Path) -> Iterator[bool]:
+    """Give whether a piece is this process's to do: not done with these sources, and no other process at it."""
+    handle = os.open(piece.with_suffix(".lock"), os.O_RDWR | os.O_CREAT)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield not _done(piece)
+    except BlockingIOError:
+        yield False
+    finally:
+        os.close(handle)
+
+
+def _done(piece: Path) -> bool:
+    return piece.exists() and json.loads(piece.read_text())["sources"] == SOURCES
+
+
+def summary(folder: Path) -> dict[str, Any]:
+    """Return the sums over all that was soaked in a folder, with these sources or with others.
+
+    Raises
+    ------
+    InputError
+        If nothing was.
+    """
+    pieces = [json.loads(path.read_text()) for path in sorted((folder / "pieces").glob("*.json"))]
+    mismatches = len(list((folder / "mismatches").glob("*.txt")))
+    total = {name: sum(piece[name] for piece in pieces) for name in ("runs", "clocks", "events")}
+    by: dict[str, Counter[str]] = {}
+    for piece in pieces:
+        for name in ("encoding", "link", "frontend", "decide_every", "reset", "registers"):
+            by.setdefault(name, Counter())[piece["configuration"].get(name, "none")] += 1
+    seeds = sorted(piece["seed"] for piece in pieces)
+    result = f"{total['clocks']:,} clocks, {total['events']:,} events, {len(pieces)} configurations, "
+    return {
+        "result": f"soak: {result}{mismatches} mismatches",
+        "configurations": len(pieces),
+        **total,
+        "mismatches": mismatches,
+        "seeds": [seeds[0], seeds[-1]] if seeds else [],
+        "most_taxels": max((p["configuration"]["rows"] * p["configuration"]["columns"] for p in pieces), default=0),
+        "by": {name: dict(sorted(counter.items())) for name, counter in by.items()},
+        "simulators": dict(sorted(Counter(piece["simulator"] for piece in pieces).items())),
+        "seconds": round(sum(piece["seconds"] for piece in pieces)),
+        "commits": sorted({piece["commit"] for piece in pieces}),
+    }

@@ -1,0 +1,152 @@
+"""Plays draws in a simulator and holds the RTL to the model."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from base.errors import InputError
+from cocotb_tests.bench.draw import MOST_TAXELS, Draw
+from cocotb_tests.bench.readout import Prepared, StimulusDriver
+from cocotb_tests.runner.build_cache import BUILD, scratch_folder
+from cocotb_tests.runner.cocotb_runners import Simulator
+from cocotb_tests.runner.player import Job
+from cocotb_tests.runner.process import MismatchFound, Tally, run_job
+from cocotb_tests.runner.simulator import build
+from model.readout import simulate
+
+
+def command(draw: Draw, simulator: Simulator) -> str:
+    """Return what plays a draw alone."""
+    words = ["make soak", f"ONLY={draw.seed}", f"RUN={draw.run}", f"CLOCKS={draw.clocks}", f"SIM={simulator}"]
+    parts = dict(draw.set)
+    if draw.most_taxels != MOST_TAXELS:
+        parts |= {"rows": draw.config.rows, "columns": draw.config.columns}
+    if parts:
+        words.append(f'SET="{" ".join(f"{name}={value}" for name, value in parts.items())}"')
+    return " ".join(words)
+
+
+def play(draws: Sequence[Draw], simulator: Simulator, on_run: Callable[[Any], None] | None = None) -> Tally:
+    """Play draws of one configuration, one after the other, and return what was compared.
+
+    Raises
+    ------
+    MismatchFound
+        If RTL and model differ; its text ends with the command that shows it again.
+    """
+    config = draws[0].config
+    program = build(config, simulator)
+    with scratch_folder(BUILD / "run", "soak") as folder:
+        prepared = [_prepare(draw, simulator, folder / str(number)) for number, draw in enumerate(draws)]
+        return run_job(program, Job(config.to_dict(), "", scenarios=prepared), folder, on_run)
+
+
+def _prepare(draw: Draw, simulator: Simulator, place: Path) -> dict[str, Any]:
+    """Write stimulus and expected events of a draw into a folder; return what the player must know."""
+    place = place.resolve()
+    place.mkdir()
+    stimulus = draw.stimulus
+    StimulusDriver(draw.config, place).write(stimulus)
+    np.save(place / "expected.npy", simulate(draw.config, stimulus))
+    name, again = f"seed {draw.seed}, run {draw.run}", command(draw, simulator)
+    return asdict(Prepared(name, draw.clocks, 0, str(place), asdict(draw), again))
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A draw in which RTL and model differ.
+
+    Attributes
+    ----------
+    draw : Draw
+    clock : int
+        Of the first difference; the last clock where the text names none.
+    text : str
+    """
+
+    draw: Draw
+    clock: int
+    text: str
+
+
+def failure(draw: Draw, simulator: Simulator) -> Failure | None:
+    """Return where RTL and model differ in a draw, or None."""
+    try:
+        play([draw], simulator)
+    except MismatchFound as found:
+        return failure_of(draw, str(found))
+    return None
+
+
+def failure_of(draw: Draw, text: str) -> Failure:
+    """Return the failure that a mismatch tells of."""
+    said = re.search(r"before the clocks up to (\d+)", text)
+    return Failure(draw, int(said[1]) if said else draw.clocks - 1, text)
+
+
+SIMPLER: dict[str, tuple[Any, ...]] = {
+    "masks": (0,),
+    "sink": ("always",),
+    "link": ("stream",),
+    "frontend": ("digital",),
+    "reset": ("sync",),
+    "registers": ("none",),
+    "decide_every": ("clock",),
+    "encoding": ("lcs",),
+    "rows": (1, 2, 3),
+    "columns": (1, 2, 3),
+    "gap": (1, 3),
+    "signal": ("hold",),
+    "reference_reset": (0,),
+}
+"""Parts of a draw, and simpler values of each, the simplest first."""
+
+
+def shrink(found: Failure, fails: Callable[[Draw], Failure | None], tries: int = 60) -> Failure:
+    """Return a smaller draw that still fails: cut off behind its first difference, and every part as simple as may be.
+
+    Parameters
+    ----------
+    found : Failure
+    fails : callable
+        Plays a draw.
+    tries : int
+        Draws that are played at most.
+    """
+    room, best = max(found.clock + 2, 200), _cut(found, fails)
+    for name, values in SIMPLER.items():
+        for value in values:
+            if tries == 0 or _now(best.draw, name) == value:
+                break
+            tries -= 1
+            smaller = dataclasses.replace(best.draw, set={**best.draw.set, name: value}, clocks=room)
+            if (again := _tried(smaller, fails)) is not None:
+                best = _cut(again, fails)
+                break
+    return best
+
+
+def _now(draw: Draw, name: str) -> Any:
+    """Return what a draw has for a part, as far as that is known without drawing the stimulus."""
+    return draw.set[name] if name in draw.set else getattr(draw.config, name, None)
+
+
+def _tried(draw: Draw, fails: Callable[[Draw], Failure | None]) -> Failure | None:
+    """Play a draw, whose parts may not go together: then it does not fail."""
+    try:
+        return fails(draw)
+    except InputError:
+        return None
+
+
+def _cut(found: Failure, fails: Callable[[Draw], Failure | None]) -> Failure:
+    """Return the failure with the run cut off behind its first difference, if that still fails."""
+    shorter = dataclasses.replace(found.draw, clocks=min(found.clock + 2, found.draw.clocks))
+    return _tried(shorter, fails) or found
