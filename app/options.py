@@ -15,10 +15,10 @@ from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
 
-from base.errors import InputError
-from model.config import ReadoutConfig, option_of
-from model.encoders import registry
-from model.frame_config import OWN_FIELDS
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig, option_of
+from eskin.model.encoders import registry
+from eskin.model.frame_config import OWN_FIELDS
 
 Command = Callable[..., Any]
 

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from base.errors import InputError
+from eskin.base.errors import InputError
 
 if TYPE_CHECKING:
-    from base.workers.cluster import Needs
-    from base.workers.pool import WorkerPool
+    from eskin.base.workers.cluster import Needs
+    from eskin.base.workers.pool import WorkerPool
 
 Workers = Annotated[
     int | None, typer.Option(metavar="N", help="pieces of work side by side on this machine [one per usable core]")
@@ -36,11 +36,11 @@ def open_pool(
         On this machine: threads and not processes, for work that lets go of the interpreter.
     """
     if scheduler is None:
-        from base.workers.pool import Local
+        from eskin.base.workers.pool import Local
 
         return Local(workers, threads)
     if workers is not None:
         raise InputError("--workers counts processes of this machine, --scheduler takes those of a cluster; give one")
-    from base.workers.cluster import Cluster, Needs
+    from eskin.base.workers.cluster import Cluster, Needs
 
     return Cluster(scheduler, needs or Needs())

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from base.errors import InputError
+from eskin.base.errors import InputError
 
 if TYPE_CHECKING:  # the launcher of make runs where NumPy is not installed yet
     from numpy.typing import NDArray

@@ -22,14 +22,14 @@ import typer
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
 
-from base.files import origin
-from cocotb_tests.bench.readout import Bench
-from cocotb_tests.bench.textures import scan
-from cocotb_tests.runner.build_cache import BUILD
-from cocotb_tests.runner.cocotb_runners import VERILATOR_FLAGS, build_environment
-from cocotb_tests.runner.simulator import build
-from model.config import ReadoutConfig
-from model.readout import Stimulus, simulate
+from eskin.base.files import origin
+from eskin.cocotb_tests.bench.readout import Bench
+from eskin.cocotb_tests.bench.textures import scan
+from eskin.cocotb_tests.runner.build_cache import BUILD
+from eskin.cocotb_tests.runner.cocotb_runners import VERILATOR_FLAGS, build_environment
+from eskin.cocotb_tests.runner.simulator import build
+from eskin.model.config import ReadoutConfig
+from eskin.model.readout import Stimulus, simulate
 
 CONFIG = ReadoutConfig()
 RESULTS = Path(__file__).parent / "results" / "cosim.json"

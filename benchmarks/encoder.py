@@ -30,12 +30,12 @@ import typer
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt
 
-from base.errors import InputError
-from base.files import atomic_write, check_writable, origin
-from model.config import ReadoutConfig
-from model.encoders.encoder import Encoder
-from model.encoders.registry import ENCODERS
-from model.taxel import count_events, encode
+from eskin.base.errors import InputError
+from eskin.base.files import atomic_write, check_writable, origin
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders.encoder import Encoder
+from eskin.model.encoders.registry import ENCODERS
+from eskin.model.taxel import count_events, encode
 
 RMS = 0.17
 BAND_HZ = (5.0, 80.0)

@@ -18,9 +18,9 @@ import typer
 from encoder import JsonFile, texture_like, write_report
 from numba import njit
 
-from base.files import origin
-from model.config import ReadoutConfig
-from model.taxel import count_events
+from eskin.base.files import origin
+from eskin.model.config import ReadoutConfig
+from eskin.model.taxel import count_events
 
 RESOLUTIONS = (4, 6, 8, 10)
 FRACTIONS = (4, 6, 8, 10, 12)

@@ -24,12 +24,12 @@ from encoder import JsonFile
 from numba import njit
 from numpy.typing import NDArray
 
-from base.files import origin, write_json
-from cocotb_tests.bench.textures import scan
-from model import arbiter
-from model.arbiter import ROW_DTYPE, new_state
-from model.config import ReadoutConfig
-from model.taxel import encode_timed, uncontended_events
+from eskin.base.files import origin, write_json
+from eskin.cocotb_tests.bench.textures import scan
+from eskin.model import arbiter
+from eskin.model.arbiter import ROW_DTYPE, new_state
+from eskin.model.config import ReadoutConfig
+from eskin.model.taxel import encode_timed, uncontended_events
 
 SIDE = 16
 ARBITERS = ("rows round robin (ours)", "fixed priority", "flat round robin", "binary AER tree")

@@ -34,12 +34,12 @@ import typer
 from torch import Tensor, nn
 from torch.nn import functional
 
-from base.errors import InputError
-from base.files import atomic_write, check_writable, origin
-from snn.kernels import cpu as kernel
-from snn.kernels.layer import layer
-from snn.kernels.reference import layer_reference
-from snn.kernels.rule import NeuronRule
+from eskin.base.errors import InputError
+from eskin.base.files import atomic_write, check_writable, origin
+from eskin.snn.kernels import cpu as kernel
+from eskin.snn.kernels.layer import layer
+from eskin.snn.kernels.reference import layer_reference
+from eskin.snn.kernels.rule import NeuronRule
 
 INPUTS, HIDDEN, CLASSES = 128, 256, 6
 RULE = NeuronRule(floor=-float("inf"), surrogate="fast-sigmoid", surrogate_scale=1.0, surrogate_width=1.0)

@@ -26,19 +26,19 @@ import cocotb
 import numpy as np
 import typer
 
-from base.files import origin, write_json
-from cocotb_tests.bench.readout import Bench
-from cocotb_tests.bench.textures import large_enough, scan
-from cocotb_tests.runner import simulator as programs
-from cocotb_tests.runner.cocotb_runners import Simulator, build_environment
-from cocotb_tests.runner.simulator import build
-from model.address_events import Events
-from model.config import ReadoutConfig
-from model.readout import Stimulus, simulate
-from model.tiles.config import TilesConfig
-from model.tiles.run import scan_skin, simulate_skin
-from skin.textures.dataset import embedded_dataset
-from skin.textures.physical import PhysicalScan
+from eskin.base.files import origin, write_json
+from eskin.cocotb_tests.bench.readout import Bench
+from eskin.cocotb_tests.bench.textures import large_enough, scan
+from eskin.cocotb_tests.runner import simulator as programs
+from eskin.cocotb_tests.runner.cocotb_runners import Simulator, build_environment
+from eskin.cocotb_tests.runner.simulator import build
+from eskin.model.address_events import Events
+from eskin.model.config import ReadoutConfig
+from eskin.model.readout import Stimulus, simulate
+from eskin.model.tiles.config import TilesConfig
+from eskin.model.tiles.run import scan_skin, simulate_skin
+from eskin.skin.textures.dataset import embedded_dataset
+from eskin.skin.textures.physical import PhysicalScan
 
 RESULTS = Path(__file__).parent / "results"
 SIDES = "8,16,32,64"
@@ -110,7 +110,7 @@ def array(side: int) -> dict[str, Any]:
     config = ReadoutConfig(rows=side, columns=side)
     result: dict[str, Any] = {"side": side, "taxels": config.taxels}
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "app", "verilog", "--rows", str(side), "--columns", str(side), "-o", folder]
+        command = [sys.executable, "-m", "eskin", "verilog", "--rows", str(side), "--columns", str(side), "-o", folder]
         with measured(result, "generate_s"):
             subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
         text = Path(folder) / "eskin_readout.v"

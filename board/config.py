@@ -7,8 +7,8 @@ import zlib
 from dataclasses import dataclass, field
 from typing import Literal
 
-from base.errors import InputError
-from model.classifier.chip_config import ChipConfig
+from eskin.base.errors import InputError
+from eskin.model.classifier.chip_config import ChipConfig
 
 Design = Literal["player", "receiver"]
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from base.errors import InputError
-from model.address_events import EVENT_DTYPE
-from model.config import ReadoutConfig
-from model.events.recording import Recording, check_event_path
+from eskin.base.errors import InputError
+from eskin.model.address_events import EVENT_DTYPE
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording, check_event_path
 
 SUFFIX = ".part"
 

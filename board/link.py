@@ -10,10 +10,10 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any
 
-from base.errors import InputError
-from board.config import DESIGNS, BoardConfig, Design
-from board.records import VALUE_BITS, VERSION, Ack, Reason, Record, RecordReader, Refused, Tag, Words
-from board.serial_frames import Damaged, Frame, FrameReader, Kind
+from eskin.base.errors import InputError
+from eskin.board.config import DESIGNS, BoardConfig, Design
+from eskin.board.records import VALUE_BITS, VERSION, Ack, Reason, Record, RecordReader, Refused, Tag, Words
+from eskin.board.serial_frames import Damaged, Frame, FrameReader, Kind
 
 BAUD = 2_000_000
 POLL_S = 0.05

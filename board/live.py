@@ -11,8 +11,8 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
 from typing import Any
 
-from base.errors import InputError
-from board.records import Class, Event, Lost, Record
+from eskin.base.errors import InputError
+from eskin.board.records import Class, Event, Lost, Record
 
 COLUMNS = 120
 """Steps of time that are shown."""

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 
-from base.errors import InputError
-from board.config import ADDRESS_BITS
+from eskin.base.errors import InputError
+from eskin.board.config import ADDRESS_BITS
 
 TIME_BITS = 16
 """Low bits of the time that stand in a record; those above come in a record of their own when they change."""

@@ -12,18 +12,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from board.config import BoardConfig
-from board.journal import Journal
-from board.link import Link
-from board.records import Class, Event, Lost, Record, Tag, Words
-from board.serial_frames import MOST_PAYLOAD, Kind
-from model.address_events import Events
-from model.classifier.chip import clocks_of, events_of, simulate_chip
-from model.classifier.chip_config import ChipConfig
-from model.classifier.file import IntegerWeights, neuron_image, weight_image
-from model.config import ReadoutConfig
-from model.events.compare import first_difference
+from eskin.base.errors import InputError
+from eskin.board.config import BoardConfig
+from eskin.board.journal import Journal
+from eskin.board.link import Link
+from eskin.board.records import Class, Event, Lost, Record, Tag, Words
+from eskin.board.serial_frames import MOST_PAYLOAD, Kind
+from eskin.model.address_events import Events
+from eskin.model.classifier.chip import clocks_of, events_of, simulate_chip
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.file import IntegerWeights, neuron_image, weight_image
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.compare import first_difference
 
 MOST_CLOCKS = 1 << 24
 """Of one RUN: a board that runs says nothing unless something happens."""
@@ -184,7 +184,7 @@ def clocks_to_play(chip: ChipConfig, ticks: int) -> int:
 
 def as_events(received: Iterable[tuple[int, int, int, bool]]) -> Events:
     """Return events (clock, column, row, polarity) as an array."""
-    from model.address_events import EVENT_DTYPE
+    from eskin.model.address_events import EVENT_DTYPE
 
     return np.array(list(received), EVENT_DTYPE)
 

@@ -8,13 +8,13 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from model.classifier.file import IntegerWeights
-from model.config import ReadoutConfig
-from skin.samples import fit_array, read_samples
-from skin.textures.dataset import EMBEDDED, open_dataset
-from skin.textures.physical import large_enough
-from skin.textures.presets import preset
+from eskin.base.errors import InputError
+from eskin.model.classifier.file import IntegerWeights
+from eskin.model.config import ReadoutConfig
+from eskin.skin.samples import fit_array, read_samples
+from eskin.skin.textures.dataset import EMBEDDED, open_dataset
+from eskin.skin.textures.physical import large_enough
+from eskin.skin.textures.presets import preset
 
 EVERY_FIELD = frozenset(field.name for field in dataclasses.fields(ReadoutConfig))
 """Of the readout of own recordings: none follows the recordings."""
@@ -89,8 +89,8 @@ def recording_of(
     weights: IntegerWeights, readout: ReadoutConfig, place: Path, name: str | None
 ) -> tuple[str, NDArray[Any]]:
     """Return the name and the codes of one of a user's recordings, prepared as those of the training were."""
-    from skin.recordings.folder import read_set
-    from skin.recordings.options import Preparation
+    from eskin.skin.recordings.folder import read_set
+    from eskin.skin.recordings.options import Preparation
 
     said = weights.notes["training"]["recordings"]
     if said is None:

@@ -7,7 +7,7 @@ from collections.abc import Generator
 
 import pytest
 
-from cocotb_tests.runner.simulator import MissingProgram
+from eskin.cocotb_tests.runner.simulator import MissingProgram
 
 
 @pytest.hookimpl(wrapper=True)

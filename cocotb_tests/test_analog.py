@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from cocotb_tests.blocks.analog import CLOCKS, run
-from model.config import ReadoutConfig
+from eskin.cocotb_tests.blocks.analog import CLOCKS, run
+from eskin.model.config import ReadoutConfig
 
 if TYPE_CHECKING:
     pass

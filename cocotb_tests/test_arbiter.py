@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 import cocotb
 import pytest
 
-from cocotb_tests.bench.block import Block, Checker, Sink, bits, job, payload, report
-from cocotb_tests.bench.reference import AddressEvent, ArbiterReference
-from cocotb_tests.runner.block import cosimulate
-from model.config import ReadoutConfig
+from eskin.cocotb_tests.bench.block import Block, Checker, Sink, bits, job, payload, report
+from eskin.cocotb_tests.bench.reference import AddressEvent, ArbiterReference
+from eskin.cocotb_tests.runner.block import cosimulate
+from eskin.model.config import ReadoutConfig
 
 if TYPE_CHECKING:
-    from cocotb_tests.runner.cocotb_runners import Simulator
+    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 
 Want = Callable[[int, int], bool]
 """Whether the taxel of a row and column raises a request now, if it has none."""

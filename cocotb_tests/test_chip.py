@@ -11,16 +11,16 @@ from typing import Any
 import cocotb
 import pytest
 
-from base.errors import InputError
-from cocotb_tests.bench.block import JOB, Block, Checker, report
-from cocotb_tests.bench.classifier import load_words
-from cocotb_tests.blocks.classifier import random_network
-from cocotb_tests.test_verilog import lint
-from model.classifier.chip_config import ChipConfig
-from model.classifier.config import ClassifierConfig
-from model.classifier.run import simulate
-from model.config import ReadoutConfig
-from rtl.delivery import write
+from eskin.base.errors import InputError
+from eskin.cocotb_tests.bench.block import JOB, Block, Checker, report
+from eskin.cocotb_tests.bench.classifier import load_words
+from eskin.cocotb_tests.blocks.classifier import random_network
+from eskin.cocotb_tests.test_verilog import lint
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.classifier.run import simulate
+from eskin.model.config import ReadoutConfig
+from eskin.rtl.delivery import write
 
 
 def chip(rows: int, columns: int, channels: int, hidden: int, **own: Any) -> ChipConfig:
@@ -76,11 +76,11 @@ async def bins_begin_anew(dut: Any) -> None:
 
 
 def test_a_scan_start_begins_the_bins_anew(tmp_path: Path) -> None:
-    from cocotb_tests.runner.simulator import build  # not in the simulator, which imports this file too
+    from eskin.cocotb_tests.runner.simulator import build  # not in the simulator, which imports this file too
 
     config = chip(2, 2, 8, 3, reset="async")
     job = {JOB: json.dumps({"config": config.to_dict(), "seed": 7})}
-    build(config, "icarus", top="eskin_chip").test("cocotb_tests.test_chip", tmp_path, "bins_begin_anew", job)
+    build(config, "icarus", top="eskin_chip").test("eskin.cocotb_tests.test_chip", tmp_path, "bins_begin_anew", job)
     counts = json.loads((tmp_path / "counts.json").read_text())
     assert counts["ClassesAfterTheirBins"] == SCANS
     assert counts["classes after a scan_start"] > 5

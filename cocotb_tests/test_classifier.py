@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from cocotb_tests.blocks.classifier import SCANS, cosimulate
-from model.classifier.config import ClassifierConfig
+from eskin.cocotb_tests.blocks.classifier import SCANS, cosimulate
+from eskin.model.classifier.config import ClassifierConfig
 
 if TYPE_CHECKING:
     pass

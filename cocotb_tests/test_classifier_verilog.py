@@ -11,12 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from cocotb_tests.blocks.classifier import random_network
-from cocotb_tests.test_classifier import CONFIGS, name
-from cocotb_tests.test_verilog import lint
-from model.classifier.config import ClassifierConfig
-from model.classifier.file import IntegerWeights
-from rtl.delivery import ports, write
+from eskin.cocotb_tests.blocks.classifier import random_network
+from eskin.cocotb_tests.test_classifier import CONFIGS, name
+from eskin.cocotb_tests.test_verilog import lint
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.classifier.file import IntegerWeights
+from eskin.rtl.delivery import ports, write
 
 TOP = "eskin_classifier"
 PAPERS = ClassifierConfig(floor=-256, out_floor=-256)
@@ -53,7 +53,7 @@ def test_command_writes_the_classifier_of_a_file(tmp_path: Path) -> None:
     config = CONFIGS[0]
     weights = IntegerWeights(random_network(config, random.Random(1)), ("a", "b", "c"))
     weights.save(tmp_path / "integer.npz")
-    command = [sys.executable, "-m", "app", "verilog", "--classifier", str(tmp_path / "integer.npz"), "-o"]
+    command = [sys.executable, "-m", "eskin", "verilog", "--classifier", str(tmp_path / "integer.npz"), "-o"]
     subprocess.run([*command, str(tmp_path / "out"), "--reset", "async"], check=True, capture_output=True)
     described = json.loads((tmp_path / "out" / f"{TOP}.json").read_text())
     assert ClassifierConfig.from_dict(described["configuration"]) == config.replace(reset="async")

@@ -8,9 +8,9 @@ from typing import Any
 import cocotb
 import pytest
 
-from cocotb_tests.bench.block import Block, Checker, job, report
-from cocotb_tests.runner.block import cosimulate
-from model.config import ReadoutConfig
+from eskin.cocotb_tests.bench.block import Block, Checker, job, report
+from eskin.cocotb_tests.runner.block import cosimulate
+from eskin.model.config import ReadoutConfig
 
 CLOCKS = 1000
 

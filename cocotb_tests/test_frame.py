@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from cocotb_tests.bench.frame import SarAdc
-from cocotb_tests.bench.textures import random_scan, scan
-from cocotb_tests.blocks.frame import cosimulate, scanned_frames
-from model.config import ReadoutConfig
-from model.frame_config import FrameConfig
-from model.frame_words import adc_code
+from eskin.cocotb_tests.bench.frame import SarAdc
+from eskin.cocotb_tests.bench.textures import random_scan, scan
+from eskin.cocotb_tests.blocks.frame import cosimulate, scanned_frames
+from eskin.model.config import ReadoutConfig
+from eskin.model.frame_config import FrameConfig
+from eskin.model.frame_words import adc_code
 
 if TYPE_CHECKING:
-    from cocotb_tests.runner.cocotb_runners import Simulator
+    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 
 
 PROPERTIES = (

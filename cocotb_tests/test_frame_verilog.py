@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from cocotb_tests.test_verilog import lint
-from model.config import ReadoutConfig
-from model.frame_config import FrameConfig
-from rtl.delivery import ports, write
-from rtl.verilog import verilog
+from eskin.cocotb_tests.test_verilog import lint
+from eskin.model.config import ReadoutConfig
+from eskin.model.frame_config import FrameConfig
+from eskin.rtl.delivery import ports, write
+from eskin.rtl.verilog import verilog
 
 TOP = "eskin_frame_readout"
 
@@ -79,7 +79,7 @@ def test_ports_are_those_of_the_contract() -> None:
 
 
 def test_command_writes_the_text_of_the_library(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "app", "verilog", "--readout", "frame", "--rows", "2", "--word-bits", "12"]
+    command = [sys.executable, "-m", "eskin", "verilog", "--readout", "frame", "--rows", "2", "--word-bits", "12"]
     for seed in ("1", "2"):
         subprocess.run(
             [*command, "-o", str(tmp_path / seed)], check=True, capture_output=True, env={"PYTHONHASHSEED": seed}

@@ -13,13 +13,13 @@ from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, ReadOnly, RisingEdge, Timer, ValueChange
 from cocotb.utils import get_sim_time
 
-from cocotb_tests.bench.block import Block, Checker, job, payload, report
-from cocotb_tests.bench.reference import AddressEvent, LinkReference
-from cocotb_tests.runner.block import cosimulate
-from model.config import ReadoutConfig
+from eskin.cocotb_tests.bench.block import Block, Checker, job, payload, report
+from eskin.cocotb_tests.bench.reference import AddressEvent, LinkReference
+from eskin.cocotb_tests.runner.block import cosimulate
+from eskin.model.config import ReadoutConfig
 
 if TYPE_CHECKING:
-    from cocotb_tests.runner.cocotb_runners import Simulator
+    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 
 PERIOD_PS = 10_000
 BEFORE_EDGE_PS = 10  # when everything is compared

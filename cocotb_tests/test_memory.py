@@ -12,8 +12,8 @@ from typing import Any
 import cocotb
 import pytest
 
-from cocotb_tests.bench.block import JOB, Block, Checker, report
-from cocotb_tests.test_classifier import network_of
+from eskin.cocotb_tests.bench.block import JOB, Block, Checker, report
+from eskin.cocotb_tests.test_classifier import network_of
 
 CLOCKS = 400
 CONFIG = network_of(5, 12, 3, 4)
@@ -52,10 +52,10 @@ async def memory_is_a_list(dut: Any) -> None:
 
 @pytest.mark.parametrize("top", TOPS)
 def test_memory_reads_what_was_written_and_nothing_during_a_write(top: str, tmp_path: Path) -> None:
-    from cocotb_tests.runner.simulator import build  # not in the simulator, which imports this file too
+    from eskin.cocotb_tests.runner.simulator import build  # not in the simulator, which imports this file too
 
     environment = {JOB: json.dumps({"words": TOPS[top], "seed": 4})}
-    build(CONFIG, "icarus", top=top).test("cocotb_tests.test_memory", tmp_path, "memory_is_a_list", environment)
+    build(CONFIG, "icarus", top=top).test("eskin.cocotb_tests.test_memory", tmp_path, "memory_is_a_list", environment)
     counts = Counter(json.loads((tmp_path / "counts.json").read_text()))
     assert counts["checks"] > CLOCKS / 2
     assert counts["at one address"] > 20

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from cocotb_tests.blocks.merge import play
-from model.config import ReadoutConfig
-from model.tiles.config import TilesConfig
+from eskin.cocotb_tests.blocks.merge import play
+from eskin.model.config import ReadoutConfig
+from eskin.model.tiles.config import TilesConfig
 
 if TYPE_CHECKING:
-    from cocotb_tests.runner.cocotb_runners import Simulator
+    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 
 
 def skin(down: int, across: int, **tile: Any) -> TilesConfig:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from cocotb_tests.blocks.pattern import play
-from model.config import ReadoutConfig
+from eskin.cocotb_tests.blocks.pattern import play
+from eskin.model.config import ReadoutConfig
 
 BASE = ReadoutConfig(registers="spi")
 CONFIGS = [

@@ -7,16 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from cocotb_tests.bench.stimuli import scenario_count, scenarios
-from cocotb_tests.runner import cocotb_runners as runners
-from cocotb_tests.runner.player import Job
-from cocotb_tests.runner.process import run_job
-from cocotb_tests.runner.reproduce import reproduce
-from cocotb_tests.runner.simulator import Build, build
-from model.address_events import taxel_of
-from model.config import ReadoutConfig
-from model.encoders import registry
-from model.readout import simulate
+from eskin.cocotb_tests.bench.stimuli import scenario_count, scenarios
+from eskin.cocotb_tests.runner import cocotb_runners as runners
+from eskin.cocotb_tests.runner.player import Job
+from eskin.cocotb_tests.runner.process import run_job
+from eskin.cocotb_tests.runner.reproduce import reproduce
+from eskin.cocotb_tests.runner.simulator import Build, build
+from eskin.model.address_events import taxel_of
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.readout import simulate
 
 ARRAYS = [(1, 1), (1, 4), (3, 5), (8, 8), (12, 16)]
 ENCODINGS = list(registry.NAMES)

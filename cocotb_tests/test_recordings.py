@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model.events.recording import Recording
+from eskin.model.events.recording import Recording
 from tests.app.test_simulate import BIT_EXACT, COMMAND, OURS, call
 from tests.skins import write_skin
 

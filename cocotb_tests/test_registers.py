@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from cocotb_tests.blocks.registers import CLOCKS, play
-from model.config import ReadoutConfig
+from eskin.cocotb_tests.blocks.registers import CLOCKS, play
+from eskin.model.config import ReadoutConfig
 
 if TYPE_CHECKING:
-    from cocotb_tests.runner.cocotb_runners import Simulator
+    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 
 
 BASE = ReadoutConfig(registers="spi")

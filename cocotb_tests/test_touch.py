@@ -10,14 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from cocotb_tests.runner import simulator
-from cocotb_tests.runner.process import MismatchFound
-from cocotb_tests.runner.simulator import Simulator
-from cocotb_tests.test_chip import CHIPS
-from cocotb_tests.touch.noise import play
-from cocotb_tests.touch.plan import SHIPPED, Network
-from model.classifier.chip_config import ChipConfig
-from model.classifier.file import IntegerWeights
+from eskin.cocotb_tests.runner import simulator
+from eskin.cocotb_tests.runner.process import MismatchFound
+from eskin.cocotb_tests.runner.simulator import Simulator
+from eskin.cocotb_tests.test_chip import CHIPS
+from eskin.cocotb_tests.touch.noise import play
+from eskin.cocotb_tests.touch.plan import SHIPPED, Network
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.file import IntegerWeights
 from tests.app.test_simulate import call
 
 LAST = re.compile(r"touch to class: (\d+) images, (\d+) events, 0 mismatches, (\d+) right")

@@ -12,15 +12,15 @@ from typing import Any
 
 import pytest
 
-from cocotb_tests.runner.build_cache import verilog_text
-from cocotb_tests.runner.cocotb_runners import build_environment
-from cocotb_tests.runner.simulator import require_programs
-from model.config import ReadoutConfig
-from model.encoders import registry
-from model.registers.export import c_header, page
-from model.tiles.config import MergeConfig, TilesConfig
-from rtl.delivery import constraints, core, description, ports, write
-from rtl.verilog import verilog
+from eskin.cocotb_tests.runner.build_cache import verilog_text
+from eskin.cocotb_tests.runner.cocotb_runners import build_environment
+from eskin.cocotb_tests.runner.simulator import require_programs
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.registers.export import c_header, page
+from eskin.model.tiles.config import MergeConfig, TilesConfig
+from eskin.rtl.delivery import constraints, core, description, ports, write
+from eskin.rtl.verilog import verilog
 
 ARRAYS = [(1, 1), (1, 4), (3, 5), (8, 8), (12, 16)]
 ENCODINGS = registry.NAMES
@@ -187,7 +187,7 @@ def test_no_register_of_the_host_is_clocked_for_nothing() -> None:
 
 def test_header_and_page_go_with_registers(tmp_path: Path) -> None:
     config = ReadoutConfig(rows=3, columns=5, registers="spi")
-    command = [sys.executable, "-m", "app", "verilog", "--rows", "3", "--columns", "5", "--registers", "spi"]
+    command = [sys.executable, "-m", "eskin", "verilog", "--rows", "3", "--columns", "5", "--registers", "spi"]
     done = subprocess.run([*command, "-o", str(tmp_path)], capture_output=True, text=True, check=True)
     names = [Path(line).name for line in done.stdout.splitlines()]
     assert names[-5:-3] == ["eskin_registers.h", "eskin_registers.md"]
@@ -210,7 +210,7 @@ def test_without_registers_the_text_does_not_speak_of_them() -> None:
 
 def test_text_is_stable_from_one_process_to_the_next(tmp_path: Path) -> None:
     config = ReadoutConfig(rows=3, columns=5, encoding="cw-lcs")
-    command = [sys.executable, "-m", "app", "verilog", "--rows", "3", "--columns", "5", "--encoding", "cw-lcs"]
+    command = [sys.executable, "-m", "eskin", "verilog", "--rows", "3", "--columns", "5", "--encoding", "cw-lcs"]
     for seed in ("1", "2"):
         subprocess.run(
             [*command, "-o", str(tmp_path / seed)], check=True, capture_output=True, env={"PYTHONHASHSEED": seed}
@@ -315,7 +315,7 @@ def test_ports_are_those_of_the_contract() -> None:
 )
 def test_bad_input_is_one_sentence_and_leaves_nothing(arguments: list[str], sentence: str, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    command = [sys.executable, "-m", "app", "verilog", *arguments, "-o", str(out)]
+    command = [sys.executable, "-m", "eskin", "verilog", *arguments, "-o", str(out)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert done.stderr == sentence + "\n"
@@ -324,7 +324,7 @@ def test_bad_input_is_one_sentence_and_leaves_nothing(arguments: list[str], sent
 
 def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    command = [sys.executable, "-m", "app", "verilog", "--rows", "1", "-o", str(tmp_path / "file" / "out")]
+    command = [sys.executable, "-m", "eskin", "verilog", "--rows", "1", "-o", str(tmp_path / "file" / "out")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert done.stderr.startswith("error: cannot use ")

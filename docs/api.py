@@ -45,7 +45,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages themselves."""
     for room, modules in rooms().items():
         folder = "/".join(room.split("."))
-        text = f"# {room}\n\nFiles of `{folder}/`.\n\n" + "\n\n".join(f"::: {room}.{module}" for module in modules)
+        text = f"# {room}\n\nFiles of `{folder}/`.\n\n" + "\n\n".join(
+            f"::: eskin.{room}.{module}" for module in modules
+        )
         files.append(File.generated(config, f"reference/api/{room}.md", content=text + "\n"))
     for name in AT_THE_TOP:
         text = (ROOT / name).read_text().replace("](docs/", "](")

@@ -26,7 +26,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from model.config import ReadoutConfig
+from eskin.model.config import ReadoutConfig
 
 config = ReadoutConfig(rows=1, columns=1, encoding="lcs", resolution=4)
 seconds = np.arange(400) / config.sample_rate_hz  # 20 ms
@@ -40,7 +40,7 @@ print(f"step D = {config.step} codes of {config.full_scale}, clock {config.clock
 # none.
 
 # %%
-from model.taxel import decode, encode_timed, error_bound, uncontended_events
+from eskin.model.taxel import decode, encode_timed, error_bound, uncontended_events
 
 counts, late = encode_timed(config, samples)
 events = uncontended_events(config, counts, late)
@@ -79,7 +79,7 @@ _ = below.set(xlabel="time / ms", ylabel="error, codes")
 # neuron, and sends no OFF events; bipolar N-LCS sends both. [Encoders](reference/encoders.md) has their rules.
 
 # %%
-from model.encoders import registry
+from eskin.model.encoders import registry
 
 for encoding in registry.NAMES:
     other = config.replace(encoding=encoding, window_period=4)
@@ -93,7 +93,7 @@ for encoding in registry.NAMES:
 # sine have to share the link, and wait for each other.
 
 # %%
-from model.readout import Stimulus, simulate
+from eskin.model.readout import Stimulus, simulate
 
 stimulus = Stimulus.from_samples(config, samples)
 model_events = simulate(config, stimulus)
@@ -110,7 +110,7 @@ print(simulate(four, Stimulus.from_samples(four, samples.repeat(4, axis=1)))[:5]
 # %%
 from amaranth.sim import Simulator
 
-from rtl.readout import Readout
+from eskin.rtl.readout import Readout
 
 top = Readout(config)
 event_clocks, trace = [], []
@@ -167,7 +167,10 @@ import tempfile
 folder = tempfile.mkdtemp()
 options = "--rows 1 --columns 1 --encoding lcs --resolution 4 --sim icarus --textures 0 --waves"
 done = subprocess.run(
-    [sys.executable, "-m", "app", "sim", *options.split(), "--out", folder], capture_output=True, text=True, check=True
+    [sys.executable, "-m", "eskin", "sim", *options.split(), "--out", folder],
+    capture_output=True,
+    text=True,
+    check=True,
 )
 print(done.stdout.replace(folder, "out/sim"))
 
@@ -178,9 +181,9 @@ print(done.stdout.replace(folder, "out/sim"))
 # scan, sensor model and readout.
 
 # %%
-from skin.textures.dataset import open_dataset
-from skin.textures.physical import PhysicalScan
-from snn.data.record import record, record_dataset
+from eskin.skin.textures.dataset import open_dataset
+from eskin.skin.textures.physical import PhysicalScan
+from eskin.snn.data.record import record, record_dataset
 
 textures, scan = open_dataset("embedded"), PhysicalScan()
 array = scan.configure(ReadoutConfig(resolution=4), None)
@@ -203,11 +206,11 @@ _ = raster.set(xlabel="time / ms", ylabel="taxel", title="address events, ON gre
 # [Classifier](guide/classifier.md) has the real trainings, with six textures and a protocol.
 
 # %%
-from snn.data.bins import BinConfig
-from snn.data.scans import Split
-from snn.network_config import NetworkConfig
-from snn.train import predicted_classes, train
-from snn.training import TrainConfig
+from eskin.snn.data.bins import BinConfig
+from eskin.snn.data.scans import Split
+from eskin.snn.network_config import NetworkConfig
+from eskin.snn.train import predicted_classes, train
+from eskin.snn.training import TrainConfig
 
 data = record_dataset(textures, scan, array, BinConfig(bin_s=0.002))
 test = np.arange(0, len(textures), 4)
@@ -272,7 +275,7 @@ for kind, starts in {"press": (1.0,), "tap": (0.5, 1.5, 2.5, 3.5), "rub": (0.8, 
 # %%
 def run(*words):
     environment = os.environ | {"PYTHONPATH": os.getcwd()}
-    command = [sys.executable, "-m", "app", *words]
+    command = [sys.executable, "-m", "eskin", *words]
     return subprocess.run(command, cwd=skin.parent, env=environment, capture_output=True, text=True, check=True)
 
 

@@ -7,11 +7,11 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from base.errors import InputError
-from flow.liberty.library import Library, read
-from model.classifier.config import ClassifierConfig
-from rtl import yosys
-from rtl.verilog import Config, rtlil, top_block
+from eskin.base.errors import InputError
+from eskin.flow.liberty.library import Library, read
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.rtl import yosys
+from eskin.rtl.verilog import Config, rtlil, top_block
 
 GENERIC = "abc -g AND,OR,XOR,MUX"
 """Without a library: two-input gates, multiplexers and inverters, each counted as one."""

@@ -6,7 +6,7 @@ import shutil
 import subprocess
 from pathlib import Path
 
-from base.errors import InputError
+from eskin.base.errors import InputError
 
 PROGRAM = "sta"
 NO_PROGRAM = "OpenSTA not found; install with: apt-get install opensta"

@@ -9,21 +9,21 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from base.errors import InputError
-from base.files import atomic_write, make_folder, origin, write_json
-from cocotb_tests.runner.reproduce import variables
-from flow import opensta
-from flow.asic.constraints import sdc
-from flow.asic.equivalence import Equivalence, design_of, prove
-from flow.asic.structure import Structure, check
-from flow.asic.synthesis import Config, Netlist, synthesise
-from flow.asic.timing import Timing, analyse
-from flow.liberty.library import Library, read
-from flow.power.event_bench import Mismatch
-from flow.power.measure import Disagreement
-from flow.power.results import energies, why_not
-from flow.wire import PITCH_UM
-from model.config import ReadoutConfig
+from eskin.base.errors import InputError
+from eskin.base.files import atomic_write, make_folder, origin, write_json
+from eskin.cocotb_tests.runner.reproduce import variables
+from eskin.flow import opensta
+from eskin.flow.asic.constraints import sdc
+from eskin.flow.asic.equivalence import Equivalence, design_of, prove
+from eskin.flow.asic.structure import Structure, check
+from eskin.flow.asic.synthesis import Config, Netlist, synthesise
+from eskin.flow.asic.timing import Timing, analyse
+from eskin.flow.liberty.library import Library, read
+from eskin.flow.power.event_bench import Mismatch
+from eskin.flow.power.measure import Disagreement
+from eskin.flow.power.results import energies, why_not
+from eskin.flow.wire import PITCH_UM
+from eskin.model.config import ReadoutConfig
 
 SWITCHED_OFF = "simulation is switched off (POWER=0)"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from base.errors import InputError
+from eskin.base.errors import InputError
 
 PITCH_UM = 200.0
 """Of the taxels: the area of one taxel is its square."""

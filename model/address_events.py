@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from base.errors import InputError
-from model.config import ReadoutConfig
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig
 
 EVENT_DTYPE = np.dtype([("t", "<i8"), ("x", "<i2"), ("y", "<i2"), ("p", "?")])
 """One address event: t in clocks since the end of reset, x = column, y = row, p True = ON.

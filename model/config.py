@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args, get_type_hints
 
-from base.errors import InputError
-from base.files import read_json
-from model.encoders import registry
-from model.encoders.encoder import Encoder
+from eskin.base.errors import InputError
+from eskin.base.files import read_json
+from eskin.model.encoders import registry
+from eskin.model.encoders.encoder import Encoder
 
 Encoding = Literal["lcs", "cw-lcs", "nlcs", "nlcs-bipolar"]
 """Names of ``model.encoders.registry``, written once more for the type checker."""

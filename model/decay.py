@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:  # a configuration knows its encoder, which may leak
-    from model.config import ReadoutConfig
+    from eskin.model.config import ReadoutConfig
 
 
 def decay_phases(config: ReadoutConfig) -> NDArray[np.int64]:

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from model.frame_config import FrameConfig
-from model.frame_words import adc_code
+from eskin.base.errors import InputError
+from eskin.model.frame_config import FrameConfig
+from eskin.model.frame_words import adc_code
 
 WORD_DTYPE = np.dtype([("t", np.int64), ("sync", np.bool_), ("data", np.uint64)])
 """An output word: clock of the transfer since the end of reset, frame sync, and the word."""

@@ -6,8 +6,8 @@ import dataclasses
 from dataclasses import dataclass, field
 from typing import Any
 
-from base.errors import InputError
-from model.config import ReadoutConfig, parameter
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig, parameter
 
 MAX_WORD_BITS = 64
 MAX_CLOCKS = 1024

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from model.frame_config import FrameConfig
+from eskin.base.errors import InputError
+from eskin.model.frame_config import FrameConfig
 
 
 def adc_code(config: FrameConfig, samples: NDArray[np.integer]) -> NDArray[np.int64]:

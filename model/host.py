@@ -9,14 +9,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from model.address_events import Events
-from model.config import ReadoutConfig
-from model.readout import TAKEN, WAITED, Stimulus, simulate_counted
-from model.registers.file import RegisterFile, Settings
-from model.registers.pattern import OFF, Pattern
-from model.registers.settings import SETTING_DTYPE
-from model.registers.spi import Pins, SpiSlave
+from eskin.base.errors import InputError
+from eskin.model.address_events import Events
+from eskin.model.config import ReadoutConfig
+from eskin.model.readout import TAKEN, WAITED, Stimulus, simulate_counted
+from eskin.model.registers.file import RegisterFile, Settings
+from eskin.model.registers.pattern import OFF, Pattern
+from eskin.model.registers.settings import SETTING_DTYPE
+from eskin.model.registers.spi import Pins, SpiSlave
 
 COUNTED = {TAKEN: ("events_count",), WAITED: ("stalls_count",), 0: ()}
 

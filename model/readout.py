@@ -14,15 +14,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from base.files import forget_stale_kernels
-from model import arbiter, decay, link
-from model import taxel_kernels as taxel
-from model.address_events import EVENT_DTYPE, Events
-from model.arbiter import ONE, ZERO, lowest, without_lowest
-from model.config import ReadoutConfig
-from model.encoders import compiled
-from model.registers import pattern, settings
+from eskin.base.errors import InputError
+from eskin.base.files import forget_stale_kernels
+from eskin.model import arbiter, decay, link
+from eskin.model import taxel_kernels as taxel
+from eskin.model.address_events import EVENT_DTYPE, Events
+from eskin.model.arbiter import ONE, ZERO, lowest, without_lowest
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import compiled
+from eskin.model.registers import pattern, settings
 
 SOURCES = (*compiled.sources(), *(Path(str(m.__file__)) for m in (arbiter, link, pattern, settings, taxel)))
 """Files and folders whose code is in the compiled loop of this one."""
@@ -198,7 +198,7 @@ def simulate(config: ReadoutConfig, stimulus: Stimulus) -> Events:
     --------
     Two taxels on one link: the arbiter latches both requests at once and sends them one per clock.
 
-    >>> from model.config import ReadoutConfig
+    >>> from eskin.model.config import ReadoutConfig
     >>> config = ReadoutConfig(rows=1, columns=2, resolution=6, clocks_per_sample=8)
     >>> simulate(config, Stimulus.from_samples(config, np.array([[0, 0], [20, -20]])))
     array([(11, 0, 0,  True), (12, 1, 0, False)],

@@ -23,11 +23,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from model import taxel_kernels as kernels
-from model.address_events import EVENT_DTYPE, Events, taxel_of
-from model.config import ReadoutConfig
-from model.decay import decay_phases
+from eskin.base.errors import InputError
+from eskin.model import taxel_kernels as kernels
+from eskin.model.address_events import EVENT_DTYPE, Events, taxel_of
+from eskin.model.config import ReadoutConfig
+from eskin.model.decay import decay_phases
 
 Samples = NDArray[np.integer[Any]]
 """Codes of W bits, shape (ticks, taxels)."""
@@ -76,7 +76,7 @@ def encode(config: ReadoutConfig, samples: Samples, out: Counts | None = None) -
     A step of 16 codes (N = 6, W = 12); the signal rises by three levels, rests, and falls by five:
 
     >>> import numpy as np
-    >>> from model.config import ReadoutConfig
+    >>> from eskin.model.config import ReadoutConfig
     >>> config = ReadoutConfig(rows=1, columns=1, resolution=6)
     >>> counts = encode(config, np.array([[0], [50], [49], [-40]]))
     >>> counts.ravel()

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from base.files import forget_stale_kernels
-from model.config import ReadoutConfig
-from model.encoders import compiled
+from eskin.base.files import forget_stale_kernels
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import compiled
 
 forget_stale_kernels(Path(__file__), compiled.sources())
 

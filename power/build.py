@@ -6,13 +6,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
-from base.errors import InputError
-from power.parameters import PowerParameters
-from skin.textures.rates import Watch, unwatched
+from eskin.base.errors import InputError
+from eskin.power.parameters import PowerParameters
+from eskin.skin.textures.rates import Watch, unwatched
 
 if TYPE_CHECKING:
-    from power.equations import PowerModel, RateSource
-    from power.rates import RateTable
+    from eskin.power.equations import PowerModel, RateSource
+    from eskin.power.rates import RateTable
 
 
 MEASURED = frozenset({"event_rates", "bandwidth"})
@@ -21,7 +21,7 @@ MEASURED = frozenset({"event_rates", "bandwidth"})
 
 def chosen_corrections(mode: str | None, correct: str | None, without: str | None) -> frozenset[str]:
     """Return the corrections that the options name: none in ``paper``, all in ``consistent`` unless listed."""
-    from power.equations import CORRECTIONS, PowerMode, check_corrections
+    from eskin.power.equations import CORRECTIONS, PowerMode, check_corrections
 
     if mode is not None and mode not in get_args(PowerMode):
         raise InputError(f"mode must be one of {', '.join(get_args(PowerMode))}, not {mode!r}")
@@ -45,15 +45,15 @@ def rate_table(
     watch: Watch = unwatched,
 ) -> RateTable:
     """Return measured event rates: of a dataset, from a file, or those that come with the project."""
-    from power.rates import STORED, load_tables, measure_table, stored_table
-    from skin.textures.presets import preset
+    from eskin.power.rates import STORED, load_tables, measure_table, stored_table
+    from eskin.skin.textures.presets import preset
 
     scan = preset(preset_name)
     if dataset is not None and rates is not None:
         raise InputError("--dataset measures event rates, --rates reads them from a file; give one of them")
     if dataset is not None:
-        from model.config import ReadoutConfig
-        from skin.textures.dataset import open_dataset
+        from eskin.model.config import ReadoutConfig
+        from eskin.skin.textures.dataset import open_dataset
 
         base = ReadoutConfig(rows=array[0], columns=array[1])
         return measure_table(open_dataset(dataset), scan, base, resolutions, taus_s, watch=watch)
@@ -69,7 +69,7 @@ def _with_bandwidth(
     parameters: PowerParameters, source: RateSource, settings: Sequence[str], published_sensor: bool
 ) -> PowerParameters:
     """Return the parameters with the bandwidth of the data; 97 Hz stays that of the published scan of Kylberg."""
-    from power.rates import RateTable
+    from eskin.power.rates import RateTable
 
     if not isinstance(source, RateTable) or any(s.startswith("signal_bandwidth_hz=") for s in settings):
         return parameters
@@ -99,8 +99,8 @@ def build_model(
     sensor : PowerParameters, optional
         A sensor that is not the published one: its bandwidth is that of the rates, unless a setting says it.
     """
-    from power.equations import PowerModel
-    from power.synthesis import load_reports
+    from eskin.power.equations import PowerModel
+    from eskin.power.synthesis import load_reports
 
     settings = settings or []
     parameters = (sensor or PowerParameters()).with_settings(settings)
@@ -118,7 +118,7 @@ def both_modes(
     settings: Sequence[str] | None, synthesis: Sequence[Path] | None, table: Callable[[], RateTable]
 ) -> dict[str, PowerModel]:
     """Return the models of both modes; a synthesis report belongs to ``consistent`` only."""
-    from power.equations import CORRECTIONS
+    from eskin.power.equations import CORRECTIONS
 
     return {
         "paper": build_model(frozenset(), settings, None, table),

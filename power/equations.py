@@ -15,11 +15,11 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from base.errors import InputError
-from model.encoders import registry
-from power.parameters import LARGEST, MAX_RESOLUTION, MIN_RESOLUTION, PAPER_TAXELS, SMALLEST, PowerParameters
-from power.readouts import READOUTS, SPIKING, Readout, published
-from power.synthesis import SynthesisReport
+from eskin.base.errors import InputError
+from eskin.model.encoders import registry
+from eskin.power.parameters import LARGEST, MAX_RESOLUTION, MIN_RESOLUTION, PAPER_TAXELS, SMALLEST, PowerParameters
+from eskin.power.readouts import READOUTS, SPIKING, Readout, published
+from eskin.power.synthesis import SynthesisReport
 
 FloatArray = NDArray[np.float64]
 

@@ -6,11 +6,11 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from base.errors import InputError
-from power.equations import FloatArray, PowerModel, TaxelRates
-from power.parameters import LARGEST, MAX_RESOLUTION, MIN_RESOLUTION, PowerParameters
-from power.readouts import READOUTS, Readout, published
-from power.study import RESOLUTIONS, breakdowns
+from eskin.base.errors import InputError
+from eskin.power.equations import FloatArray, PowerModel, TaxelRates
+from eskin.power.parameters import LARGEST, MAX_RESOLUTION, MIN_RESOLUTION, PowerParameters
+from eskin.power.readouts import READOUTS, Readout, published
+from eskin.power.study import RESOLUTIONS, breakdowns
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, get_type_hints
 
-from base.errors import InputError
-from model.config import MAX_SIDE, parameter
+from eskin.base.errors import InputError
+from eskin.model.config import MAX_SIDE, parameter
 
 PAPER = "Alea et al., BioCAS 2022"
 SCRIPTS = "mdalea/intuitive, BioCAS22/plots"

@@ -15,18 +15,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from base.files import read_json
-from base.workers.pool import WorkerPool
-from model.config import ReadoutConfig
-from power.equations import FloatArray, TaxelRates
-from power.parameters import MAX_RESOLUTION, MIN_RESOLUTION
-from power.readouts import Readout, published
-from skin.textures.presets import Scan
-from skin.textures.rates import Image, Watch, each_image, scan_image, unwatched
+from eskin.base.errors import InputError
+from eskin.base.files import read_json
+from eskin.base.workers.pool import WorkerPool
+from eskin.model.config import ReadoutConfig
+from eskin.power.equations import FloatArray, TaxelRates
+from eskin.power.parameters import MAX_RESOLUTION, MIN_RESOLUTION
+from eskin.power.readouts import Readout, published
+from eskin.skin.textures.presets import Scan
+from eskin.skin.textures.rates import Image, Watch, each_image, scan_image, unwatched
 
 if TYPE_CHECKING:
-    from skin.textures.dataset import Dataset
+    from eskin.skin.textures.dataset import Dataset
 
 TAUS_S = (2.0, 0.2, 0.02)
 """N-LCS time constants of Fig. 7 in seconds."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Literal, TypeVar, get_args
 
-from base.errors import InputError
-from model.encoders import registry
+from eskin.base.errors import InputError
+from eskin.model.encoders import registry
 
 Readout = Literal["nlcs", "lcs", "frame"]
 """In the order of Fig. 6."""

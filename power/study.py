@@ -6,16 +6,16 @@ import dataclasses
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from power.equations import PowerModel
+    from eskin.power.equations import PowerModel
 
 
 import math
 from collections.abc import Iterable, Mapping
 
-from power.equations import CORRECTIONS, PowerModel
-from power.parameters import MAX_RESOLUTION, MIN_RESOLUTION
-from power.rates import TAUS_S, RateTable
-from power.readouts import READOUTS, SPIKING
+from eskin.power.equations import CORRECTIONS, PowerModel
+from eskin.power.parameters import MAX_RESOLUTION, MIN_RESOLUTION
+from eskin.power.rates import TAUS_S, RateTable
+from eskin.power.readouts import READOUTS, SPIKING
 
 FIG6_NOISE_V = (1e-4, 10 ** (-4 + 2 * 14 / 29), 1e-2)
 """Noise targets of Fig. 6 in volts rms: 0.1, 0.924 and 10 mV; the middle one is the original's grid point for 1 mV."""

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args, get_type_hints
 
-from base.errors import InputError
-from base.files import read_json
-from model.config import MAX_SIDE
-from power.readouts import Readout
+from eskin.base.errors import InputError
+from eskin.base.files import read_json
+from eskin.model.config import MAX_SIDE
+from eskin.power.readouts import Readout
 
 Leak = Literal["analog", "digital"]
 

@@ -7,9 +7,9 @@ from typing import Any
 from amaranth.hdl import Cat, Const, Module, Mux, Signal
 from amaranth.lib.wiring import In, Out
 
-from model.config import ReadoutConfig
-from rtl.block import Block
-from rtl.logic import encode, exclusive_prefix_or, or_tree
+from eskin.model.config import ReadoutConfig
+from eskin.rtl.block import Block
+from eskin.rtl.logic import encode, exclusive_prefix_or, or_tree
 
 
 class Arbiter(Block[ReadoutConfig]):

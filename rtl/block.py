@@ -8,7 +8,7 @@ from amaranth.back import rtlil
 from amaranth.hdl import ClockDomain, ClockSignal, Instance, Module, ResetSignal, Value
 from amaranth.lib import wiring
 
-from rtl import yosys
+from eskin.rtl import yosys
 
 Config = TypeVar("Config")
 

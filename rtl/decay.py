@@ -8,9 +8,9 @@ import numpy as np
 from amaranth.hdl import Cat, Module, Mux, Signal
 from amaranth.lib.wiring import In, Out
 
-from model.config import ReadoutConfig
-from model.decay import decay_phases
-from rtl.block import Block
+from eskin.model.config import ReadoutConfig
+from eskin.model.decay import decay_phases
+from eskin.rtl.block import Block
 
 
 class DecayTicks(Block[ReadoutConfig]):

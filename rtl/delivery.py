@@ -10,18 +10,18 @@ from typing import Any
 from amaranth.hdl import Shape
 from amaranth.lib import wiring
 
-from base.files import atomic_write
-from model import __version__
-from model.classifier.chip_config import ChipConfig
-from model.classifier.config import ClassifierConfig
-from model.config import ReadoutConfig
-from model.frame_config import FrameConfig
-from model.registers.description import NAME
-from model.registers.export import c_header, page
-from model.tiles.config import MergeConfig, TilesConfig
-from rtl.classifier.ports import CLASSIFIER_PORTS, WATCHED_PORTS
-from rtl.text.testbench import has_testbench, testbench
-from rtl.verilog import Config, header, top_block, verilog, what_is
+from eskin.base.files import atomic_write
+from eskin.model import __version__
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.config import ReadoutConfig
+from eskin.model.frame_config import FrameConfig
+from eskin.model.registers.description import NAME
+from eskin.model.registers.export import c_header, page
+from eskin.model.tiles.config import MergeConfig, TilesConfig
+from eskin.rtl.classifier.ports import CLASSIFIER_PORTS, WATCHED_PORTS
+from eskin.rtl.text.testbench import has_testbench, testbench
+from eskin.rtl.verilog import Config, header, top_block, verilog, what_is
 
 PORTS_OF_ALL = {"clk": "clock, rising edge", "rst": "reset, active high, {reset}"}
 

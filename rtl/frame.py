@@ -7,10 +7,10 @@ from typing import Any
 from amaranth.hdl import Cat, Const, Module, Mux, Signal
 from amaranth.lib.wiring import In, Out
 
-from model.frame_config import FrameConfig
-from model.frame_words import bit_positions
-from rtl.block import Block
-from rtl.logic import or_tree
+from eskin.model.frame_config import FrameConfig
+from eskin.model.frame_words import bit_positions
+from eskin.rtl.block import Block
+from eskin.rtl.logic import or_tree
 
 
 class FrameSequencer(Block[FrameConfig]):

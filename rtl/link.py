@@ -7,9 +7,9 @@ from typing import Any
 from amaranth.hdl import Cat, Module, Signal
 from amaranth.lib.wiring import In, Out
 
-from model.config import ReadoutConfig
-from rtl.arbiter import event_ports
-from rtl.block import Block
+from eskin.model.config import ReadoutConfig
+from eskin.rtl.arbiter import event_ports
+from eskin.rtl.block import Block
 
 
 class FourPhaseLink(Block[ReadoutConfig]):

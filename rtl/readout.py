@@ -7,17 +7,17 @@ from typing import Any
 from amaranth.hdl import Module, Mux, Signal, unsigned
 from amaranth.lib.wiring import In, Out
 
-from model.config import ReadoutConfig
-from model.decay import decay_phases
-from rtl.arbiter import Arbiter, event_ports
-from rtl.block import Block
-from rtl.decay import DecayTicks
-from rtl.link import FourPhaseLink, aer_ports
-from rtl.logic import or_tree
-from rtl.registers.decay import SettableDecayTicks
-from rtl.registers.host import Host
-from rtl.registers.spi import PINS
-from rtl.taxel import Row, settings
+from eskin.model.config import ReadoutConfig
+from eskin.model.decay import decay_phases
+from eskin.rtl.arbiter import Arbiter, event_ports
+from eskin.rtl.block import Block
+from eskin.rtl.decay import DecayTicks
+from eskin.rtl.link import FourPhaseLink, aer_ports
+from eskin.rtl.logic import or_tree
+from eskin.rtl.registers.decay import SettableDecayTicks
+from eskin.rtl.registers.host import Host
+from eskin.rtl.registers.spi import PINS
+from eskin.rtl.taxel import Row, settings
 
 
 class Readout(Block[ReadoutConfig]):

@@ -8,11 +8,11 @@ from typing import Any
 from amaranth.hdl import Cat, Const, Module, Mux, Signal, signed, unsigned
 from amaranth.lib.wiring import In, Out
 
-from model.config import ReadoutConfig
-from rtl.block import Block
-from rtl.encoders.encoder import Own
-from rtl.encoders.registry import named
-from rtl.logic import or_tree
+from eskin.model.config import ReadoutConfig
+from eskin.rtl.block import Block
+from eskin.rtl.encoders.encoder import Own
+from eskin.rtl.encoders.registry import named
+from eskin.rtl.logic import or_tree
 
 
 def settings(config: ReadoutConfig) -> dict[str, Any]:

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from typing import Any
 
-from model import __version__
-from model.classifier.chip_config import ChipConfig
-from model.classifier.config import ClassifierConfig
-from model.config import ReadoutConfig
-from model.frame_config import FrameConfig
-from model.tiles.config import MergeConfig, TilesConfig
-from rtl import yosys
-from rtl.block import Block, Netlist
-from rtl.classifier.chip import Chip
-from rtl.classifier.core import Classifier
-from rtl.frame import FrameReadout
-from rtl.readout import Readout
-from rtl.tiles.merge import Merge
-from rtl.tiles.skin import Skin
+from eskin.model import __version__
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.config import ReadoutConfig
+from eskin.model.frame_config import FrameConfig
+from eskin.model.tiles.config import MergeConfig, TilesConfig
+from eskin.rtl import yosys
+from eskin.rtl.block import Block, Netlist
+from eskin.rtl.classifier.chip import Chip
+from eskin.rtl.classifier.core import Classifier
+from eskin.rtl.frame import FrameReadout
+from eskin.rtl.readout import Readout
+from eskin.rtl.tiles.merge import Merge
+from eskin.rtl.tiles.skin import Skin
 
 Config = ReadoutConfig | FrameConfig | ClassifierConfig | ChipConfig | MergeConfig
 """What is meant: ``eskin_readout``, ``eskin_frame_readout``, ``eskin_classifier``, ``eskin_chip`` or ``eskin_merge``.

@@ -7,8 +7,8 @@ from typing import Any
 from amaranth.hdl import Module, Mux, Signal
 from amaranth.lib.wiring import In, Out
 
-from model.config import ReadoutConfig
-from rtl.block import Block
+from eskin.model.config import ReadoutConfig
+from eskin.rtl.block import Block
 
 
 class ClosingWindow(Block[ReadoutConfig]):

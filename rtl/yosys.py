@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from rtl.text.fold import fold
+from eskin.rtl.text.fold import fold
 
 
 class YosysError(RuntimeError):

@@ -12,17 +12,17 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from model.address_events import Events
-from model.config import ReadoutConfig
-from model.events.recording import Recording
-from skin.recordings.options import Preparation
-from skin.samples import fit_array, read_samples
+from eskin.base.errors import InputError
+from eskin.model.address_events import Events
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.skin.recordings.options import Preparation
+from eskin.skin.samples import fit_array, read_samples
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-    from skin.recordings.quality import Quality
+    from eskin.skin.recordings.quality import Quality
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".gif", ".webp", ".pgm", ".ppm")
 
@@ -53,13 +53,13 @@ class Encoded:
 
     def quality(self) -> Quality:
         """Return load, late and merged decisions, SNR and bound; of events of the cycle model."""
-        from skin.recordings.quality import measure_quality
+        from eskin.skin.recordings.quality import measure_quality
 
         return measure_quality(self.recording.config, self.codes, self.recording.events)
 
     def all_warnings(self, quality: Quality) -> tuple[str, ...]:
         """Return the warnings on the input and on the quality of its events."""
-        from skin.recordings.folder import quality_warnings
+        from eskin.skin.recordings.folder import quality_warnings
 
         return (*self.warnings, *quality_warnings(self.recording.config, [self.codes], quality))
 
@@ -85,7 +85,7 @@ def encode_image(
     InputError
         If the image cannot be read or is too small.
     """
-    from skin.textures.presets import preset
+    from eskin.skin.textures.presets import preset
 
     scan = preset(preset_name)
     pixels = _read_image(path)
@@ -119,8 +119,8 @@ def encode_samples(
     InputError
         If the file cannot be read, its rate is unknown, or a code is out of range.
     """
-    from skin.recordings.fitting import SLOW_HZ, with_clock, with_seconds
-    from skin.textures.presets import quantise
+    from eskin.skin.recordings.fitting import SLOW_HZ, with_clock, with_seconds
+    from eskin.skin.textures.presets import quantise
 
     prepared = prepared or {}
     scale = prepared.get("scale")
@@ -152,8 +152,8 @@ def _encode_prepared(
     path: Path, config: ReadoutConfig, given: Collection[str], prepared: Mapping[str, Any], model: str
 ) -> Encoded:
     """Return the events of a recording without time stamps and baseline, in full scale."""
-    from skin.recordings.folder import read_set
-    from skin.recordings.table import read_table
+    from eskin.skin.recordings.folder import read_set
+    from eskin.skin.recordings.table import read_table
 
     options = Preparation(**prepared)
     if "scale" not in prepared and options.baseline == "none":  # values mean the same as without time stamps
@@ -185,10 +185,10 @@ def _encoded(
 
 def _events(config: ReadoutConfig, codes: NDArray[np.int32], model: str, duration: int) -> Events:
     if model == "cycle":
-        from model.readout import Stimulus, simulate
+        from eskin.model.readout import Stimulus, simulate
 
         return simulate(config, Stimulus.from_samples(config, codes))
-    from model.taxel import encode_timed, uncontended_events
+    from eskin.model.taxel import encode_timed, uncontended_events
 
     events = uncontended_events(config, *encode_timed(config, codes))
     return events[events["t"] < duration]
@@ -219,7 +219,7 @@ def _gray(image: Image) -> NDArray[Any]:
 
 def _has_time(source: Path) -> bool:
     """Return whether a .csv has a column that is no taxel; errors of the file are left to its reader."""
-    from skin.recordings.table import read_table
+    from eskin.skin.recordings.table import read_table
 
     try:
         return bool(read_table(source, Preparation()).notes)

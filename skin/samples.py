@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from base.files import atomic_write, check_writable
-from model.config import MAX_SIDE
+from eskin.base.errors import InputError
+from eskin.base.files import atomic_write, check_writable
+from eskin.model.config import MAX_SIDE
 
 ARRAY_SUFFIXES = (".npy", ".npz", ".csv")
 

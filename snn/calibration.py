@@ -13,8 +13,8 @@ import dataclasses
 import torch
 from torch import Tensor, nn
 
-from snn.network import SpikingNetwork
-from snn.network_config import BaselineConfig, NetworkConfig
+from eskin.snn.network import SpikingNetwork
+from eskin.snn.network_config import BaselineConfig, NetworkConfig
 
 ROUNDS = 30
 """Steps towards the rate of the hidden neurons, which excite each other; each halves the distance."""

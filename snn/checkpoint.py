@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 import torch
 
-from base.errors import InputError
-from base.files import atomic_write
-from snn.data.scans import ScanData, Split
-from snn.network_config import NetworkConfig
-from snn.training import Epoch, TrainConfig, Training
+from eskin.base.errors import InputError
+from eskin.base.files import atomic_write
+from eskin.snn.data.scans import ScanData, Split
+from eskin.snn.network_config import NetworkConfig
+from eskin.snn.training import Epoch, TrainConfig, Training
 
 CHECKPOINT_FORMAT = 1
 

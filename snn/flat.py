@@ -6,7 +6,7 @@ import dataclasses
 import math
 from typing import Any, TypeVar, get_args, get_type_hints
 
-from base.errors import InputError
+from eskin.base.errors import InputError
 
 Config = TypeVar("Config")
 

@@ -13,10 +13,10 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from base.errors import InputError
-from snn.kernels.layer import Backend, layer
-from snn.network_config import BaselineConfig, NetworkConfig
-from snn.rounding import rounded_weights
+from eskin.base.errors import InputError
+from eskin.snn.kernels.layer import Backend, layer
+from eskin.snn.network_config import BaselineConfig, NetworkConfig
+from eskin.snn.rounding import rounded_weights
 
 
 class Output(NamedTuple):

@@ -9,9 +9,9 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
-from base.errors import InputError
-from snn.flat import flatten, hints_of, refuse_unknown, unflatten
-from snn.kernels.rule import NeuronRule
+from eskin.base.errors import InputError
+from eskin.snn.flat import flatten, hints_of, refuse_unknown, unflatten
+from eskin.snn.kernels.rule import NeuronRule
 
 BaselineKind = Literal["rnn", "gru", "cnn"]
 OutputMode = Literal["spikes", "membrane"]

@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 from torch import nn
 from torch.nn import functional
 
-from base.errors import InputError
-from snn.adam import Adam
-from snn.calibration import calibrate
-from snn.checkpoint import Checkpoint, fingerprint, load_checkpoint, save_checkpoint
-from snn.data.augment import augment
-from snn.data.scans import ScanData, Split
-from snn.network import Output, build
-from snn.network_config import NetworkConfig
-from snn.training import DivergedError, Epoch, TrainConfig, Training
+from eskin.base.errors import InputError
+from eskin.snn.adam import Adam
+from eskin.snn.calibration import calibrate
+from eskin.snn.checkpoint import Checkpoint, fingerprint, load_checkpoint, save_checkpoint
+from eskin.snn.data.augment import augment
+from eskin.snn.data.scans import ScanData, Split
+from eskin.snn.network import Output, build
+from eskin.snn.network_config import NetworkConfig
+from eskin.snn.training import DivergedError, Epoch, TrainConfig, Training
 
 CALIBRATION_SCANS = 128
 """At most so many training scans, evenly spread, set the scale of the inputs and the first biases."""

@@ -8,10 +8,10 @@ from typing import Any
 
 from torch import nn
 
-from base.errors import InputError
-from snn.adam import Adam
-from snn.data.augment import AugmentConfig
-from snn.flat import flatten, hints_of, refuse_unknown, unflatten
+from eskin.base.errors import InputError
+from eskin.snn.adam import Adam
+from eskin.snn.data.augment import AugmentConfig
+from eskin.snn.flat import flatten, hints_of, refuse_unknown, unflatten
 
 LARGE_GRADIENT = 1e4
 """Norm of the gradient, before clipping, that is reported as a sign of divergence."""

@@ -23,10 +23,10 @@ MOST_LINES_OF_A_FUNCTION = 60
 MOST_PARAMETERS = 8
 
 LONG = {
-    "model.readout._loop": "arrays handed on to a part of the loop would cost a third of its speed",
-    "snn.kernels.triton.forward_kernel": "a GPU kernel takes pointers and sizes one by one",
-    "snn.kernels.triton.backward_kernel": "a GPU kernel takes pointers and sizes one by one",
-    "snn.kernels.triton._product": "part of a GPU kernel, which knows no structures",
+    "eskin.model.readout._loop": "arrays handed on to a part of the loop would cost a third of its speed",
+    "eskin.snn.kernels.triton.forward_kernel": "a GPU kernel takes pointers and sizes one by one",
+    "eskin.snn.kernels.triton.backward_kernel": "a GPU kernel takes pointers and sizes one by one",
+    "eskin.snn.kernels.triton._product": "part of a GPU kernel, which knows no structures",
 }
 """Functions above 60 lines, and parameter lists above eight, each with the reason why."""
 
@@ -36,7 +36,7 @@ def files() -> list[Path]:
 
 
 def name_of(path: Path) -> str:
-    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+    return ".".join(("eskin", *path.relative_to(ROOT).with_suffix("").parts)).removesuffix(".__init__")
 
 
 @cache
@@ -80,9 +80,9 @@ def functions(path: Path) -> Iterator[tuple[str, ast.FunctionDef | ast.AsyncFunc
 def test_rooms_import_from_below_only() -> None:
     assert len(imports()) > 100
     for module, others in imports().items():
-        room = module.split(".")[0]
+        room = module.split(".")[1]
         below = set(ROOMS[: ROOMS.index(room) + 1]) - ALONE.get(room, set())
-        upward = {other for other in others if other.split(".")[0] not in below}
+        upward = {other for other in others if other.split(".")[1] not in below}
         assert not upward, f"{module} imports {sorted(upward)}"
 
 
@@ -90,8 +90,8 @@ def test_no_two_folders_of_a_room_need_each_other() -> None:
     """A file at the root of a room stands for itself, a folder in it for all its files."""
     graph: dict[str, set[str]] = {}
     for module, others in imports().items():
-        place = ".".join(module.split(".")[:2])
-        graph.setdefault(place, set()).update(".".join(other.split(".")[:2]) for other in others)
+        place = ".".join(module.split(".")[:3])
+        graph.setdefault(place, set()).update(".".join(other.split(".")[:3]) for other in others)
     try:
         TopologicalSorter({place: others - {place} for place, others in graph.items()}).prepare()
         TopologicalSorter(imports()).prepare()  # nor two files of a folder
@@ -101,9 +101,9 @@ def test_no_two_folders_of_a_room_need_each_other() -> None:
 
 def test_figures_and_commands_stand_on_top() -> None:
     for module, others in imports().items():
-        if {"figures", "app"} & set(module.split(".")) or module.startswith("cocotb_tests"):
+        if {"figures", "app"} & set(module.split(".")) or module.startswith("eskin.cocotb_tests"):
             continue  # make sim leaves a picture
-        figures = {other for other in others if "figures" in other.split(".") and not other.startswith("base.")}
+        figures = {other for other in others if "figures" in other.split(".") and not other.startswith("eskin.base.")}
         assert not figures, f"{module} imports {sorted(figures)}"
 
 

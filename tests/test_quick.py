@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import typer
 
-from app.__main__ import app
+from eskin.app.__main__ import app
 from tests.order import LONG, long_first
 from tests.quick import BLOCKS, COMMANDS, OTHERS, chosen, fits
 

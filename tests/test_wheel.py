@@ -23,8 +23,8 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the folder into which the wheel of the project was unpacked."""
     folder = tmp_path_factory.mktemp("wheel")
     sources = folder / "sources"
-    for name in ROOMS:
-        shutil.copytree(ROOT / name, sources / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("eskin", *ROOMS):
+        shutil.copytree(ROOT / name, sources / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, sources / name)
     options = ["--no-deps", "--no-build-isolation", "--disable-pip-version-check", "-q", "-w", str(folder)]
@@ -52,7 +52,7 @@ def files(folder: Path) -> set[str]:
 
 
 def test_every_file_of_the_packages_is_in_the_wheel(installed: Path) -> None:
-    wanted = {f"{name}/{path}" for name in ROOMS for path in files(ROOT / name)}
+    wanted = {f"eskin/{name}/{path}" for name in ROOMS for path in files(ROOT / name)}
     assert {path for path in wanted if path.endswith((".json", ".html", ".v", ".cpp"))}
     assert wanted <= files(installed)
 
@@ -60,7 +60,7 @@ def test_every_file_of_the_packages_is_in_the_wheel(installed: Path) -> None:
 def test_every_command_shows_its_help_elsewhere(installed: Path, tmp_path: Path) -> None:
     program = (
         "import io, json, sys; from contextlib import redirect_stdout\n"
-        "from app import __main__ as program; from app.cli import run\n"
+        "from eskin.app import __main__ as program; from eskin.app.cli import run\n"
         "found = {}\n"
         "for name in json.loads(sys.argv[1]):\n"
         "    text = io.StringIO()\n"
@@ -79,14 +79,14 @@ def test_every_command_shows_its_help_elsewhere(installed: Path, tmp_path: Path)
 
 def test_commands_work_elsewhere_and_write_nothing_beside_the_sources(installed: Path, tmp_path: Path) -> None:
     before = files(installed)
-    assert json.loads(run(installed, tmp_path, "-m", "app", "power", "--mode", "consistent", "--json"))
-    run(installed, tmp_path, "-m", "app", "verilog", "--rows", "1", "--columns", "2", "-o", "chip")
-    run(installed, tmp_path, "-m", "app", "report")
+    assert json.loads(run(installed, tmp_path, "-m", "eskin", "power", "--mode", "consistent", "--json"))
+    run(installed, tmp_path, "-m", "eskin", "verilog", "--rows", "1", "--columns", "2", "-o", "chip")
+    run(installed, tmp_path, "-m", "eskin", "report")
     (tmp_path / "skin.csv").write_text("".join(f"0.{n % 9},0.1\n" for n in range(50)))
     encode = ["encode", "skin.csv", "--rows", "1", "--columns", "2", "--sample-rate", "1000", "-o", "out/skin.npz"]
-    run(installed, tmp_path, "-m", "app", *encode)
-    run(installed, tmp_path, "-m", "app", "fig9")
-    run(installed, tmp_path, "-m", "app", "convert", "out/skin.npz", "-o", "skin.nir")
+    run(installed, tmp_path, "-m", "eskin", *encode)
+    run(installed, tmp_path, "-m", "eskin", "fig9")
+    run(installed, tmp_path, "-m", "eskin", "convert", "out/skin.npz", "-o", "skin.nir")
     made = files(tmp_path)
     assert {"chip/eskin_readout.v", "out/report.html", "out/skin.npz", "skin.nir", "out/fig9.png"} <= made
     assert files(installed) == before
@@ -96,7 +96,7 @@ def test_commands_work_elsewhere_and_write_nothing_beside_the_sources(installed:
 def test_co_simulation_builds_in_the_current_folder(installed: Path, tmp_path: Path) -> None:
     before = files(installed)
     words = ["sim", "--rows", "1", "--columns", "2", "--encoding", "lcs", "--sim", "icarus", "--textures", "0"]
-    last = run(installed, tmp_path, "-m", "app", *words).splitlines()[-1]
+    last = run(installed, tmp_path, "-m", "eskin", *words).splitlines()[-1]
     assert last.startswith("bit-exact: 9 runs, ")
     assert (tmp_path / "build").is_dir()
     assert (tmp_path / "out" / "sim").is_dir()
@@ -105,6 +105,6 @@ def test_co_simulation_builds_in_the_current_folder(installed: Path, tmp_path: P
 
 def test_a_model_of_the_users_own_is_passed_over_with_safe_path(installed: Path, tmp_path: Path) -> None:
     """As docs/guide/install.md says: -P leaves the current folder out of the search."""
-    (tmp_path / "app.py").write_text("print('mine')")
-    assert run(installed, tmp_path, "-m", "app") == "mine\n"
-    assert run(installed, tmp_path, "-P", "-m", "app").startswith("Usage: eskin ")
+    (tmp_path / "eskin.py").write_text("print('mine')")
+    assert run(installed, tmp_path, "-m", "eskin") == "mine\n"
+    assert run(installed, tmp_path, "-P", "-m", "eskin").startswith("Usage: eskin ")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import typer
 
-from base.errors import InputError
+from eskin.base.errors import InputError
 
 
 def check_name(name: str) -> None:

@@ -11,10 +11,10 @@ from typing import Any, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from base.files import read_json
-from base.units import with_unit
-from model.events.recording import Recording
+from eskin.base.errors import InputError
+from eskin.base.files import read_json
+from eskin.base.units import with_unit
+from eskin.model.events.recording import Recording
 
 Data = dict[str, Any]
 
@@ -95,7 +95,7 @@ def load_runs(folder: Path) -> tuple[list[Run], list[str]]:
 
 
 def _compared(name: str, rtl: Recording, model: Recording) -> Run:
-    from model.events.compare import first_difference
+    from eskin.model.events.compare import first_difference
 
     ours, theirs = rtl.config.to_dict(), model.config.to_dict()
     arrays = [f"{r.config.rows} x {r.config.columns}" for r in (rtl, model)]
@@ -116,10 +116,10 @@ def _compared(name: str, rtl: Recording, model: Recording) -> Run:
 
 
 def _model_alone(encoding: str) -> Run:
-    from model.config import ReadoutConfig
-    from model.readout import Stimulus, simulate
-    from skin.textures.dataset import EMBEDDED, open_dataset
-    from skin.textures.physical import PhysicalScan
+    from eskin.model.config import ReadoutConfig
+    from eskin.model.readout import Stimulus, simulate
+    from eskin.skin.textures.dataset import EMBEDDED, open_dataset
+    from eskin.skin.textures.physical import PhysicalScan
 
     scan, texture = PhysicalScan(), open_dataset(EMBEDDED)[0]
     config = scan.configure(ReadoutConfig.from_dict({"rows": 8, "columns": 8, "encoding": encoding, "resolution": 6}))
@@ -168,8 +168,8 @@ def load_accuracy(path: Path) -> Data:
 
 
 def _accuracy_point(point: Any, where: str) -> Data:
-    from power.readouts import READOUT_NAMES
-    from skin.figures.readouts import LOOKS
+    from eskin.power.readouts import READOUT_NAMES
+    from eskin.skin.figures.readouts import LOOKS
 
     if not isinstance(point, dict):
         raise InputError(f"{where} is not an object")
@@ -245,12 +245,12 @@ def report_data(
     synthesis : sequence of Path
         Synthesis reports, which ``consistent`` mode then uses.
     """
-    from model import __version__
-    from power.build import both_modes, rate_table
-    from power.explore import explore_data
-    from power.rates import TAUS_S, load_tables
-    from power.study import FIG_TAU_S, RESOLUTIONS, fig6_data, fig7_data, sensitivity_data, sensitivity_models
-    from power.synthesis import load_reports
+    from eskin.model import __version__
+    from eskin.power.build import both_modes, rate_table
+    from eskin.power.explore import explore_data
+    from eskin.power.rates import TAUS_S, load_tables
+    from eskin.power.study import FIG_TAU_S, RESOLUTIONS, fig6_data, fig7_data, sensitivity_data, sensitivity_models
+    from eskin.power.synthesis import load_reports
 
     gates = load_reports(list(synthesis))  # refused before anything long is done
     missing: dict[str, list[str]] = {}

@@ -15,10 +15,10 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from app.report.data import Run
-from base.figures.style import GREY, dress, new_figure, save_figure
-from base.units import plain, with_unit
-from skin.figures.readouts import LOOKS, Look
+from eskin.app.report.data import Run
+from eskin.base.figures.style import GREY, dress, new_figure, save_figure
+from eskin.base.units import plain, with_unit
+from eskin.skin.figures.readouts import LOOKS, Look
 
 Data = dict[str, Any]
 
@@ -43,7 +43,7 @@ def runs_in(folder: Path) -> tuple[Path, Path]:
 
 def page(data: Data, runs: Sequence[Run]) -> str:
     """Return the page of ``report_data``; the same data give the same page."""
-    from power.figures.plots import plot_explore, plot_fig6, plot_fig7, plot_sensitivity
+    from eskin.power.figures.plots import plot_explore, plot_fig6, plot_fig7, plot_sensitivity
 
     fig6, sensor = data["fig6"], data["explore"]["sensor"]
     point = f"{fig6['resolution']} bit, tau {fig6['tau_s']:g} s"
@@ -83,7 +83,7 @@ def page(data: Data, runs: Sequence[Run]) -> str:
         lacks = "".join(f'<p class="missing">{html.escape(text)}</p>\n' for text in data["missing"].get(key, ()))
         body.append(f'<section id="s{number}">\n<h2>{heading}</h2>\n{lacks}{"".join(parts)}</section>')
         links.append(f'<a href="#s{number}">{heading}</a>')
-    template = (resources.files("app.report") / "page.html").read_text("utf-8")
+    template = (resources.files("eskin.app.report") / "page.html").read_text("utf-8")
     return string.Template(template).substitute(
         version=html.escape(data["version"]),
         links=" ".join(links),
@@ -111,7 +111,7 @@ def _picture(plot: Callable[..., None], *args: Any, alt: str, kind: str = "svg",
 
 def run_section(run: Run) -> str:
     """Return heading, verdict and raster of a run."""
-    from skin.figures.raster import plot_comparison, plot_signals
+    from eskin.skin.figures.raster import plot_comparison, plot_signals
 
     config, facts = run.model.config, run.to_dict()
     said: Data = {"alt": f"Raster of {run.name}", "kind": "png", "duration_clocks": run.model.duration_clocks}
@@ -225,7 +225,7 @@ def _benchmarks_table(ratios: list[Data]) -> str:
 
 
 def _synthesis_table(reports: list[Data]) -> str:
-    from power.readouts import READOUT_NAMES
+    from eskin.power.readouts import READOUT_NAMES
 
     rows = [
         (

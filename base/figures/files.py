@@ -6,8 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from base.errors import InputError
-from base.files import origin, write_json
+from eskin.base.errors import InputError
+from eskin.base.files import origin, write_json
 
 DEFAULT_OUT = Path("out")
 

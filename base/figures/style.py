@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from base.errors import InputError
-from base.files import atomic_write, check_writable
+from eskin.base.errors import InputError
+from eskin.base.files import atomic_write, check_writable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

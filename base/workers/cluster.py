@@ -17,8 +17,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from base.errors import InputError
-from base.workers.pool import SPARE, Shared, unpack
+from eskin.base.errors import InputError
+from eskin.base.workers.pool import SPARE, Shared, unpack
 
 CONNECT_S, WORKERS_S = 5.0, 10.0
 """Seconds that a scheduler may take to answer, and its first worker to appear."""
@@ -45,7 +45,7 @@ def version(needs: Needs) -> str:
     """Return a text that differs where this project or the libraries that compute do."""
     found = hashlib.sha256()
     for package in needs.packages:
-        folder = Path(str(importlib.import_module(package).__file__)).parent
+        folder = Path(str(importlib.import_module(f"eskin.{package}").__file__)).parent
         for path in sorted(path for kind in ("*.py", "*.cpp", "*.v") for path in folder.rglob(kind)):
             found.update(f"{path.relative_to(folder.parent)}\0".encode() + path.read_bytes() + b"\0")
     versions = [f"{name} {importlib.metadata.version(name)}" for name in needs.libraries]
@@ -106,7 +106,7 @@ class Cluster:
         def identify() -> str:  # inside, so that it travels by value: the worker may not have this module
             import importlib
 
-            module = importlib.import_module("base.workers.cluster")
+            module = importlib.import_module("eskin.base.workers.cluster")
             return str(module.version(module.Needs(packages, libraries)))
 
         for worker, found in self._client.run(identify, on_error="return").items():

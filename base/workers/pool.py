@@ -21,8 +21,8 @@ from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Any, Protocol
 
-from base.errors import InputError
-from base.workers.garbage import collect_seldom
+from eskin.base.errors import InputError
+from eskin.base.workers.garbage import collect_seldom
 
 SPARE = 2
 """So many pieces wait behind those that are worked on, and keep the workers busy meanwhile."""

@@ -7,9 +7,9 @@ from typing import Any
 from amaranth.build import Attrs, Pins, Resource, Subsignal
 from amaranth.hdl import ClockDomain, ClockSignal, Elaboratable, Instance, Module, ResetSignal, Signal
 
-from base.errors import InputError
-from board.config import BoardConfig
-from board.gateware.top import Board
+from eskin.base.errors import InputError
+from eskin.board.config import BoardConfig
+from eskin.board.gateware.top import Board
 
 BOARDS = {
     "ulx3s": "ULX3S_85F_Platform",

@@ -14,13 +14,13 @@ from typing import Any
 
 from amaranth.back import rtlil
 
-from base.errors import InputError
-from board.bitstream.boards import OnBoard, platform_of
-from board.config import BoardConfig
-from board.session import board_of
-from model.classifier.config import ClassifierConfig
-from model.classifier.file import IntegerWeights
-from rtl.classifier.core import Classifier
+from eskin.base.errors import InputError
+from eskin.board.bitstream.boards import OnBoard, platform_of
+from eskin.board.config import BoardConfig
+from eskin.board.session import board_of
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.classifier.file import IntegerWeights
+from eskin.rtl.classifier.core import Classifier
 
 NAME = "eskin_board"
 SEED = 1

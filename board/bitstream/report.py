@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from base.files import atomic_write, make_folder, write_json
-from board.bitstream.build import Built
-from model.classifier.config import ClassifierConfig, bits_of
+from eskin.base.files import atomic_write, make_folder, write_json
+from eskin.board.bitstream.build import Built
+from eskin.model.classifier.config import ClassifierConfig, bits_of
 
 LEAST_HZ = 50e6
 """Of the system clock, routed."""

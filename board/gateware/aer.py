@@ -8,9 +8,9 @@ from amaranth.hdl import Module, Signal
 from amaranth.lib.cdc import FFSynchronizer
 from amaranth.lib.wiring import Component, In, Out
 
-from board.config import ADDRESS_BITS
-from board.gateware.recorder import CLOCK_BITS
-from board.records import VALUE_BITS
+from eskin.board.config import ADDRESS_BITS
+from eskin.board.gateware.recorder import CLOCK_BITS
+from eskin.board.records import VALUE_BITS
 
 
 class AerReceiver(Component):

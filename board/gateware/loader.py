@@ -7,10 +7,10 @@ from typing import Any
 from amaranth.hdl import Cat, Module, Signal
 from amaranth.lib.wiring import Component, In, Out
 
-from board.config import BoardConfig
-from board.gateware.recorder import hello_values
-from board.serial_frames import Kind
-from rtl.classifier.core import Classifier
+from eskin.board.config import BoardConfig
+from eskin.board.gateware.recorder import hello_values
+from eskin.board.serial_frames import Kind
+from eskin.rtl.classifier.core import Classifier
 
 RUN_BITS = 32
 """Of the clocks that a RUN gives."""

@@ -8,8 +8,8 @@ from amaranth.hdl import Array, Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib.fifo import SyncFIFOBuffered
 from amaranth.lib.wiring import Component, In, Out
 
-from board.config import ADDRESS_BITS, DESIGNS, BoardConfig
-from board.records import HELLO_WORDS, STATUS_WORDS, TIME_BITS, VALUE_BITS, VERSION, WORD_BITS, Tag
+from eskin.board.config import ADDRESS_BITS, DESIGNS, BoardConfig
+from eskin.board.records import HELLO_WORDS, STATUS_WORDS, TIME_BITS, VALUE_BITS, VERSION, WORD_BITS, Tag
 
 CLOCK_BITS = VALUE_BITS + TIME_BITS
 """Of the time: 4 days at 50 MHz."""

@@ -9,9 +9,9 @@ from amaranth.lib.crc.catalog import CRC32_ISO_HDLC
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import Component, In, Out
 
-from board.config import SerialConfig
-from board.records import Reason
-from board.serial_frames import CRC_BYTES, ESCAPE, FLAG, FLIP, HEAD_BYTES, MOST_PAYLOAD, Kind
+from eskin.board.config import SerialConfig
+from eskin.board.records import Reason
+from eskin.board.serial_frames import CRC_BYTES, ESCAPE, FLAG, FLIP, HEAD_BYTES, MOST_PAYLOAD, Kind
 
 MOST_BODY = HEAD_BYTES + MOST_PAYLOAD + CRC_BYTES
 WORDS_IN_A_FRAME = MOST_PAYLOAD // 4

@@ -8,15 +8,15 @@ from amaranth.back import rtlil
 from amaranth.hdl import Cat, Const, EnableInserter, Module, ResetInserter, Signal
 from amaranth.lib.wiring import Component, In, Out
 
-from board.config import ADDRESS_BITS, BoardConfig
-from board.gateware.aer import AerReceiver
-from board.gateware.loader import Loader
-from board.gateware.recorder import CLOCK_BITS, RESERVE, Recorder
-from board.gateware.serial_frames import FrameReceiver, FrameSender
-from board.gateware.uart import UartReceiver, UartSender
-from board.records import STATUS_WORDS, VALUE_BITS, WORD_BITS, Reason
-from rtl import yosys
-from rtl.classifier.chip import Chip
+from eskin.board.config import ADDRESS_BITS, BoardConfig
+from eskin.board.gateware.aer import AerReceiver
+from eskin.board.gateware.loader import Loader
+from eskin.board.gateware.recorder import CLOCK_BITS, RESERVE, Recorder
+from eskin.board.gateware.serial_frames import FrameReceiver, FrameSender
+from eskin.board.gateware.uart import UartReceiver, UartSender
+from eskin.board.records import STATUS_WORDS, VALUE_BITS, WORD_BITS, Reason
+from eskin.rtl import yosys
+from eskin.rtl.classifier.chip import Chip
 
 TOP = "eskin_board"
 

@@ -11,7 +11,7 @@ from amaranth.hdl import Cat, Const, Module, Signal
 from amaranth.lib.cdc import FFSynchronizer
 from amaranth.lib.wiring import Component, In, Out
 
-from board.config import SerialConfig
+from eskin.board.config import SerialConfig
 
 
 class UartReceiver(Component):

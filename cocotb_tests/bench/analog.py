@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from model.config import ReadoutConfig
+from eskin.model.config import ReadoutConfig
 
 FRACTION_BITS, SIGNAL_BITS_MORE = 4, 6
 """Bits of an analog signal in the harness below those of a sample, and in all more than those of a sample."""

@@ -12,8 +12,8 @@ from typing import Any
 
 from cocotb.triggers import Timer
 
-from model.config import ReadoutConfig
-from model.tiles.config import config_of
+from eskin.model.config import ReadoutConfig
+from eskin.model.tiles.config import config_of
 
 JOB = "ESKIN_BLOCK_JOB"
 """Environment variable with the job of a block-level test, as JSON."""

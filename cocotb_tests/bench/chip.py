@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cocotb_tests.bench.readout import Bench, Mismatch
-from model.address_events import Events
-from model.classifier.chip import channels_of, clocks_of, events_of
-from model.classifier.chip_config import ChipConfig
-from model.classifier.config import ClassifierConfig
-from model.classifier.file import neuron_image, weight_image
-from model.classifier.network import IntegerNetwork
-from model.classifier.run import ClassifierRun
-from model.classifier.run import simulate as simulate_classifier
+from eskin.cocotb_tests.bench.readout import Bench, Mismatch
+from eskin.model.address_events import Events
+from eskin.model.classifier.chip import channels_of, clocks_of, events_of
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.classifier.file import neuron_image, weight_image
+from eskin.model.classifier.network import IntegerNetwork
+from eskin.model.classifier.run import ClassifierRun
+from eskin.model.classifier.run import simulate as simulate_classifier
 
 if TYPE_CHECKING:  # importing it would compile the model in every simulator
-    from model.readout import Stimulus
+    from eskin.model.readout import Stimulus
 
 FACTOR, ADDED, MASK = 6364136223846793005, 1442695040888963407, 2**64 - 1
 """Of the sums of the harness (``mixed`` there)."""
@@ -105,7 +105,7 @@ class ChipBench:
         Mismatch
             If RTL and models differ.
         """
-        from model.readout import Stimulus, simulate
+        from eskin.model.readout import Stimulus, simulate
 
         whole, clocks = clocks_of(self.config, len(samples))
         stimulus = Stimulus.from_samples(self.config.readout, samples, clocks=clocks)
@@ -173,8 +173,8 @@ def hold(config: ChipConfig, network: IntegerNetwork, stimulus: Stimulus, run: C
     The readout's model is given the clocks in which the classifier was not ready; these in turn are held to the
     classifier's model, which is given the clocks in which the readout offered its events.
     """
-    from model.events.compare import first_difference
-    from model.readout import simulate
+    from eskin.model.events.compare import first_difference
+    from eskin.model.readout import simulate
 
     expected = simulate(config.readout, dataclasses.replace(stimulus, ready=run.ready(stimulus.clocks)))
     if not config.polarity:

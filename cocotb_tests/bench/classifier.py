@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from cocotb_tests.bench.block import Block, Checker
-from model.classifier.config import ClassifierConfig, highest, lowest
-from model.classifier.file import neuron_image, weight_image
-from model.classifier.network import IntegerNetwork
-from model.classifier.run import ClassifierRun, simulate
+from eskin.cocotb_tests.bench.block import Block, Checker
+from eskin.model.classifier.config import ClassifierConfig, highest, lowest
+from eskin.model.classifier.file import neuron_image, weight_image
+from eskin.model.classifier.network import IntegerNetwork
+from eskin.model.classifier.run import ClassifierRun, simulate
 
 STALL_END = 2**24 - 1
 

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from cocotb_tests.bench.stimuli import READY, ack_delays
-from model.config import ReadoutConfig
-from model.encoders import registry
-from model.readout import ANALOG_RANGE, Stimulus
+from eskin.base.errors import InputError
+from eskin.cocotb_tests.bench.stimuli import READY, ack_delays
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.readout import ANALOG_RANGE, Stimulus
 
 MOST_TAXELS = 64
 SINKS = tuple(READY)

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cocotb_tests.bench.block import Block, BlockMismatch, Checker, Sink
-from model.frame import FrameModel, Inputs, Outputs
-from model.frame_config import FrameConfig
-from model.frame_words import adc_code, unpack
+from eskin.cocotb_tests.bench.block import Block, BlockMismatch, Checker, Sink
+from eskin.model.frame import FrameModel, Inputs, Outputs
+from eskin.model.frame_config import FrameConfig
+from eskin.model.frame_words import adc_code, unpack
 
 
 class SarAdc:

@@ -12,13 +12,13 @@ import numpy as np
 from cocotb.triggers import ValueChange
 from numpy.typing import NDArray
 
-from cocotb_tests.bench.analog import SIGNAL_BITS_MORE, Comparators, read_decisions, signal_of
-from model.address_events import EVENT_DTYPE, Events
-from model.config import ReadoutConfig
-from model.events.compare import Difference, first_difference
+from eskin.cocotb_tests.bench.analog import SIGNAL_BITS_MORE, Comparators, read_decisions, signal_of
+from eskin.model.address_events import EVENT_DTYPE, Events
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.compare import Difference, first_difference
 
 if TYPE_CHECKING:  # importing it would compile the model in every simulator
-    from model.readout import Stimulus
+    from eskin.model.readout import Stimulus
 
 PATTERN = 65536
 """Entries of the harness's ready pattern, which must be a multiple of the stimulus's."""
@@ -153,7 +153,7 @@ class Scoreboard:
 
     def _describe(self, name: str, stimulus: Stimulus, difference: Difference) -> str:
         """Return where RTL and model part, the model's state there, and the command that shows it again."""
-        from model.readout import state_at
+        from eskin.model.readout import state_at
 
         clock, row, column, _ = min(event for event in (difference.a, difference.b) if event is not None)
         lines = [f"{name}: RTL and model differ", difference.describe(("model", "RTL"))]
@@ -231,7 +231,7 @@ class Bench:
 
     async def check(self, name: str, stimulus: Stimulus) -> Events:
         """Play a stimulus and hold the RTL to the model; return the events."""
-        from model.readout import simulate
+        from eskin.model.readout import simulate
 
         events, errors = await self.play(stimulus)
         expected = simulate(self.scoreboard.config, stimulus)
@@ -240,7 +240,7 @@ class Bench:
 
     async def check_given(self, name: str, stimulus: Stimulus, comparators: Comparators) -> tuple[Events, Stimulus]:
         """Hold the RTL to the model that is given what the comparators found; return the events, and that stimulus."""
-        from model.readout import simulate
+        from eskin.model.readout import simulate
 
         self.driver.write(stimulus, comparators)
         events, errors = await self._go()

@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from model.config import ReadoutConfig
+from eskin.model.config import ReadoutConfig
 
 if TYPE_CHECKING:  # importing it would compile the fast model in every simulator
-    from model.readout import Stimulus
+    from eskin.model.readout import Stimulus
 
 
 class AddressEvent(NamedTuple):

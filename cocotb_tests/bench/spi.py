@@ -6,8 +6,8 @@ import random
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from model.registers.description import WORD_BITS, WORD_BYTES
-from model.registers.spi import GAP_CLOCKS, LAG_CLOCKS, LEAD_CLOCKS, Pins, transfer
+from eskin.model.registers.description import WORD_BITS, WORD_BYTES
+from eskin.model.registers.spi import GAP_CLOCKS, LAG_CLOCKS, LEAD_CLOCKS, Pins, transfer
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.config import ReadoutConfig
-from model.link import ACK_QUANTA
-from model.readout import Stimulus, simulate, state_at
+from eskin.model.config import ReadoutConfig
+from eskin.model.link import ACK_QUANTA
+from eskin.model.readout import Stimulus, simulate, state_at
 
 Samples = NDArray[np.int64]
 MARGIN = 60
@@ -76,7 +76,7 @@ def together(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Sam
 
 def texture(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
     """A scan over an embedded photograph, from a random place on."""
-    from cocotb_tests.bench.textures import random_scan
+    from eskin.cocotb_tests.bench.textures import random_scan
 
     return random_scan(config, ticks, rng)
 

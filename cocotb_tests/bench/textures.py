@@ -7,9 +7,9 @@ import functools
 import numpy as np
 from numpy.typing import NDArray
 
-from model.config import ReadoutConfig
-from skin.textures.dataset import embedded_dataset
-from skin.textures.physical import PhysicalScan, large_enough
+from eskin.model.config import ReadoutConfig
+from eskin.skin.textures.dataset import embedded_dataset
+from eskin.skin.textures.physical import PhysicalScan, large_enough
 
 
 @functools.lru_cache(maxsize=4)

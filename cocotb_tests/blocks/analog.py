@@ -10,22 +10,22 @@ from typing import TYPE_CHECKING, Any
 import cocotb
 import numpy as np
 
-from cocotb_tests.bench.analog import FRACTION_BITS, Comparators
-from cocotb_tests.bench.block import JOB, Checker, job, report
-from cocotb_tests.bench.readout import Bench
-from model.config import ReadoutConfig
+from eskin.cocotb_tests.bench.analog import FRACTION_BITS, Comparators
+from eskin.cocotb_tests.bench.block import JOB, Checker, job, report
+from eskin.cocotb_tests.bench.readout import Bench
+from eskin.model.config import ReadoutConfig
 
 if TYPE_CHECKING:
-    from model.address_events import Events
-    from model.readout import Stimulus
+    from eskin.model.address_events import Events
+    from eskin.model.readout import Stimulus
 
 CLOCKS = 4000
 
 
 def drive(config: ReadoutConfig, samples: np.ndarray, seed: int) -> Stimulus:
     """Return a stimulus of one sample tick in eight clocks, with a sink that does not always take."""
-    from cocotb_tests.bench.stimuli import READY, ack_delays
-    from model.readout import Stimulus
+    from eskin.cocotb_tests.bench.stimuli import READY, ack_delays
+    from eskin.model.readout import Stimulus
 
     rng = np.random.default_rng(seed)
     ticks = np.resize(samples, (CLOCKS // 8, config.taxels))
@@ -91,7 +91,7 @@ async def one_code_over_the_ends(dut: Any) -> None:
 
 def run(config: ReadoutConfig, simulator: Any, test: str, folder: Path) -> dict[str, int]:
     """Run a test of this file in the harness; return its counts."""
-    from cocotb_tests.runner.simulator import build
+    from eskin.cocotb_tests.runner.simulator import build
 
     work = {"config": config.to_dict(), "seed": random.Random(config.to_json()).randrange(1000)}
     build(config, simulator).test(__name__, folder, test, {JOB: json.dumps(work)})

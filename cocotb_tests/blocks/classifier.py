@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 import cocotb
 import numpy as np
 
-from cocotb_tests.bench.block import JOB, report
-from cocotb_tests.bench.classifier import ClassifierBench, Stimulus
-from model.classifier.config import ClassifierConfig, highest, lowest
-from model.classifier.network import IntegerNetwork
+from eskin.cocotb_tests.bench.block import JOB, report
+from eskin.cocotb_tests.bench.classifier import ClassifierBench, Stimulus
+from eskin.model.classifier.config import ClassifierConfig, highest, lowest
+from eskin.model.classifier.network import IntegerNetwork
 
 if TYPE_CHECKING:
-    from cocotb_tests.runner.cocotb_runners import Simulator
+    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 
 
 SCANS = 120
@@ -94,7 +94,7 @@ def cosimulate(
     config: ClassifierConfig, simulator: Simulator, folder: Path, seed: int, test: str = "scans_equal_the_model"
 ) -> Counter[str]:
     """Run a cocotb test of the classifier and return what it counted."""
-    from cocotb_tests.runner.simulator import build  # not in the simulator, which imports this file too
+    from eskin.cocotb_tests.runner.simulator import build  # not in the simulator, which imports this file too
 
     environment = {JOB: json.dumps({"config": config.to_dict(), "seed": seed})}
     program = build(config, simulator, top="eskin_classifier")

@@ -13,14 +13,14 @@ import cocotb
 import numpy as np
 from numpy.typing import NDArray
 
-from cocotb_tests.bench.block import JOB, Sink, report
-from cocotb_tests.bench.frame import FrameBench, SarAdc
-from model.frame import FrameStimulus, simulate
-from model.frame_config import FrameConfig
-from model.frame_words import adc_code, unpack
+from eskin.cocotb_tests.bench.block import JOB, Sink, report
+from eskin.cocotb_tests.bench.frame import FrameBench, SarAdc
+from eskin.model.frame import FrameStimulus, simulate
+from eskin.model.frame_config import FrameConfig
+from eskin.model.frame_words import adc_code, unpack
 
 if TYPE_CHECKING:
-    from cocotb_tests.runner.cocotb_runners import Simulator
+    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 
 
 def job() -> tuple[FrameConfig, random.Random]:
@@ -103,7 +103,7 @@ def cosimulate(
     config: FrameConfig, simulator: Simulator, test: str, folder: Path, seed: int, samples: NDArray[np.int64]
 ) -> Counter[str]:
     """Run one cocotb test of the frame readout on samples of a scan, and return what it counted."""
-    from cocotb_tests.runner.simulator import build  # not in the simulator, which imports this file too
+    from eskin.cocotb_tests.runner.simulator import build  # not in the simulator, which imports this file too
 
     np.save(folder / "samples.npy", samples)
     program = build(config, simulator, top="eskin_frame_readout")

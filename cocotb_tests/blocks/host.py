@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any
 import cocotb
 import numpy as np
 
-from cocotb_tests.bench.block import JOB, Block, Checker, job, report
-from cocotb_tests.bench.spi import Timing, any_word, traffic, waveform
-from cocotb_tests.runner.simulator import build
-from model.config import ReadoutConfig
-from model.registers.description import Register, registers
+from eskin.cocotb_tests.bench.block import JOB, Block, Checker, job, report
+from eskin.cocotb_tests.bench.spi import Timing, any_word, traffic, waveform
+from eskin.cocotb_tests.runner.simulator import build
+from eskin.model.config import ReadoutConfig
+from eskin.model.registers.description import Register, registers
 
 if TYPE_CHECKING:
-    from cocotb_tests.runner.cocotb_runners import Simulator
+    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 
 
 CLOCKS = 6000
@@ -112,7 +112,7 @@ def word_for(register: Register, rng: random.Random, mode: int) -> int:
 
 def pins_of(config: ReadoutConfig, clocks: int, rng: random.Random) -> list[Any]:
     """Return what a host does: whole writes of words that are taken, reads, and the traffic of hosts of all kinds."""
-    from model.registers.spi import Pins, transfer
+    from eskin.model.registers.spi import Pins, transfer
 
     pins: list[Any] = [Pins()] * 5
     found = registers(config)
@@ -151,8 +151,8 @@ def prepare(
     The pins of the host are those given, while masks change often, else ``pins_of`` says them. An analog signal goes
     beyond both ends of the scale, or the comparators say ``anything``, whatever the signal is.
     """
-    from model.host import play
-    from model.readout import Stimulus
+    from eskin.model.host import play
+    from eskin.model.readout import Stimulus
 
     rng, draw = random.Random(seed), np.random.default_rng(seed)
     clocks = CLOCKS if given is None else len(given)

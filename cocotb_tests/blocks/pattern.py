@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import cocotb
 
-from cocotb_tests.bench.block import Block, Checker, job, report
-from cocotb_tests.runner.block import cosimulate
-from model.config import ReadoutConfig
-from model.registers import pattern
+from eskin.cocotb_tests.bench.block import Block, Checker, job, report
+from eskin.cocotb_tests.runner.block import cosimulate
+from eskin.model.config import ReadoutConfig
+from eskin.model.registers import pattern
 
 if TYPE_CHECKING:
-    from cocotb_tests.runner.cocotb_runners import Simulator
+    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 
 CLOCKS = 2500
 

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import cocotb
 
-from cocotb_tests.bench.block import Block, Checker, job, report
-from cocotb_tests.bench.spi import any_word
-from cocotb_tests.runner.block import cosimulate
-from model.config import ReadoutConfig
-from model.registers.description import registers
-from model.registers.file import RegisterFile, Write
+from eskin.cocotb_tests.bench.block import Block, Checker, job, report
+from eskin.cocotb_tests.bench.spi import any_word
+from eskin.cocotb_tests.runner.block import cosimulate
+from eskin.model.config import ReadoutConfig
+from eskin.model.registers.description import registers
+from eskin.model.registers.file import RegisterFile, Write
 
 if TYPE_CHECKING:
-    from cocotb_tests.runner.cocotb_runners import Simulator
+    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 
 
 CLOCKS = 1500

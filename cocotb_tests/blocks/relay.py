@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 import cocotb
 import numpy as np
 
-from cocotb_tests.bench.block import Block, Checker, Sink, job, report
-from cocotb_tests.runner.block import cosimulate
-from model.tiles.config import TilesConfig
+from eskin.cocotb_tests.bench.block import Block, Checker, Sink, job, report
+from eskin.cocotb_tests.runner.block import cosimulate
+from eskin.model.tiles.config import TilesConfig
 
 if TYPE_CHECKING:
-    from cocotb_tests.runner.cocotb_runners import Simulator
+    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 
 
 FIELDS = ("row", "col", "polarity")
@@ -137,7 +137,7 @@ async def relay_keeps_its_contract(dut: Any) -> None:
 
 def play(config: TilesConfig, simulator: Simulator, folder: Path, seed: int) -> Counter[str]:
     """Play a station; hold its last run to the golden model too, and return what was counted."""
-    from model.tiles.relay import relay
+    from eskin.model.tiles.relay import relay
 
     counts = cosimulate(config, simulator, "eskin_relay", "relay_keeps_its_contract", folder, seed, __name__)
     trace = json.loads((folder / "trace.json").read_text())

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import cocotb
 import numpy as np
 
-from cocotb_tests.bench.block import Block, bits, job, report
-from cocotb_tests.runner.block import cosimulate
-from model.address_events import make_events
-from model.tiles.config import TilesConfig
+from eskin.cocotb_tests.bench.block import Block, bits, job, report
+from eskin.cocotb_tests.runner.block import cosimulate
+from eskin.model.address_events import make_events
+from eskin.model.tiles.config import TilesConfig
 
 if TYPE_CHECKING:
-    from cocotb_tests.runner.cocotb_runners import Simulator
+    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 
 
 @cocotb.test()
@@ -53,8 +53,8 @@ async def skin_plays_its_stimulus(dut: Any) -> None:
 
 def play(config: TilesConfig, simulator: Simulator, folder: Path) -> Counter[str]:
     """Play random walks on a skin, with a sink that does not always take; return what was counted."""
-    from model.readout import Stimulus
-    from model.tiles.run import simulate_skin
+    from eskin.model.readout import Stimulus
+    from eskin.model.tiles.run import simulate_skin
 
     rng = np.random.default_rng(5)
     ticks, tiles, taxels = 40, config.tiles, config.tile.taxels

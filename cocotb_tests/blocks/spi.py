@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 import cocotb
 from cocotb.triggers import Timer
 
-from cocotb_tests.bench.block import Block, Checker, job, report
-from cocotb_tests.bench.spi import any_word, next_address, traffic
-from cocotb_tests.runner.block import cosimulate
-from model.config import ReadoutConfig
-from model.registers.description import WORD_BITS
-from model.registers.spi import HIGH_CLOCKS, LEAD_CLOCKS, LOW_CLOCKS, LOW_CLOCKS_TO_READ, Pins, SpiSlave, transfer
+from eskin.cocotb_tests.bench.block import Block, Checker, job, report
+from eskin.cocotb_tests.bench.spi import any_word, next_address, traffic
+from eskin.cocotb_tests.runner.block import cosimulate
+from eskin.model.config import ReadoutConfig
+from eskin.model.registers.description import WORD_BITS
+from eskin.model.registers.spi import HIGH_CLOCKS, LEAD_CLOCKS, LOW_CLOCKS, LOW_CLOCKS_TO_READ, Pins, SpiSlave, transfer
 
 if TYPE_CHECKING:
-    from cocotb_tests.runner.cocotb_runners import Simulator
+    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 
 
 CLOCKS = 6_000

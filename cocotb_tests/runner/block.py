@@ -7,12 +7,12 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cocotb_tests.bench.block import JOB
-from model.config import ReadoutConfig
-from model.tiles.config import MergeConfig, TilesConfig
+from eskin.cocotb_tests.bench.block import JOB
+from eskin.model.config import ReadoutConfig
+from eskin.model.tiles.config import MergeConfig, TilesConfig
 
 if TYPE_CHECKING:
-    from cocotb_tests.runner.cocotb_runners import Simulator
+    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 
 MERGE = "eskin_merge"
 
@@ -37,11 +37,11 @@ def cosimulate(
     module : str
         Module of the cocotb test; by default the test file of the block.
     """
-    from cocotb_tests.runner.simulator import build  # not in the simulator, which imports this file too
+    from eskin.cocotb_tests.runner.simulator import build  # not in the simulator, which imports this file too
 
     job = {"config": config.to_dict(), "seed": seed}
     source = MergeConfig(config) if isinstance(config, TilesConfig) and top == MERGE else config
     build(source, simulator, top=top).test(
-        module or top.replace("eskin_", "cocotb_tests.test_"), folder, test, {JOB: json.dumps(job)}
+        module or top.replace("eskin_", "eskin.cocotb_tests.test_"), folder, test, {JOB: json.dumps(job)}
     )
     return Counter(json.loads((folder / "counts.json").read_text()))

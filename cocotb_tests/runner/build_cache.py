@@ -15,10 +15,9 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-import model
-import rtl
-from base.files import atomic_write
-from rtl.verilog import Config, verilog
+from eskin import model, rtl
+from eskin.base.files import atomic_write
+from eskin.rtl.verilog import Config, verilog
 
 ROOT = Path(__file__).resolve().parents[2]
 BUILD = (ROOT if (ROOT / "pyproject.toml").is_file() else Path.cwd()) / "build"

@@ -11,15 +11,15 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from base.files import atomic_write
-from base.workers.pool import MOST_DEATHS
-from cocotb_tests.runner.build_cache import BUILD, scratch_folder
-from cocotb_tests.runner.inputs import Material
-from cocotb_tests.runner.player import Job
-from cocotb_tests.runner.process import Tally, run_job
-from cocotb_tests.runner.simulator import Build, SimulationDied, build
-from model.config import ReadoutConfig
+from eskin.base.errors import InputError
+from eskin.base.files import atomic_write
+from eskin.base.workers.pool import MOST_DEATHS
+from eskin.cocotb_tests.runner.build_cache import BUILD, scratch_folder
+from eskin.cocotb_tests.runner.inputs import Material
+from eskin.cocotb_tests.runner.player import Job
+from eskin.cocotb_tests.runner.process import Tally, run_job
+from eskin.cocotb_tests.runner.simulator import Build, SimulationDied, build
+from eskin.model.config import ReadoutConfig
 
 T = TypeVar("T")
 

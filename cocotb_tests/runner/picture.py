@@ -7,11 +7,11 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from base.files import atomic_write
-from cocotb_tests.bench.stimuli import settled
-from model.config import ReadoutConfig
-from model.events.recording import Recording
-from model.readout import simulate
+from eskin.base.files import atomic_write
+from eskin.cocotb_tests.bench.stimuli import settled
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.model.readout import simulate
 
 
 def draw(config: ReadoutConfig, name: str, samples: NDArray[Any], folder: Path, texture: Any = None) -> None:
@@ -27,7 +27,7 @@ def draw(config: ReadoutConfig, name: str, samples: NDArray[Any], folder: Path, 
     texture : uint8 array, optional
         The image that was scanned.
     """
-    from skin.figures.raster import plot_comparison
+    from eskin.skin.figures.raster import plot_comparison
 
     recorded = folder / "events" / f"{name}.npz"
     rtl = Recording.load(recorded)

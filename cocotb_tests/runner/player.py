@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import cocotb
 
-from base.errors import InputError
-from base.files import make_folder
-from cocotb_tests.bench.readout import Bench, Mismatch, Prepared
-from model.config import ReadoutConfig
+from eskin.base.errors import InputError
+from eskin.base.files import make_folder
+from eskin.cocotb_tests.bench.readout import Bench, Mismatch, Prepared
+from eskin.model.config import ReadoutConfig
 
 if TYPE_CHECKING:  # what computes scenarios, scans and expected events takes longer to import than most runs last
-    from model.readout import Stimulus
+    from eskin.model.readout import Stimulus
 
 JOB = "ESKIN_JOB"
 """Environment variable that names the file with the job."""
@@ -83,7 +83,7 @@ def _scans(job: Job, config: ReadoutConfig) -> Iterator[Scan]:
         return
     import numpy as np
 
-    from cocotb_tests.bench.stimuli import outstanding, settled
+    from eskin.cocotb_tests.bench.stimuli import outstanding, settled
 
     with np.load(job.arrays) as arrays:
         for name, said in job.played.items():
@@ -98,8 +98,8 @@ def _scans(job: Job, config: ReadoutConfig) -> Iterator[Scan]:
 
 def _samples_of(job: Job, config: ReadoutConfig, image: Any) -> tuple[Any, dict[str, Any]]:
     """Return the samples of the scan of an image, and what its recording shall say of it."""
-    from cocotb_tests.bench.textures import large_enough
-    from skin.textures.presets import preset
+    from eskin.cocotb_tests.bench.textures import large_enough
+    from eskin.skin.textures.presets import preset
 
     if job.dataset == "embedded":
         image = large_enough(image, config)
@@ -127,8 +127,8 @@ async def _play_scenarios(bench: Bench, job: Job, config: ReadoutConfig) -> Asyn
         bench.scoreboard.reproduce = run.reproduce or job.reproduce
 
         def again(number: int = number, draw: dict[str, Any] | None = run.draw) -> Stimulus:
-            from cocotb_tests.bench.draw import Draw
-            from cocotb_tests.bench.stimuli import scenarios
+            from eskin.cocotb_tests.bench.draw import Draw
+            from eskin.cocotb_tests.bench.stimuli import scenarios
 
             if draw is not None:
                 return Draw(**draw).stimulus
@@ -143,7 +143,7 @@ async def _play_scenarios(bench: Bench, job: Job, config: ReadoutConfig) -> Asyn
 
 async def _play_scans(bench: Bench, job: Job, config: ReadoutConfig) -> AsyncIterator[dict[str, Any]]:
     """Play the scans of a job and keep the RTL's events; yield what is to be told of each."""
-    from model.events.recording import Recording
+    from eskin.model.events.recording import Recording
 
     for scan in _scans(job, config):
         bench.scoreboard.reproduce = f"{job.reproduce} ONLY={scan.name}"

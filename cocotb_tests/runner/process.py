@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from base.errors import InputError
-from base.files import refusing_a_full_disk
-from cocotb_tests.bench.readout import Prepared, StimulusDriver
-from cocotb_tests.runner.player import JOB, Job
-from cocotb_tests.runner.simulator import Build
-from model.config import ReadoutConfig
+from eskin.base.errors import InputError
+from eskin.base.files import refusing_a_full_disk
+from eskin.cocotb_tests.bench.readout import Prepared, StimulusDriver
+from eskin.cocotb_tests.runner.player import JOB, Job
+from eskin.cocotb_tests.runner.simulator import Build
+from eskin.model.config import ReadoutConfig
 
 POLL_S = 0.2
 
@@ -84,7 +84,7 @@ def _follow(program: Build, job: Job, folder: Path, on_run: Callable[[dict[str, 
     job.write(folder / "job.json")
     environment = {JOB: str((folder / "job.json").resolve())}
     try:
-        return follow(program, "cocotb_tests.runner.player", environment, folder, on_run)
+        return follow(program, "eskin.cocotb_tests.runner.player", environment, folder, on_run)
     finally:
         shutil.rmtree(folder / "scenarios", ignore_errors=True)
 
@@ -143,8 +143,8 @@ def follow(
 
 def _prepare(job: Job, folder: Path) -> list[dict[str, Any]]:
     """Write stimulus and expected events of a job's scenarios into a folder each; return what the player must know."""
-    from cocotb_tests.bench.stimuli import scenarios
-    from model.readout import simulate
+    from eskin.cocotb_tests.bench.stimuli import scenarios
+    from eskin.model.readout import simulate
 
     assert job.seed is not None
     config = ReadoutConfig.from_dict(job.config)

@@ -8,16 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from base.errors import InputError
-from base.files import make_folder
-from cocotb_tests.runner.chunk import job_of, play_here
-from cocotb_tests.runner.cocotb_runners import Simulator
-from cocotb_tests.runner.inputs import Own
-from cocotb_tests.runner.picture import draw
-from cocotb_tests.runner.process import Tally
-from cocotb_tests.runner.reproduce import variables
-from cocotb_tests.runner.simulator import build, require_programs
-from model.config import ReadoutConfig
+from eskin.base.errors import InputError
+from eskin.base.files import make_folder
+from eskin.cocotb_tests.runner.chunk import job_of, play_here
+from eskin.cocotb_tests.runner.cocotb_runners import Simulator
+from eskin.cocotb_tests.runner.inputs import Own
+from eskin.cocotb_tests.runner.picture import draw
+from eskin.cocotb_tests.runner.process import Tally
+from eskin.cocotb_tests.runner.reproduce import variables
+from eskin.cocotb_tests.runner.simulator import build, require_programs
+from eskin.model.config import ReadoutConfig
 
 
 @dataclass(frozen=True)

@@ -9,20 +9,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from base.errors import InputError
-from base.files import atomic_write, make_folder
-from base.workers.cluster import Needs
-from base.workers.pool import WorkerPool, each
-from cocotb_tests.runner.chunk import job_of, play_part
-from cocotb_tests.runner.inputs import Material, Textures, chosen
-from cocotb_tests.runner.player import Job
-from cocotb_tests.runner.process import Tally
-from cocotb_tests.runner.reproduce import variables
-from cocotb_tests.runner.simulator import Build, build, require_programs
-from model.config import ReadoutConfig
-from model.events.recording import Recording
-from skin.textures.dataset import open_dataset
-from skin.textures.presets import preset as scan_of
+from eskin.base.errors import InputError
+from eskin.base.files import atomic_write, make_folder
+from eskin.base.workers.cluster import Needs
+from eskin.base.workers.pool import WorkerPool, each
+from eskin.cocotb_tests.runner.chunk import job_of, play_part
+from eskin.cocotb_tests.runner.inputs import Material, Textures, chosen
+from eskin.cocotb_tests.runner.player import Job
+from eskin.cocotb_tests.runner.process import Tally
+from eskin.cocotb_tests.runner.reproduce import variables
+from eskin.cocotb_tests.runner.simulator import Build, build, require_programs
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.skin.textures.dataset import open_dataset
+from eskin.skin.textures.presets import preset as scan_of
 
 NEEDS = Needs(
     ("base", "model", "rtl", "skin", "cocotb_tests"),

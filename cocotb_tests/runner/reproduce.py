@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 
-from model.config import ReadoutConfig, option_of
-from model.frame_config import FrameConfig
-from skin.recordings.options import Preparation
+from eskin.model.config import ReadoutConfig, option_of
+from eskin.model.frame_config import FrameConfig
+from eskin.skin.recordings.options import Preparation
 
 
 def reproduce(config: ReadoutConfig, simulator: str, seed: int) -> str:

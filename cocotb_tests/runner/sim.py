@@ -8,20 +8,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from base.errors import InputError
-from base.files import make_folder
-from cocotb_tests.bench.stimuli import scenario_count
-from cocotb_tests.bench.textures import large_enough
-from cocotb_tests.runner.chunk import job_of, play_here
-from cocotb_tests.runner.cocotb_runners import Simulator
-from cocotb_tests.runner.inputs import Textures, named
-from cocotb_tests.runner.picture import draw
-from cocotb_tests.runner.process import Tally
-from cocotb_tests.runner.reproduce import reproduce
-from cocotb_tests.runner.simulator import build, require_programs
-from model.config import ReadoutConfig
-from skin.textures.dataset import open_dataset
-from skin.textures.physical import PhysicalScan
+from eskin.base.errors import InputError
+from eskin.base.files import make_folder
+from eskin.cocotb_tests.bench.stimuli import scenario_count
+from eskin.cocotb_tests.bench.textures import large_enough
+from eskin.cocotb_tests.runner.chunk import job_of, play_here
+from eskin.cocotb_tests.runner.cocotb_runners import Simulator
+from eskin.cocotb_tests.runner.inputs import Textures, named
+from eskin.cocotb_tests.runner.picture import draw
+from eskin.cocotb_tests.runner.process import Tally
+from eskin.cocotb_tests.runner.reproduce import reproduce
+from eskin.cocotb_tests.runner.simulator import build, require_programs
+from eskin.model.config import ReadoutConfig
+from eskin.skin.textures.dataset import open_dataset
+from eskin.skin.textures.physical import PhysicalScan
 
 ALL_TICKS = 10**6  # more than any scan has: WAVES=1 alone would cut the scan short of the mismatch
 WAVE_TICKS = 200

@@ -12,11 +12,11 @@ from typing import get_args
 
 from cocotb_tools.runner import get_results
 
-from base.errors import InputError
-from base.files import refusing_a_full_disk
-from cocotb_tests.runner import cocotb_runners as runners
-from cocotb_tests.runner.build_cache import BUILD, digest, scratch_folder, trim, verilog_text, versions
-from cocotb_tests.runner.cocotb_runners import (
+from eskin.base.errors import InputError
+from eskin.base.files import refusing_a_full_disk
+from eskin.cocotb_tests.runner import cocotb_runners as runners
+from eskin.cocotb_tests.runner.build_cache import BUILD, digest, scratch_folder, trim, verilog_text, versions
+from eskin.cocotb_tests.runner.cocotb_runners import (
     HIERARCHY,
     PORTS,
     VERILATOR_FLAGS,
@@ -25,13 +25,13 @@ from cocotb_tests.runner.cocotb_runners import (
     runner,
     version_of,
 )
-from model.classifier.chip_config import ChipConfig
-from model.classifier.config import ClassifierConfig
-from model.config import ReadoutConfig
-from model.frame_config import FrameConfig
-from model.tiles.config import MergeConfig
-from rtl.classifier.core import Classifier
-from rtl.verilog import Config
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.config import ReadoutConfig
+from eskin.model.frame_config import FrameConfig
+from eskin.model.tiles.config import MergeConfig
+from eskin.rtl.classifier.core import Classifier
+from eskin.rtl.verilog import Config
 
 HARNESS = Path(__file__).parents[1] / "bench" / "harness.v"
 TEST_ENABLE = "input test_enable;"

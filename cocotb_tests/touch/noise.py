@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from cocotb_tests.bench.textures import random_scan
-from cocotb_tests.runner.process import follow
-from cocotb_tests.runner.simulator import Simulator, build
-from cocotb_tests.touch.player import JOB, Job
-from model.classifier.chip_config import ChipConfig
-from model.classifier.config import highest, lowest
-from model.classifier.file import IntegerWeights
-from model.classifier.network import IntegerNetwork
+from eskin.cocotb_tests.bench.textures import random_scan
+from eskin.cocotb_tests.runner.process import follow
+from eskin.cocotb_tests.runner.simulator import Simulator, build
+from eskin.cocotb_tests.touch.player import JOB, Job
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.config import highest, lowest
+from eskin.model.classifier.file import IntegerWeights
+from eskin.model.classifier.network import IntegerNetwork
 
 
 def network_of(chip: ChipConfig) -> IntegerWeights:
@@ -36,7 +36,7 @@ def play(chip: ChipConfig, program: Simulator, folder: Path, network: IntegerWei
         str(folder / "network.npz"), chip.to_dict(), {"noise": {}}, str(folder / "arrays.npz"), str(folder), "again"
     )
     job.write(folder / "job.json")
-    follow(build(chip, program), "cocotb_tests.touch.player", {JOB: str(folder / "job.json")}, folder)
+    follow(build(chip, program), "eskin.cocotb_tests.touch.player", {JOB: str(folder / "job.json")}, folder)
     with np.load(folder / "noise.npz") as found:
         assert len(found["taken"]) == json.loads(str(found["metadata"]))["events"]
         return dict(json.loads(str(found["metadata"])))

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from base.files import read_arrays
-from cocotb_tests.bench.chip import ChipRun
-from cocotb_tests.touch.plan import Plan
-from model.classifier.chip_config import ChipConfig
-from model.events.recording import Recording
-from skin.figures.scan_to_class import Played, plot_scan
-from skin.textures.presets import preset
+from eskin.base.files import read_arrays
+from eskin.cocotb_tests.bench.chip import ChipRun
+from eskin.cocotb_tests.touch.plan import Plan
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.events.recording import Recording
+from eskin.skin.figures.scan_to_class import Played, plot_scan
+from eskin.skin.textures.presets import preset
 
 
 def draw(plan: Plan, summary: dict[str, Any], path: Path) -> Path | None:

@@ -13,21 +13,21 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from base.files import atomic_write, make_folder, read_arrays
-from base.workers.pool import WorkerPool, each
-from cocotb_tests.bench.textures import large_enough
-from cocotb_tests.runner.chunk import until_it_lives, write_arrays
-from cocotb_tests.runner.inputs import Material, Own, Textures, chosen
-from cocotb_tests.runner.process import follow
-from cocotb_tests.runner.simulator import Build, build, require_programs
-from cocotb_tests.touch.player import JOB, Job
-from model.classifier.chip_config import ChipConfig
-from model.classifier.file import IntegerWeights
-from model.config import ReadoutConfig
-from skin.recordings.trained_on import OwnReadout
-from skin.textures.dataset import EMBEDDED, open_dataset
-from skin.textures.presets import preset
+from eskin.base.errors import InputError
+from eskin.base.files import atomic_write, make_folder, read_arrays
+from eskin.base.workers.pool import WorkerPool, each
+from eskin.cocotb_tests.bench.textures import large_enough
+from eskin.cocotb_tests.runner.chunk import until_it_lives, write_arrays
+from eskin.cocotb_tests.runner.inputs import Material, Own, Textures, chosen
+from eskin.cocotb_tests.runner.process import follow
+from eskin.cocotb_tests.runner.simulator import Build, build, require_programs
+from eskin.cocotb_tests.touch.player import JOB, Job
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.file import IntegerWeights
+from eskin.model.config import ReadoutConfig
+from eskin.skin.recordings.trained_on import OwnReadout
+from eskin.skin.textures.dataset import EMBEDDED, open_dataset
+from eskin.skin.textures.presets import preset
 
 SHIPPED = Path(__file__).parents[2] / "model" / "classifier" / "networks"
 """Networks that come with the project: a folder for each dataset, a file for each fold."""
@@ -254,7 +254,7 @@ def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> dict[str, bytes]:
             make_folder(keep, Path(name).parent)
         full = dataclasses.replace(job, arrays=str(write_arrays(running, arrays)), keep=str(keep))
         full.write(running / "job.json")
-        follow(program, "cocotb_tests.touch.player", {JOB: str(running / "job.json")}, running)
+        follow(program, "eskin.cocotb_tests.touch.player", {JOB: str(running / "job.json")}, running)
         return {name: (keep / f"{name}.npz").read_bytes() for name in job.played}
 
     return until_it_lives("touch", play)

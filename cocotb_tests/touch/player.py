@@ -10,7 +10,7 @@ from typing import Any
 
 import cocotb
 
-from cocotb_tests.runner.player import told_to_the_caller
+from eskin.cocotb_tests.runner.player import told_to_the_caller
 
 JOB = "ESKIN_TOUCH_JOB"
 """Environment variable that names the file with the job."""
@@ -53,10 +53,10 @@ async def play(dut: Any) -> None:
     """Play all scans of a job against the models, a line of progress.jsonl for each."""
     import numpy as np
 
-    from base.files import write_arrays
-    from cocotb_tests.bench.chip import ChipBench
-    from model.classifier.chip_config import ChipConfig
-    from model.classifier.file import IntegerWeights
+    from eskin.base.files import write_arrays
+    from eskin.cocotb_tests.bench.chip import ChipBench
+    from eskin.model.classifier.chip_config import ChipConfig
+    from eskin.model.classifier.file import IntegerWeights
 
     job = Job(**json.loads(Path(os.environ[JOB]).read_text()))
     parent = os.getppid()

@@ -16,15 +16,15 @@ import networkx as nx
 from matplotlib.axes import Axes
 from matplotlib.patches import FancyBboxPatch
 
-from base.figures.style import PALETTE, new_figure, save_figure
-from model.config import ReadoutConfig
-from rtl.arbiter import Arbiter
-from rtl.link import FourPhaseLink
-from rtl.taxel import Row, Taxel
+from eskin.base.figures.style import PALETTE, new_figure, save_figure
+from eskin.model.config import ReadoutConfig
+from eskin.rtl.arbiter import Arbiter
+from eskin.rtl.link import FourPhaseLink
+from eskin.rtl.taxel import Row, Taxel
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-NO_ROOMS = {"tests", "docs", "benchmarks", "out", "build", "dist"}
+NO_ROOMS = {"eskin", "tests", "docs", "benchmarks", "out", "build", "dist"}
 ORANGE, GREEN = PALETTE["orange"], PALETTE["green"]
 
 
@@ -105,9 +105,11 @@ def house() -> nx.DiGraph:
     graph.add_nodes_from(rooms)
     for room in rooms:
         for node in (node for path in (ROOT / room).rglob("*.py") for node in ast.walk(ast.parse(path.read_text()))):
-            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            names = [f"{node.module}.{node.names[0].name}"] if isinstance(node, ast.ImportFrom) else []
             names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-            graph.add_edges_from((room, other) for other in {name.split(".")[0] for name in names} & rooms - {room})
+            graph.add_edges_from(
+                (room, other) for other in {part for name in names for part in name.split(".")[1:2]} & rooms - {room}
+            )
     return graph
 
 

@@ -14,9 +14,9 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from model.config import ReadoutConfig
-from model.encoders.registry import ENCODERS
-from model.taxel import decode, encode_timed, uncontended_events
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders.registry import ENCODERS
+from eskin.model.taxel import decode, encode_timed, uncontended_events
 
 CONFIG = ReadoutConfig(rows=1, columns=1, resolution=3, window_period=40, leak_period=8)
 REMARKS = {

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import typer
 
-from app.__main__ import app
-from app.catalogue import COMMANDS
+from eskin.app.__main__ import app
+from eskin.app.catalogue import COMMANDS
 
 SIZE = {"terminal_width": 100, "max_content_width": 100}
 
@@ -26,7 +26,7 @@ def commands() -> None:
 
 def registers() -> None:
     """Print every register that some encoder has, with the values of the default array."""
-    from model.config import ReadoutConfig
-    from model.registers.export import page_of_all
+    from eskin.model.config import ReadoutConfig
+    from eskin.model.registers.export import page_of_all
 
     print(f"\n{page_of_all(ReadoutConfig(registers='spi'))}")

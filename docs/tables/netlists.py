@@ -6,7 +6,7 @@ from functools import cache
 from typing import Any
 
 from docs.tables.write import ROOT, digits, filled, read, table
-from skin.figures.readouts import LOOKS
+from eskin.skin.figures.readouts import LOOKS
 
 EVENTS = "{?energy_per_event_j:1e12*.2f} | {?energy_per_lone_event_j:1e12*.2f}"
 ON_TEXTURE = EVENTS + " | {?energy_per_texture_event_j:1e12*.2f}"

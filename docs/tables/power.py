@@ -6,8 +6,8 @@ from typing import Any
 
 from docs.tables.netlists import netlists
 from docs.tables.write import ROOT, digits, filled, only, read, table
-from power.readouts import READOUT_NAMES, READOUTS, SPIKING, published
-from skin.figures.readouts import FRAME, look
+from eskin.power.readouts import READOUT_NAMES, READOUTS, SPIKING, published
+from eskin.skin.figures.readouts import FRAME, look
 
 EVENT_RATES = "power/event_rates.json"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from docs.tables.write import digits, filled, only, read, source, table
-from model.encoders import registry
+from eskin.model.encoders import registry
 
 TIMES = "{X[median]:#3} ({X[least]:#3} to {X[most]:#3})"
 SCALE = "docs/data/asic/scale-{}lcs-digital-ihp.json"

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from skin.figures.readouts import look
+from eskin.skin.figures.readouts import look
 
 ROOT = Path(__file__).parents[2]
 

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from flow.asic.design import Bit
-from flow.liberty.boolean import possible
-from flow.liberty.library import Cell, Library
+from eskin.flow.asic.design import Bit
+from eskin.flow.liberty.boolean import possible
+from eskin.flow.liberty.library import Cell, Library
 
 
 class ClockError(ValueError):

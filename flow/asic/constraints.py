@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from flow.asic.gating import TEST
-from flow.asic.synthesis import Netlist
-from model.config import ReadoutConfig
-from rtl.delivery import DAC_OUT, DECISION_IN, MACRO_IN, MACRO_OUT, OUTSIDE, ports
-from rtl.verilog import header
+from eskin.flow.asic.gating import TEST
+from eskin.flow.asic.synthesis import Netlist
+from eskin.model.config import ReadoutConfig
+from eskin.rtl.delivery import DAC_OUT, DECISION_IN, MACRO_IN, MACRO_OUT, OUTSIDE, ports
+from eskin.rtl.verilog import header
 
 UNCERTAINTY = 0.05
 """Share of the period that jitter and the skew of a clock tree, which layout makes, may take."""

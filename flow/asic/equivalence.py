@@ -6,14 +6,14 @@ import json
 from dataclasses import dataclass
 from typing import Any
 
-from base.errors import InputError
-from flow.asic.clocks import ClockError, Clocks
-from flow.asic.compare import compare
-from flow.asic.design import Bit, cell_of, highest_net
-from flow.asic.gating import TEST
-from flow.asic.synthesis import Netlist
-from rtl import yosys
-from rtl.verilog import rtlil
+from eskin.base.errors import InputError
+from eskin.flow.asic.clocks import ClockError, Clocks
+from eskin.flow.asic.compare import compare
+from eskin.flow.asic.design import Bit, cell_of, highest_net
+from eskin.flow.asic.gating import TEST
+from eskin.flow.asic.synthesis import Netlist
+from eskin.rtl import yosys
+from eskin.rtl.verilog import rtlil
 
 READ = (
     "read_liberty -lib -ignore_miss_func cells.lib; read_verilog netlist.v; hierarchy -check -top {top}; "

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from flow.asic.design import cell_of, highest_net
-from flow.liberty.library import Library
+from eskin.flow.asic.design import cell_of, highest_net
+from eskin.flow.liberty.library import Library
 
 GATE = "eskin_clock_gate"
 TEST = "test_enable"

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from flow.asic.clocks import Clocks
-from flow.asic.design import Bit
-from flow.asic.equivalence import with_enables
-from flow.asic.synthesis import Netlist
-from flow.liberty.boolean import possible
-from flow.liberty.library import Cell, Library
+from eskin.flow.asic.clocks import Clocks
+from eskin.flow.asic.design import Bit
+from eskin.flow.asic.equivalence import with_enables
+from eskin.flow.asic.synthesis import Netlist
+from eskin.flow.liberty.boolean import possible
+from eskin.flow.liberty.library import Cell, Library
 
 SIMPLE = {"$_AND_": "A & B", "$_OR_": "A | B", "$_NOT_": "!A", "$_MUX_": "(A & !S) | (B & S)"}
 

@@ -9,15 +9,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from base.errors import InputError
-from base.files import atomic_write
-from flow.asic import gating
-from flow.liberty.library import Library
-from model.config import ReadoutConfig
-from model.frame_config import FrameConfig
-from rtl import yosys
-from rtl.block import Block
-from rtl.verilog import block_rtlil, header, top_block
+from eskin.base.errors import InputError
+from eskin.base.files import atomic_write
+from eskin.flow.asic import gating
+from eskin.flow.liberty.library import Library
+from eskin.model.config import ReadoutConfig
+from eskin.model.frame_config import FrameConfig
+from eskin.rtl import yosys
+from eskin.rtl.block import Block
+from eskin.rtl.verilog import block_rtlil, header, top_block
 
 Config = ReadoutConfig | FrameConfig
 """What becomes a netlist: the spiking readout or that of frames."""

@@ -8,11 +8,11 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
-from base.errors import InputError
-from flow import opensta
-from flow.asic.constraints import sdc
-from flow.asic.synthesis import Netlist
-from flow.liberty.library import Library
+from eskin.base.errors import InputError
+from eskin.flow import opensta
+from eskin.flow.asic.constraints import sdc
+from eskin.flow.asic.synthesis import Netlist
+from eskin.flow.liberty.library import Library
 
 START_NS = 1.0
 LONGEST_NS = 1e6

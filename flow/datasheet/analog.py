@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from flow.datasheet.sheet import markdown, si
-from model.config import ReadoutConfig
-from rtl.delivery import DAC_OUT, DECISION_IN, ports
+from eskin.flow.datasheet.sheet import markdown, si
+from eskin.model.config import ReadoutConfig
+from eskin.rtl.delivery import DAC_OUT, DECISION_IN, ports
 
 
 def of_signals(config: ReadoutConfig) -> list[str]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from base.errors import InputError
-from base.files import read_json
-from flow.datasheet.sheet import markdown, si
-from model.config import ReadoutConfig
-from model.frame_config import FrameConfig
+from eskin.base.errors import InputError
+from eskin.base.files import read_json
+from eskin.flow.datasheet.sheet import markdown, si
+from eskin.model.config import ReadoutConfig
+from eskin.model.frame_config import FrameConfig
 
 POWERS = {
     "leakage_w_per_taxel": ("leakage a taxel", "W"),

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from flow.datasheet.sheet import NO_NETLIST, RESETS, Picture, Sheet, markdown, shown, si, time_table
-from flow.datasheet.waves import Wave
-from model.classifier.chip import ready_of
-from model.classifier.config import ClassifierConfig
-from model.classifier.network import IntegerNetwork
-from model.classifier.run import ClassifierRun, first_ready, simulate, work_clocks
+from eskin.flow.datasheet.sheet import NO_NETLIST, RESETS, Picture, Sheet, markdown, shown, si, time_table
+from eskin.flow.datasheet.waves import Wave
+from eskin.model.classifier.chip import ready_of
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.classifier.network import IntegerNetwork
+from eskin.model.classifier.run import ClassifierRun, first_ready, simulate, work_clocks
 
 TOP = "eskin_classifier"
 SHOWN = 24

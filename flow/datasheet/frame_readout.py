@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from flow.datasheet.asic_results import of_netlist
-from flow.datasheet.sheet import RESETS, Picture, Sheet, shown, si, time_table
-from flow.datasheet.waves import Wave
-from model.frame import FrameModel, Inputs, Outputs
-from model.frame_config import FrameConfig
+from eskin.flow.datasheet.asic_results import of_netlist
+from eskin.flow.datasheet.sheet import RESETS, Picture, Sheet, shown, si, time_table
+from eskin.flow.datasheet.waves import Wave
+from eskin.model.frame import FrameModel, Inputs, Outputs
+from eskin.model.frame_config import FrameConfig
 
 TOP = "eskin_frame_readout"
 SHOWN = 24

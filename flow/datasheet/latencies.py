@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flow.datasheet.waves import TICK, from_zero, played
-from model.address_events import Events
-from model.config import ReadoutConfig
-from model.readout import Stimulus, simulate
+from eskin.flow.datasheet.waves import TICK, from_zero, played
+from eskin.model.address_events import Events
+from eskin.model.config import ReadoutConfig
+from eskin.model.readout import Stimulus, simulate
 
 AHEAD_OF_A_GRANT, HELD_BY_LINK = 2, 1
 """Clocks to be latched and to appear; an event in the register of the link (docs/design/microarchitecture.md)."""

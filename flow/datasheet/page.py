@@ -5,16 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from flow.datasheet import classifier, frame_readout, readout, skin
-from flow.datasheet.asic_results import load_report
-from flow.datasheet.sheet import Sheet
-from model.classifier.chip_config import ChipConfig
-from model.classifier.config import ClassifierConfig
-from model.config import ReadoutConfig
-from model.frame_config import FrameConfig
-from model.tiles.config import MergeConfig, TilesConfig
-from rtl.delivery import write
-from rtl.verilog import Config
+from eskin.flow.datasheet import classifier, frame_readout, readout, skin
+from eskin.flow.datasheet.asic_results import load_report
+from eskin.flow.datasheet.sheet import Sheet
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.config import ReadoutConfig
+from eskin.model.frame_config import FrameConfig
+from eskin.model.tiles.config import MergeConfig, TilesConfig
+from eskin.rtl.delivery import write
+from eskin.rtl.verilog import Config
 
 Described = ReadoutConfig | FrameConfig | ClassifierConfig | MergeConfig
 """Designs that have a datasheet; of a chip readout and classifier have theirs."""

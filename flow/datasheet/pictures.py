@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from flow.datasheet.waves import Value, Wave
+from eskin.flow.datasheet.waves import Value, Wave
 
 LABELS, CLOCK, LINE, HEIGHT, EDGE = 130, 30, 26, 16, 3
 """Width of the names and of a clock, height of a line and of a level within it, width of an edge; in pixels."""

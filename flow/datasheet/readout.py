@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from flow.datasheet.analog import of_signals
-from flow.datasheet.asic_results import of_netlist
-from flow.datasheet.latencies import Latencies
-from flow.datasheet.sheet import RESETS, Picture, Sheet, shown, si, time_table
-from flow.datasheet.waves import ACK_DELAY, RESET_CLOCKS, STALL, TAXELS, TICK, reset_waves, waves
-from model.config import ReadoutConfig
-from model.link import ACK_QUANTA
-from model.registers.description import NAME as REGISTERS
-from rtl.delivery import ports
+from eskin.flow.datasheet.analog import of_signals
+from eskin.flow.datasheet.asic_results import of_netlist
+from eskin.flow.datasheet.latencies import Latencies
+from eskin.flow.datasheet.sheet import RESETS, Picture, Sheet, shown, si, time_table
+from eskin.flow.datasheet.waves import ACK_DELAY, RESET_CLOCKS, STALL, TAXELS, TICK, reset_waves, waves
+from eskin.model.config import ReadoutConfig
+from eskin.model.link import ACK_QUANTA
+from eskin.model.registers.description import NAME as REGISTERS
+from eskin.rtl.delivery import ports
 
 TOP = "eskin_readout"
 

@@ -7,12 +7,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from base.files import atomic_write
-from flow.datasheet.pictures import timing_diagram
-from flow.datasheet.waves import Wave
-from model import __version__
-from rtl.delivery import ports
-from rtl.verilog import Config, top_block
+from eskin.base.files import atomic_write
+from eskin.flow.datasheet.pictures import timing_diagram
+from eskin.flow.datasheet.waves import Wave
+from eskin.model import __version__
+from eskin.rtl.delivery import ports
+from eskin.rtl.verilog import Config, top_block
 
 PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from flow.datasheet.latencies import Latencies
-from flow.datasheet.sheet import NO_NETLIST, RESETS, Picture, Sheet, shown, si, time_table
-from flow.datasheet.waves import Wave
-from model.tiles import merge
-from model.tiles.config import MergeConfig, TilesConfig
-from rtl.delivery import ports
+from eskin.flow.datasheet.latencies import Latencies
+from eskin.flow.datasheet.sheet import NO_NETLIST, RESETS, Picture, Sheet, shown, si, time_table
+from eskin.flow.datasheet.waves import Wave
+from eskin.model.tiles import merge
+from eskin.model.tiles.config import MergeConfig, TilesConfig
+from eskin.rtl.delivery import ports
 
 TILES = 3
 """Tiles that offer events in the picture, or as many as there are."""

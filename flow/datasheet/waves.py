@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model import link
-from model.address_events import Events
-from model.config import ReadoutConfig
-from model.readout import TAKEN, WAITED, State, Stimulus, simulate_counted, state_at
-from rtl.delivery import ports
+from eskin.model import link
+from eskin.model.address_events import Events
+from eskin.model.config import ReadoutConfig
+from eskin.model.readout import TAKEN, WAITED, State, Stimulus, simulate_counted, state_at
+from eskin.rtl.delivery import ports
 
 TICK = 2
 """Clock of the sample tick."""

@@ -7,8 +7,8 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from base.errors import InputError
-from rtl import yosys
+from eskin.base.errors import InputError
+from eskin.rtl import yosys
 
 SCRIPT = (
     "read_liberty -lib -ignore_miss_func cells.lib; read_verilog netlist.v; hierarchy -check -top {top}; "

@@ -7,7 +7,7 @@ import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
-from base.errors import InputError
+from eskin.base.errors import InputError
 
 NO_PROGRAM = "iverilog not found; install with: apt-get install iverilog"
 

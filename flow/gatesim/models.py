@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from base.errors import InputError
-from flow.liberty.boolean import verilog_of
-from flow.liberty.library import Cell, Library, Memory
+from eskin.base.errors import InputError
+from eskin.flow.liberty.boolean import verilog_of
+from eskin.flow.liberty.library import Cell, Library, Memory
 
 
 def models(library: Library, kinds: set[str]) -> str:

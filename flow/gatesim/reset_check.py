@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from flow.asic.structure import RESET_CLOCKS
-from flow.gatesim import icarus
-from flow.gatesim.flat_netlist import FlatNetlist
-from flow.gatesim.models import models
-from flow.liberty.library import Library
+from eskin.flow.asic.structure import RESET_CLOCKS
+from eskin.flow.gatesim import icarus
+from eskin.flow.gatesim.flat_netlist import FlatNetlist
+from eskin.flow.gatesim.models import models
+from eskin.flow.liberty.library import Library
 
 QUIET_CLOCKS = 16
 """Clocks after reset, with all inputs at 0, in which no flop and no output may turn unknown."""

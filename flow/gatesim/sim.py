@@ -7,15 +7,15 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from base.files import atomic_write
-from cocotb_tests.runner import sim
-from cocotb_tests.runner.process import Tally
-from flow.asic.synthesis import synthesise
-from flow.gatesim.flat_netlist import flatten
-from flow.gatesim.models import models
-from flow.gatesim.reset_check import Unknown, from_reset
-from flow.liberty.library import read
-from model.config import ReadoutConfig
+from eskin.base.files import atomic_write
+from eskin.cocotb_tests.runner import sim
+from eskin.cocotb_tests.runner.process import Tally
+from eskin.flow.asic.synthesis import synthesise
+from eskin.flow.gatesim.flat_netlist import flatten
+from eskin.flow.gatesim.models import models
+from eskin.flow.gatesim.reset_check import Unknown, from_reset
+from eskin.flow.liberty.library import read
+from eskin.model.config import ReadoutConfig
 
 
 @dataclasses.dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from flow.layout.transistors import SwitchCell, does, stores
+from eskin.flow.layout.transistors import SwitchCell, does, stores
 
 
 @dataclass(frozen=True)

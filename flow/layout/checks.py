@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from flow.layout import environment
+from eskin.flow.layout import environment
 
 NAMES = """
 # Names of nets are the texts of the top cell alone: those inside the cells are the names of their pins.

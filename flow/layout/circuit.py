@@ -9,13 +9,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from base.errors import InputError
-from flow.asic import gating, synthesis
-from flow.layout.cells import BUFFER
-from flow.layout.transistors import GROUND, SUPPLY, SwitchCell
-from flow.liberty.library import read
-from model.config import ReadoutConfig
-from rtl import yosys
+from eskin.base.errors import InputError
+from eskin.flow.asic import gating, synthesis
+from eskin.flow.layout.cells import BUFFER
+from eskin.flow.layout.transistors import GROUND, SUPPLY, SwitchCell
+from eskin.flow.liberty.library import read
+from eskin.model.config import ReadoutConfig
+from eskin.rtl import yosys
 
 READ = "read_liberty -lib -ignore_miss_func cells.lib; read_verilog netlist.v; hierarchy -check -top {top}; "
 

@@ -8,7 +8,7 @@ import subprocess
 from collections.abc import Mapping
 from pathlib import Path
 
-from base.errors import InputError
+from eskin.base.errors import InputError
 
 ROOT = Path(__file__).parents[2]
 VENV = ROOT / ".venv-layout"

@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from base.files import make_folder, origin, write_json
-from cocotb_tests.runner.reproduce import variables
-from flow.layout import cells
-from flow.layout.checks import Comparison, Rules
-from flow.layout.circuit import Circuit
-from flow.layout.environment import REQUIREMENTS
-from model.config import ReadoutConfig
+from eskin.base.files import make_folder, origin, write_json
+from eskin.cocotb_tests.runner.reproduce import variables
+from eskin.flow.layout import cells
+from eskin.flow.layout.checks import Comparison, Rules
+from eskin.flow.layout.circuit import Circuit
+from eskin.flow.layout.environment import REQUIREMENTS
+from eskin.model.config import ReadoutConfig
 
 
 @dataclass(frozen=True)

@@ -8,18 +8,18 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from base.errors import InputError
-from base.files import atomic_write, make_folder
-from flow.asic import synthesis
-from flow.asic.equivalence import prove
-from flow.layout import cells, checks, circuit, environment, transistors
-from flow.layout.checks import Comparison
-from flow.layout.circuit import Circuit
-from flow.layout.environment import PROGRAMS, REQUIREMENTS, Crashed
-from flow.layout.report import Report, Try, name_of
-from flow.layout.stages import Stages
-from model.config import ReadoutConfig
-from rtl.verilog import rtlil
+from eskin.base.errors import InputError
+from eskin.base.files import atomic_write, make_folder
+from eskin.flow.asic import synthesis
+from eskin.flow.asic.equivalence import prove
+from eskin.flow.layout import cells, checks, circuit, environment, transistors
+from eskin.flow.layout.checks import Comparison
+from eskin.flow.layout.circuit import Circuit
+from eskin.flow.layout.environment import PROGRAMS, REQUIREMENTS, Crashed
+from eskin.flow.layout.report import Report, Try, name_of
+from eskin.flow.layout.stages import Stages
+from eskin.model.config import ReadoutConfig
+from eskin.rtl.verilog import rtlil
 
 MARGINS = (0.35, 0.3, 0.4, 0.45, 0.5, 0.6, 0.75)
 """Free area beside the cells that placement is tried with, as a share of theirs, in this order."""

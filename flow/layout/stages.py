@@ -9,7 +9,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-from base.files import make_folder
+from eskin.base.files import make_folder
 
 
 class Stages:

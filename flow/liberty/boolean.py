@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
+from eskin.base.errors import InputError
 
 Bits = NDArray[np.bool_]
 OPERATORS = {"And": (operator.and_, "&"), "Or": (operator.or_, "|"), "Xor": (operator.xor, "^")}

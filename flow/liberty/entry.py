@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from base.files import read_bytes
+from eskin.base.errors import InputError
+from eskin.base.files import read_bytes
 
 PACKAGE = "liberty-parser is not installed; install it with: pip install -c constraints.txt -e '.[asic]'"
 

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from base.errors import InputError
-from flow.liberty import tables
-from flow.liberty.boolean import literal
-from flow.liberty.entry import Entry, parse
-from flow.liberty.tables import EDGES, Arc, Energy, Floats, Scales, Table
+from eskin.base.errors import InputError
+from eskin.flow.liberty import tables
+from eskin.flow.liberty.boolean import literal
+from eskin.flow.liberty.entry import Entry, parse
+from eskin.flow.liberty.tables import EDGES, Arc, Energy, Floats, Scales, Table
 
 PREFIXES = {"": 1.0, "f": 1e-15, "p": 1e-12, "n": 1e-9, "u": 1e-6, "m": 1e-3, "k": 1e3}
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flow.liberty.entry import Entry
+from eskin.flow.liberty.entry import Entry
 
 Floats = NDArray[np.float64]
 RISE, FALL = 0, 1

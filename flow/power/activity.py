@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vcd.reader import ScalarChange, TokenKind, VarDecl, VectorChange, tokenize
 
-from base.errors import InputError
+from eskin.base.errors import InputError
 
 HALF_NS = 4
 """Half a clock of the harness, in units of its time."""

@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from cocotb_tests.bench.readout import EventMonitor, StimulusDriver
-from cocotb_tests.runner.simulator import HARNESS, shape
-from flow.gatesim import icarus
-from flow.gatesim.flat_netlist import FlatNetlist
-from flow.power.activity import DUMP, HALF_NS, Activity, read_dump
-from flow.power.scenarios import Scenario
-from model.config import ReadoutConfig
-from model.events.compare import first_difference
+from eskin.cocotb_tests.bench.readout import EventMonitor, StimulusDriver
+from eskin.cocotb_tests.runner.simulator import HARNESS, shape
+from eskin.flow.gatesim import icarus
+from eskin.flow.gatesim.flat_netlist import FlatNetlist
+from eskin.flow.power.activity import DUMP, HALF_NS, Activity, read_dump
+from eskin.flow.power.scenarios import Scenario
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.compare import first_difference
 
 PLAYER = """`timescale 1ns / 1ns
 module play;

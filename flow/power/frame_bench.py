@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from flow.gatesim import icarus
-from flow.gatesim.flat_netlist import FlatNetlist
-from flow.power.activity import DUMP, HALF_NS, Activity, read_dump
-from flow.power.event_bench import Mismatch
-from flow.power.scenarios import IDLE, TEXTURE, texture_samples
-from model.frame import FrameModel, Inputs, Outputs
-from model.frame_config import FrameConfig
-from model.frame_words import adc_code
+from eskin.flow.gatesim import icarus
+from eskin.flow.gatesim.flat_netlist import FlatNetlist
+from eskin.flow.power.activity import DUMP, HALF_NS, Activity, read_dump
+from eskin.flow.power.event_bench import Mismatch
+from eskin.flow.power.scenarios import IDLE, TEXTURE, texture_samples
+from eskin.model.frame import FrameModel, Inputs, Outputs
+from eskin.model.frame_config import FrameConfig
+from eskin.model.frame_words import adc_code
 
 FRAMES = 2
 IDLE_CLOCKS = 400

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from flow.gatesim.flat_netlist import Cell, FlatNetlist
-from flow.liberty.boolean import Bits, evaluate
-from flow.liberty.library import Cell as Kind
-from flow.liberty.library import Library
-from flow.liberty.tables import FALL, RISE, Arc, Energy
-from flow.power.activity import Activity
+from eskin.flow.gatesim.flat_netlist import Cell, FlatNetlist
+from eskin.flow.liberty.boolean import Bits, evaluate
+from eskin.flow.liberty.library import Cell as Kind
+from eskin.flow.liberty.library import Library
+from eskin.flow.liberty.tables import FALL, RISE, Arc, Energy
+from eskin.flow.power.activity import Activity
 
 INPUT_SLEW_S = 0.1e-9
 """Transition time at the inputs of the netlist."""

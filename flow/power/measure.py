@@ -8,18 +8,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from flow.gatesim.flat_netlist import FlatNetlist, flatten
-from flow.gatesim.models import models
-from flow.liberty.library import Library
-from flow.power import frame_bench
-from flow.power.activity import Activity
-from flow.power.event_bench import play
-from flow.power.liberty_power import CellActivity, LibertyPower
-from flow.power.opensta_power import OpenstaPower
-from flow.power.scenarios import CLOSING, IDLE, LONE, SATURATED, TEXTURE, closing_ticks, scenarios
-from flow.power.wires import Wires, block_of
-from model.config import ReadoutConfig
-from model.frame_config import FrameConfig
+from eskin.flow.gatesim.flat_netlist import FlatNetlist, flatten
+from eskin.flow.gatesim.models import models
+from eskin.flow.liberty.library import Library
+from eskin.flow.power import frame_bench
+from eskin.flow.power.activity import Activity
+from eskin.flow.power.event_bench import play
+from eskin.flow.power.liberty_power import CellActivity, LibertyPower
+from eskin.flow.power.opensta_power import OpenstaPower
+from eskin.flow.power.scenarios import CLOSING, IDLE, LONE, SATURATED, TEXTURE, closing_ticks, scenarios
+from eskin.flow.power.wires import Wires, block_of
+from eskin.model.config import ReadoutConfig
+from eskin.model.frame_config import FrameConfig
 
 MOST_APART = 0.05
 """How far the two ways may lie apart, of the power of all cells."""

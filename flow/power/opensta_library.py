@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from flow.liberty.entry import Entry
-from flow.liberty.library import Cell, Library
+from eskin.flow.liberty.entry import Entry
+from eskin.flow.liberty.library import Cell, Library
 
 LEFT_OUT = ("cell", "wire_load", "wire_load_selection", "wire_load_table")
 

@@ -14,12 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from base.errors import InputError
-from flow import opensta
-from flow.gatesim.flat_netlist import Cell, FlatNetlist
-from flow.liberty.library import Library
-from flow.power.activity import Activity
-from flow.power.opensta_library import one_energy_a_pin
+from eskin.base.errors import InputError
+from eskin.flow import opensta
+from eskin.flow.gatesim.flat_netlist import Cell, FlatNetlist
+from eskin.flow.liberty.library import Library
+from eskin.flow.power.activity import Activity
+from eskin.flow.power.opensta_library import one_energy_a_pin
 
 PERIOD_NS = 1000
 PERIOD_S = PERIOD_NS * 1e-9

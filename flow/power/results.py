@@ -7,17 +7,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from base.errors import InputError
-from base.files import write_json
-from flow.asic.synthesis import synthesise
-from flow.gatesim.icarus import NO_PROGRAM
-from flow.liberty.library import read
-from flow.power.measure import APART, Disagreement, measure
-from flow.power.scenarios import scenarios
-from flow.wire import PITCH_UM
-from model.config import ReadoutConfig
-from model.frame_config import FrameConfig
-from power.readouts import SPIKING
+from eskin.base.errors import InputError
+from eskin.base.files import write_json
+from eskin.flow.asic.synthesis import synthesise
+from eskin.flow.gatesim.icarus import NO_PROGRAM
+from eskin.flow.liberty.library import read
+from eskin.flow.power.measure import APART, Disagreement, measure
+from eskin.flow.power.scenarios import scenarios
+from eskin.flow.wire import PITCH_UM
+from eskin.model.config import ReadoutConfig
+from eskin.model.frame_config import FrameConfig
+from eskin.power.readouts import SPIKING
 
 FRAME_RATE_HZ = 200.0
 """Of the frames whose power is kept: a little over twice the 97 Hz below which textures have 99 % of their power."""

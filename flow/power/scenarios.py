@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from cocotb_tests.bench.textures import scan
-from model.address_events import Events
-from model.config import ReadoutConfig
-from model.readout import Stimulus, simulate
+from eskin.base.errors import InputError
+from eskin.cocotb_tests.bench.textures import scan
+from eskin.model.address_events import Events
+from eskin.model.config import ReadoutConfig
+from eskin.model.readout import Stimulus, simulate
 
 IDLE, CLOSING, LONE, SATURATED, TEXTURE = "idle", "closing", "lone", "saturated", "texture"
 TEXTURE_START = 60

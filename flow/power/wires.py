@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from flow.gatesim.flat_netlist import FlatNetlist
-from flow.wire import FARAD_PER_UM, WITHIN_UM
+from eskin.flow.gatesim.flat_netlist import FlatNetlist
+from eskin.flow.wire import FARAD_PER_UM, WITHIN_UM
 
 TAXEL = re.compile(r"\brow_(\d+)\b(?:.*?\btaxel_(\d+)\b)?")
 

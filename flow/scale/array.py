@@ -7,11 +7,11 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from flow.asic.gating import TEST
-from flow.asic.synthesis import mapped
-from flow.liberty.library import Cell, Library
-from model.config import ReadoutConfig
-from rtl.verilog import top_block
+from eskin.flow.asic.gating import TEST
+from eskin.flow.asic.synthesis import mapped
+from eskin.flow.liberty.library import Cell, Library
+from eskin.model.config import ReadoutConfig
+from eskin.rtl.verilog import top_block
 
 TAXEL = "eskin_taxel"
 TREES = ("clk", "rst", TEST)

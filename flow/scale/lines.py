@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from flow.liberty.library import Cell
-from flow.scale.array import NONE, Array, End, repeaters
-from flow.scale.placement import Placement
-from flow.wire import Wire
+from eskin.flow.liberty.library import Cell
+from eskin.flow.scale.array import NONE, Array, End, repeaters
+from eskin.flow.scale.placement import Placement
+from eskin.flow.wire import Wire
 
 ROUNDS = 12
 """Passes in which a slew settles along a line of repeaters."""

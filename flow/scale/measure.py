@@ -9,18 +9,18 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from base.errors import InputError
-from base.files import origin, read_json, write_json
-from flow.liberty.library import Library
-from flow.scale.array import Array, build
-from flow.scale.lines import Lines, Repeater, best_repeater
-from flow.scale.placement import Placement
-from flow.scale.skin import SkinPlacement, build_skin
-from flow.scale.timing import Path as SlowestPath
-from flow.scale.timing import Timing
-from flow.wire import FARAD_PER_UM, NO_WIRE, OHM_PER_UM, PITCH_UM, Wire
-from model.config import ReadoutConfig
-from model.tiles.config import TilesConfig, tiles_of
+from eskin.base.errors import InputError
+from eskin.base.files import origin, read_json, write_json
+from eskin.flow.liberty.library import Library
+from eskin.flow.scale.array import Array, build
+from eskin.flow.scale.lines import Lines, Repeater, best_repeater
+from eskin.flow.scale.placement import Placement
+from eskin.flow.scale.skin import SkinPlacement, build_skin
+from eskin.flow.scale.timing import Path as SlowestPath
+from eskin.flow.scale.timing import Timing
+from eskin.flow.wire import FARAD_PER_UM, NO_WIRE, OHM_PER_UM, PITCH_UM, Wire
+from eskin.model.config import ReadoutConfig
+from eskin.model.tiles.config import TilesConfig, tiles_of
 
 LARGEST = 64
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.linalg import spsolve
 
-from flow.scale.array import Array, End
+from eskin.flow.scale.array import Array, End
 
 FAR_REACHING = 0.5
 """A net to more than this share of the taxels says nothing of where its driver belongs: it goes everywhere."""

@@ -7,15 +7,15 @@ from typing import Any, NamedTuple
 
 from amaranth.lib.wiring import Out
 
-from flow.asic.synthesis import mapped
-from flow.liberty.library import Library
-from flow.scale.array import NONE, TREES, Array, build, numbered, pins_of
-from flow.scale.placement import Placement
-from model.tiles.config import TilesConfig
-from rtl.arbiter import event_ports
-from rtl.tiles.merge import Merge, merged_ports
-from rtl.tiles.relay import Relay
-from rtl.tiles.skin import common_ports
+from eskin.flow.asic.synthesis import mapped
+from eskin.flow.liberty.library import Library
+from eskin.flow.scale.array import NONE, TREES, Array, build, numbered, pins_of
+from eskin.flow.scale.placement import Placement
+from eskin.model.tiles.config import TilesConfig
+from eskin.rtl.arbiter import event_ports
+from eskin.rtl.tiles.merge import Merge, merged_ports
+from eskin.rtl.tiles.relay import Relay
+from eskin.rtl.tiles.skin import common_ports
 
 MERGE = -1
 """Stage of the merge, behind the last relay station."""

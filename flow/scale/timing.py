@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flow.asic.constraints import UNCERTAINTY
-from flow.liberty.library import Cell
-from flow.liberty.tables import Arc, Floats
-from flow.scale.array import NONE, Array
-from flow.scale.lines import Lines
-from rtl.delivery import OUTSIDE
+from eskin.flow.asic.constraints import UNCERTAINTY
+from eskin.flow.liberty.library import Cell
+from eskin.flow.liberty.tables import Arc, Floats
+from eskin.flow.scale.array import NONE, Array
+from eskin.flow.scale.lines import Lines
+from eskin.rtl.delivery import OUTSIDE
 
 Ints = NDArray[np.int64]
 FROM_FLOP, FROM_PORT = 0, 1

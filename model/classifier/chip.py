@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.address_events import EVENT_DTYPE, Events, taxel_of
-from model.classifier.chip_config import ChipConfig
-from model.classifier.config import ClassifierConfig
-from model.classifier.network import IntegerNetwork
-from model.classifier.run import ClassifierRun, first_ready, simulate, work_clocks
+from eskin.model.address_events import EVENT_DTYPE, Events, taxel_of
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.classifier.network import IntegerNetwork
+from eskin.model.classifier.run import ClassifierRun, first_ready, simulate, work_clocks
 
 
 @dataclass(frozen=True)
@@ -72,8 +72,8 @@ def simulate_chip(config: ChipConfig, network: IntegerNetwork, samples: NDArray[
     clocks : int
         Length of the run.
     """
-    from model.readout import Stimulus  # compiles the model
-    from model.readout import simulate as simulate_readout
+    from eskin.model.readout import Stimulus  # compiles the model
+    from eskin.model.readout import simulate as simulate_readout
 
     network = dataclasses.replace(network, config=config.classifier)
     width = config.classifier.clocks_per_bin

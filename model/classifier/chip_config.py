@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from base.errors import InputError
-from model.classifier.config import ClassifierConfig
-from model.classifier.run import work_clocks
-from model.config import ReadoutConfig
+from eskin.base.errors import InputError
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.classifier.run import work_clocks
+from eskin.model.config import ReadoutConfig
 
 PREFIX = "classifier_"
 

@@ -8,8 +8,8 @@ import math
 from dataclasses import dataclass
 from typing import Any, Literal, get_args, get_type_hints
 
-from base.errors import InputError
-from model.config import Reset, parameter
+from eskin.base.errors import InputError
+from eskin.model.config import Reset, parameter
 
 NeuronReset = Literal["zero", "subtract"]
 OutputMode = Literal["spikes", "membrane"]

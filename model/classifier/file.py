@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from base.files import atomic_write, check_writable, read_arrays, write_arrays
-from model.classifier.config import ClassifierConfig
-from model.classifier.network import IntegerNetwork
+from eskin.base.errors import InputError
+from eskin.base.files import atomic_write, check_writable, read_arrays, write_arrays
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.classifier.network import IntegerNetwork
 
 FORMAT_NAME = "spiking-eskin-readout integer network"
 FORMAT_VERSION = 1

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from model.classifier.config import MAX_BITS, ClassifierConfig, bits_of, highest, lowest
+from eskin.base.errors import InputError
+from eskin.model.classifier.config import MAX_BITS, ClassifierConfig, bits_of, highest, lowest
 
 Whole = NDArray[np.int64]
 

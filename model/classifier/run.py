@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from model.classifier.config import ClassifierConfig
-from model.classifier.network import Bin, IntegerNetwork, State
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.classifier.network import Bin, IntegerNetwork, State
 
 
 @dataclass

@@ -14,10 +14,10 @@ from typing import Any
 
 from numba.extending import overload, register_jitable
 
-from model import decay, window
-from model.encoders import encoder as common
-from model.encoders.encoder import Encoder
-from model.encoders.registry import ENCODERS
+from eskin.model import decay, window
+from eskin.model.encoders import encoder as common
+from eskin.model.encoders.encoder import Encoder
+from eskin.model.encoders.registry import ENCODERS
 
 BY_RULE: dict[type[Any], Encoder] = {encoder.Rule: encoder for encoder in ENCODERS}
 

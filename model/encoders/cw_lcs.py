@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from model import window
-from model.encoders.encoder import Encoder, log2, steps_up_to
+from eskin.model import window
+from eskin.model.encoders.encoder import Encoder, log2, steps_up_to
 
 if TYPE_CHECKING:
-    from model.config import ReadoutConfig
+    from eskin.model.config import ReadoutConfig
 
 
 class CwLcsRule(NamedTuple):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 if TYPE_CHECKING:  # a configuration knows its encoder, so no encoder imports the configuration
-    from model.config import ReadoutConfig
+    from eskin.model.config import ReadoutConfig
 
 
 class Encoder(ABC):

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from model.encoders.encoder import Encoder, log2, steps_up_to
+from eskin.model.encoders.encoder import Encoder, log2, steps_up_to
 
 if TYPE_CHECKING:
-    from model.config import ReadoutConfig
+    from eskin.model.config import ReadoutConfig
 
 
 class LcsRule(NamedTuple):

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from base.errors import InputError
-from model.decay import leak_of
-from model.encoders.encoder import Encoder, log2
+from eskin.base.errors import InputError
+from eskin.model.decay import leak_of
+from eskin.model.encoders.encoder import Encoder, log2
 
 if TYPE_CHECKING:
-    from model.config import ReadoutConfig
+    from eskin.model.config import ReadoutConfig
 
 
 class NlcsRule(NamedTuple):

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from model.decay import leak_of
-from model.encoders.encoder import steps_up_to
-from model.encoders.nlcs import Nlcs
+from eskin.model.decay import leak_of
+from eskin.model.encoders.encoder import steps_up_to
+from eskin.model.encoders.nlcs import Nlcs
 
 if TYPE_CHECKING:
-    from model.config import ReadoutConfig
+    from eskin.model.config import ReadoutConfig
 
 
 class NlcsBipolarRule(NamedTuple):

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from base.errors import InputError
-from model.encoders.cw_lcs import CwLcs
-from model.encoders.encoder import Encoder
-from model.encoders.lcs import Lcs
-from model.encoders.nlcs import Nlcs
-from model.encoders.nlcs_bipolar import NlcsBipolar
+from eskin.base.errors import InputError
+from eskin.model.encoders.cw_lcs import CwLcs
+from eskin.model.encoders.encoder import Encoder
+from eskin.model.encoders.lcs import Lcs
+from eskin.model.encoders.nlcs import Nlcs
+from eskin.model.encoders.nlcs_bipolar import NlcsBipolar
 
 ENCODERS: tuple[Encoder, ...] = (Lcs(), CwLcs(), Nlcs(), NlcsBipolar())
 """In the order of commands, tables and figures."""

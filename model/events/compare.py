@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from model.address_events import Events, taxel_of
-from model.config import ReadoutConfig
+from eskin.model.address_events import Events, taxel_of
+from eskin.model.config import ReadoutConfig
 
 CONTEXT = 3
 """Events shown before and after a difference."""

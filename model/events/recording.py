@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from base.files import check_unpacked, write_arrays
-from model import __version__
-from model.address_events import Events, check_events
-from model.config import ReadoutConfig
-from model.tiles.config import config_of
+from eskin.base.errors import InputError
+from eskin.base.files import check_unpacked, write_arrays
+from eskin.model import __version__
+from eskin.model.address_events import Events, check_events
+from eskin.model.config import ReadoutConfig
+from eskin.model.tiles.config import config_of
 
 FORMAT_NAME = "spiking-eskin-readout events"
 FORMAT_VERSION = 1
@@ -57,8 +57,8 @@ class Recording:
 
     Examples
     --------
-    >>> from model.config import ReadoutConfig
-    >>> from model.address_events import EVENT_DTYPE
+    >>> from eskin.model.config import ReadoutConfig
+    >>> from eskin.model.address_events import EVENT_DTYPE
     >>> events = np.array([(11, 0, 0, True), (12, 1, 0, False)], EVENT_DTYPE)
     >>> recording = Recording(events, ReadoutConfig(rows=1, columns=2), 1280, metadata={"label": "brick"})
     >>> recording.duration_s, recording.rate_hz

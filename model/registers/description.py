@@ -7,9 +7,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
-from base.errors import InputError
-from model import __version__
-from model.config import ReadoutConfig
+from eskin.base.errors import InputError
+from eskin.model import __version__
+from eskin.model.config import ReadoutConfig
 
 SOURCE = Path(__file__).with_name("eskin_registers.rdl")
 NAME = SOURCE.stem

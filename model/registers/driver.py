@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 
-from base.errors import InputError
-from model.config import ReadoutConfig
-from model.registers.description import WORD_BITS, WORD_BYTES, Register, registers
-from model.registers.spi import COMMAND_BITS, command
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig
+from eskin.model.registers.description import WORD_BITS, WORD_BYTES, Register, registers
+from eskin.model.registers.spi import COMMAND_BITS, command
 
 
 class Registers:
@@ -22,7 +22,7 @@ class Registers:
 
     Examples
     --------
-    >>> from model.registers.driver import Registers                       # doctest: +SKIP
+    >>> from eskin.model.registers.driver import Registers                       # doctest: +SKIP
     >>> chip = Registers(config, adapter.exchange)                         # doctest: +SKIP
     >>> chip.write("test", mode=2, on=1, interval=10)                      # doctest: +SKIP
     >>> chip.read("events")["count"]                                       # doctest: +SKIP

@@ -6,10 +6,10 @@ import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
-from base.errors import InputError
-from model.config import ReadoutConfig
-from model.registers import spi
-from model.registers.description import (
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig
+from eskin.model.registers import spi
+from eskin.model.registers.description import (
     NAME,
     WORD_BITS,
     WORD_BYTES,

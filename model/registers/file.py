@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
-from model.config import ReadoutConfig
-from model.registers.description import WORD_BITS, Register, registers
+from eskin.model.config import ReadoutConfig
+from eskin.model.registers.description import WORD_BITS, Register, registers
 
 
 class Write(NamedTuple):

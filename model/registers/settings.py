@@ -8,11 +8,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from model import arbiter, decay
-from model.arbiter import ONE
-from model.config import ReadoutConfig
-from model.registers import pattern
+from eskin.base.errors import InputError
+from eskin.model import arbiter, decay
+from eskin.model.arbiter import ONE
+from eskin.model.config import ReadoutConfig
+from eskin.model.registers import pattern
 
 SETTING_DTYPE = np.dtype(
     [

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from model.registers.description import WORD_BITS, WORD_BYTES
-from model.registers.file import Write
+from eskin.model.registers.description import WORD_BITS, WORD_BYTES
+from eskin.model.registers.file import Write
 
 ADDRESS_BITS = 15
 COMMAND_BITS = 1 + ADDRESS_BITS

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from model.address_events import Events
-from model.config import ReadoutConfig, parameter
+from eskin.base.errors import InputError
+from eskin.model.address_events import Events
+from eskin.model.config import ReadoutConfig, parameter
 
 MAX_TILES = 64
 """Most tiles of a skin: their requests fit one 64-bit word of the model."""

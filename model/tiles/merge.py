@@ -14,9 +14,9 @@ from numba import njit
 from numba.typed import List
 from numpy.typing import NDArray
 
-from base.files import forget_stale_kernels
-from model import arbiter
-from model.arbiter import next_row, rows_behind
+from eskin.base.files import forget_stale_kernels
+from eskin.model import arbiter
+from eskin.model.arbiter import next_row, rows_behind
 
 forget_stale_kernels(Path(__file__), [Path(str(arbiter.__file__))])
 

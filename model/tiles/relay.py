@@ -13,8 +13,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from base.files import forget_stale_kernels
-from model.tiles import merge
+from eskin.base.files import forget_stale_kernels
+from eskin.model.tiles import merge
 
 forget_stale_kernels(Path(__file__), [Path(str(merge.__file__))])
 

@@ -13,14 +13,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from base.errors import InputError
-from base.files import forget_stale_kernels
-from model import arbiter, decay, readout
-from model.address_events import EVENT_DTYPE, Events
-from model.arbiter import ONE, ZERO
-from model.readout import Inputs, Parameters, Registers, Stimulus, decide, mask_rows, take_samples, with_room
-from model.tiles import merge, relay
-from model.tiles.config import TilesConfig
+from eskin.base.errors import InputError
+from eskin.base.files import forget_stale_kernels
+from eskin.model import arbiter, decay, readout
+from eskin.model.address_events import EVENT_DTYPE, Events
+from eskin.model.arbiter import ONE, ZERO
+from eskin.model.readout import Inputs, Parameters, Registers, Stimulus, decide, mask_rows, take_samples, with_room
+from eskin.model.tiles import merge, relay
+from eskin.model.tiles.config import TilesConfig
 
 forget_stale_kernels(Path(__file__), (*readout.SOURCES, *(Path(str(m.__file__)) for m in (readout, merge, relay))))
 

@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from base.figures.style import (
+from eskin.base.figures.style import (
     GREY,
     PALETTE,
     PART_COLOURS,
@@ -15,9 +15,9 @@ from base.figures.style import (
     new_figure,
     save_figure,
 )
-from base.units import with_unit
-from power.readouts import READOUT_NAMES, READOUTS, SPIKING
-from skin.figures.readouts import look
+from eskin.base.units import with_unit
+from eskin.power.readouts import READOUT_NAMES, READOUTS, SPIKING
+from eskin.skin.figures.readouts import look
 
 Data = dict[str, Any]
 

@@ -7,12 +7,12 @@ from typing import Any
 from amaranth.hdl import Cat, Module, Mux, Signal, Value
 from amaranth.lib.wiring import In, Out
 
-from model.classifier.chip_config import ChipConfig
-from model.classifier.config import ClassifierConfig
-from rtl.arbiter import event_ports
-from rtl.block import Block
-from rtl.classifier.core import Classifier
-from rtl.readout import Readout
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.rtl.arbiter import event_ports
+from eskin.rtl.block import Block
+from eskin.rtl.classifier.core import Classifier
+from eskin.rtl.readout import Readout
 
 
 class BinTimer(Block[ClassifierConfig]):

@@ -8,11 +8,11 @@ from typing import Any
 from amaranth.hdl import Array, Cat, Module, Mux, Signal, Value, signed
 from amaranth.lib.wiring import In, Out
 
-from model.classifier.config import ClassifierConfig
-from rtl.block import Block
-from rtl.classifier.lane import Lane
-from rtl.classifier.memory import NeuronMemory, WeightMemory, address_bits
-from rtl.classifier.numbers import add, fire, leak
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.rtl.block import Block
+from eskin.rtl.classifier.lane import Lane
+from eskin.rtl.classifier.memory import NeuronMemory, WeightMemory, address_bits
+from eskin.rtl.classifier.numbers import add, fire, leak
 
 STALL_BITS = 24
 

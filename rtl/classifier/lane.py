@@ -8,9 +8,9 @@ from amaranth.hdl import Module, Mux, Signal, signed, unsigned
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
-from model.classifier.config import ClassifierConfig
-from rtl.block import Block
-from rtl.classifier.numbers import add
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.rtl.block import Block
+from eskin.rtl.classifier.numbers import add
 
 
 class Lane(Block[ClassifierConfig]):

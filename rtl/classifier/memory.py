@@ -8,8 +8,8 @@ from amaranth.hdl import Module, unsigned
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
-from model.classifier.config import ClassifierConfig
-from rtl.block import Block
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.rtl.block import Block
 
 
 class WordMemory(Block[ClassifierConfig]):

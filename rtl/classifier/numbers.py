@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from amaranth.hdl import Cat, Module, Mux, Signal, Value, signed
 
-from model.classifier.config import NeuronReset
+from eskin.model.classifier.config import NeuronReset
 
 
 def add(m: Module, left: Value, right: Value, bits: int, saturates: bool) -> Value:

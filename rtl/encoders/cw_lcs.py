@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 from amaranth.hdl import Module
 
-from rtl.encoders.encoder import Own
-from rtl.encoders.lcs import Lcs
-from rtl.logic import or_tree
-from rtl.window import ClosingWindow
+from eskin.rtl.encoders.encoder import Own
+from eskin.rtl.encoders.lcs import Lcs
+from eskin.rtl.logic import or_tree
+from eskin.rtl.window import ClosingWindow
 
 if TYPE_CHECKING:
-    from rtl.taxel import Taxel
+    from eskin.rtl.taxel import Taxel
 
 
 class CwLcs(Lcs):

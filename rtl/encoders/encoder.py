@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from amaranth.hdl import Const, Module, Mux, Signal, signed
 
 if TYPE_CHECKING:  # a taxel has its encoder in it
-    from rtl.taxel import Taxel
+    from eskin.rtl.taxel import Taxel
 
 
 @dataclass(frozen=True)

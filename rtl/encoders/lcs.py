@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 from amaranth.hdl import Module, Mux, Signal, signed
 
-from rtl.encoders.encoder import Encoder, Own, compare
+from eskin.rtl.encoders.encoder import Encoder, Own, compare
 
 if TYPE_CHECKING:
-    from rtl.taxel import Taxel
+    from eskin.rtl.taxel import Taxel
 
 
 class Lcs(Encoder):

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from base.errors import InputError
-from model.encoders import registry as model
-from rtl.encoders.cw_lcs import CwLcs
-from rtl.encoders.encoder import Encoder
-from rtl.encoders.lcs import Lcs
-from rtl.encoders.nlcs import Nlcs
-from rtl.encoders.nlcs_bipolar import NlcsBipolar
+from eskin.base.errors import InputError
+from eskin.model.encoders import registry as model
+from eskin.rtl.encoders.cw_lcs import CwLcs
+from eskin.rtl.encoders.encoder import Encoder
+from eskin.rtl.encoders.lcs import Lcs
+from eskin.rtl.encoders.nlcs import Nlcs
+from eskin.rtl.encoders.nlcs_bipolar import NlcsBipolar
 
 ENCODERS: tuple[Encoder, ...] = (Lcs(), CwLcs(), Nlcs(), NlcsBipolar())
 

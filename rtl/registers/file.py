@@ -7,11 +7,11 @@ from typing import Any
 from amaranth.hdl import Cat, Const, Module, Signal, Value
 from amaranth.lib.wiring import In, Out
 
-from model.config import ReadoutConfig
-from model.registers.description import WORD_BITS, Field, Register, registers
-from model.registers.spi import ADDRESS_BITS
-from rtl.block import Block
-from rtl.logic import or_tree
+from eskin.model.config import ReadoutConfig
+from eskin.model.registers.description import WORD_BITS, Field, Register, registers
+from eskin.model.registers.spi import ADDRESS_BITS
+from eskin.rtl.block import Block
+from eskin.rtl.logic import or_tree
 
 BUS = {"address": In(ADDRESS_BITS), "write": In(1), "write_data": In(WORD_BITS), "read_data": Out(WORD_BITS)}
 WRITTEN, COUNTS = "_written", "_counts"

@@ -7,11 +7,11 @@ from typing import Any
 from amaranth.hdl import Cat, Module, Signal
 from amaranth.lib.wiring import In, Out
 
-from model.config import ReadoutConfig
-from rtl.block import Block
-from rtl.registers.file import BUS, COUNTS, WRITTEN, RegisterFile, signals
-from rtl.registers.pattern import REGISTER, TestPattern, fields
-from rtl.registers.spi import PINS, SpiSlave
+from eskin.model.config import ReadoutConfig
+from eskin.rtl.block import Block
+from eskin.rtl.registers.file import BUS, COUNTS, WRITTEN, RegisterFile, signals
+from eskin.rtl.registers.pattern import REGISTER, TestPattern, fields
+from eskin.rtl.registers.spi import PINS, SpiSlave
 
 SETTINGS = ("decay_shift", "decay_period", "window_period")
 """Fields of the register file that the array takes as they are."""

@@ -7,9 +7,9 @@ from typing import Any
 from amaranth.hdl import Cat, Const, Module, Mux, Signal
 from amaranth.lib.wiring import In, Out
 
-from model.config import ReadoutConfig
-from model.registers.description import registers
-from rtl.block import Block
+from eskin.model.config import ReadoutConfig
+from eskin.model.registers.description import registers
+from eskin.rtl.block import Block
 
 REGISTER = "test"
 

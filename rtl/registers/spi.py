@@ -7,10 +7,10 @@ from typing import Any
 from amaranth.hdl import Cat, Const, Module, Mux, Signal
 from amaranth.lib.wiring import In, Out
 
-from model.config import ReadoutConfig
-from model.registers.description import WORD_BITS, WORD_BYTES
-from model.registers.spi import ADDRESS_BITS
-from rtl.block import Block
+from eskin.model.config import ReadoutConfig
+from eskin.model.registers.description import WORD_BITS, WORD_BYTES
+from eskin.model.registers.spi import ADDRESS_BITS
+from eskin.rtl.block import Block
 
 PINS = {"spi_sck": In(1), "spi_cs_n": In(1), "spi_mosi": In(1), "spi_miso": Out(1), "spi_miso_enable": Out(1)}
 """The pins, as ports of whatever has them."""

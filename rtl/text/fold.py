@@ -8,8 +8,8 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
-from rtl.text import expression
-from rtl.text.expression import Node, UnknownTextError, Wire
+from eskin.rtl.text import expression
+from eskin.rtl.text.expression import Node, UnknownTextError, Wire
 
 MADE_UP = re.compile(r"\b_\d+_\b")
 """Names that Yosys made up: those of no signal in the source."""

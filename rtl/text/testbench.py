@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.address_events import Events
-from model.config import ReadoutConfig
-from model.readout import Stimulus, simulate
+from eskin.model.address_events import Events
+from eskin.model.config import ReadoutConfig
+from eskin.model.readout import Stimulus, simulate
 
 TICKS = 8
 """Sample ticks that are played."""

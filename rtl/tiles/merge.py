@@ -7,11 +7,11 @@ from typing import Any
 from amaranth.hdl import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib.wiring import In, Out
 
-from model.tiles.config import TilesConfig
-from rtl.arbiter import event_ports
-from rtl.block import Block
-from rtl.logic import encode, exclusive_prefix_or, or_tree
-from rtl.tiles.relay import payload_fields, two_places
+from eskin.model.tiles.config import TilesConfig
+from eskin.rtl.arbiter import event_ports
+from eskin.rtl.block import Block
+from eskin.rtl.logic import encode, exclusive_prefix_or, or_tree
+from eskin.rtl.tiles.relay import payload_fields, two_places
 
 
 class Merge(Block[TilesConfig]):

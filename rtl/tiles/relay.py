@@ -7,9 +7,9 @@ from typing import Any
 from amaranth.hdl import Cat, Module, Mux, Signal, Value
 from amaranth.lib.wiring import In, Out
 
-from model.tiles.config import TilesConfig
-from rtl.arbiter import event_ports
-from rtl.block import Block
+from eskin.model.tiles.config import TilesConfig
+from eskin.rtl.arbiter import event_ports
+from eskin.rtl.block import Block
 
 
 class Relay(Block[TilesConfig]):

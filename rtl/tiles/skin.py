@@ -7,13 +7,13 @@ from typing import Any
 from amaranth.hdl import Module, Shape, Value, unsigned
 from amaranth.lib.wiring import In
 
-from base.errors import InputError
-from model.tiles.config import TilesConfig
-from rtl.arbiter import event_ports
-from rtl.block import Block
-from rtl.readout import Readout
-from rtl.tiles.merge import Merge, merged_ports
-from rtl.tiles.relay import Relay
+from eskin.base.errors import InputError
+from eskin.model.tiles.config import TilesConfig
+from eskin.rtl.arbiter import event_ports
+from eskin.rtl.block import Block
+from eskin.rtl.readout import Readout
+from eskin.rtl.tiles.merge import Merge, merged_ports
+from eskin.rtl.tiles.relay import Relay
 
 MOST_INPUT_BITS = 65_000
 """Of a module; Amaranth numbers the bits of all its inputs with 16 bits."""

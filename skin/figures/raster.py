@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from base.figures.style import GREY, OFF_COLOUR, ON_COLOUR, UNMATCHED_COLOUR, check_picture_path, save_figure
-from model.address_events import Events, taxel_of
-from model.config import ReadoutConfig
-from model.events.compare import unmatched
+from eskin.base.figures.style import GREY, OFF_COLOUR, ON_COLOUR, UNMATCHED_COLOUR, check_picture_path, save_figure
+from eskin.model.address_events import Events, taxel_of
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.compare import unmatched
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from base.figures.style import PALETTE
-from model.encoders import registry
+from eskin.base.figures.style import PALETTE
+from eskin.model.encoders import registry
 
 FRAME = "frame"
 """Name of the frame readout, in points and data."""

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from base.figures.style import GREY, OFF_COLOUR, ON_COLOUR, PALETTE, dress, new_figure, save_figure
-from model.address_events import taxel_of
-from model.events.recording import Recording
-from skin.textures.physical import PhysicalScan
-from skin.textures.scan import Scan
+from eskin.base.figures.style import GREY, OFF_COLOUR, ON_COLOUR, PALETTE, dress, new_figure, save_figure
+from eskin.model.address_events import taxel_of
+from eskin.model.events.recording import Recording
+from eskin.skin.textures.physical import PhysicalScan
+from eskin.skin.textures.scan import Scan
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from base.figures.style import dress, new_figure, save_figure
-from model.encoders import registry
-from skin.figures.readouts import FRAME, look
-from skin.recordings.fitting import TAU_S
+from eskin.base.figures.style import dress, new_figure, save_figure
+from eskin.model.encoders import registry
+from eskin.skin.figures.readouts import FRAME, look
+from eskin.skin.recordings.fitting import TAU_S
 
 
 def plot_study(data: dict[str, Any], path: Path) -> None:

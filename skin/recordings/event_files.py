@@ -11,13 +11,13 @@ from collections.abc import Callable, Collection
 from dataclasses import asdict
 from pathlib import Path
 
-import model
-from base.errors import InputError
-from base.workers.pool import WorkerPool
-from model import __version__
-from model.config import ReadoutConfig
-from skin.recordings.folder import quality_warnings, read_set, sources_of, write_folder
-from skin.recordings.options import Preparation
+from eskin import model
+from eskin.base.errors import InputError
+from eskin.base.workers.pool import WorkerPool
+from eskin.model import __version__
+from eskin.model.config import ReadoutConfig
+from eskin.skin.recordings.folder import quality_warnings, read_set, sources_of, write_folder
+from eskin.skin.recordings.options import Preparation
 
 _MODEL, _HERE = Path(model.__file__).parent, Path(__file__).parent
 

@@ -8,10 +8,10 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from model.config import ReadoutConfig
-from model.readout import Stimulus, simulate
-from model.taxel import encode, slope_limit
-from skin.recordings.quality import CLOCKS_PER_EVENT, measure_quality
+from eskin.model.config import ReadoutConfig
+from eskin.model.readout import Stimulus, simulate
+from eskin.model.taxel import encode, slope_limit
+from eskin.skin.recordings.quality import CLOCKS_PER_EVENT, measure_quality
 
 TAU_S = 0.2
 """Time constant of the leak where none is given, the paper's."""

@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from base.workers.pool import Local, WorkerPool, each
-from model.address_events import Events
-from model.config import ReadoutConfig
-from model.events.recording import Recording
-from model.readout import Stimulus, simulate
-from skin.recordings.fitting import array_of, steepest_step, with_clock, with_seconds
-from skin.recordings.options import Preparation
-from skin.recordings.prepare import prepare
-from skin.recordings.quality import Quality, measure_quality, pooled
-from skin.recordings.table import read_table
-from skin.samples import ARRAY_SUFFIXES
+from eskin.base.errors import InputError
+from eskin.base.workers.pool import Local, WorkerPool, each
+from eskin.model.address_events import Events
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.model.readout import Stimulus, simulate
+from eskin.skin.recordings.fitting import array_of, steepest_step, with_clock, with_seconds
+from eskin.skin.recordings.options import Preparation
+from eskin.skin.recordings.prepare import prepare
+from eskin.skin.recordings.quality import Quality, measure_quality, pooled
+from eskin.skin.recordings.table import read_table
+from eskin.skin.samples import ARRAY_SUFFIXES
 
 MUCH_LATE = 0.01
 """Part of the events above which late ones, or merged decisions, are worth a warning."""

@@ -7,8 +7,8 @@ import math
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
-from base.errors import InputError
-from model.config import parameter
+from eskin.base.errors import InputError
+from eskin.model.config import parameter
 
 Decimal = Literal["auto", "point", "comma"]
 TimeUnit = Literal["auto", "s", "ms", "us", "ns"]

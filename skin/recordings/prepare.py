@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from skin.recordings.options import Preparation
-from skin.recordings.table import Table, Values
-from skin.textures.presets import quantise
+from eskin.base.errors import InputError
+from eskin.skin.recordings.options import Preparation
+from eskin.skin.recordings.table import Table, Values
+from eskin.skin.textures.presets import quantise
 
 JITTER = 0.02
 """Part of a sample period by which time stamps may miss the grid before a recording is resampled."""

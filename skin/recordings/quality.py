@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from model.address_events import Events, taxel_of
-from model.config import ReadoutConfig
-from model.events.recording import Recording
-from model.taxel import EVENT_LATENCY, counts_of_events, decode, encode, error_bound
+from eskin.base.errors import InputError
+from eskin.model.address_events import Events, taxel_of
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.model.taxel import EVENT_LATENCY, counts_of_events, decode, encode, error_bound
 
 MOST_VALUES = 2**28
 """Largest number of values that are rebuilt (2 GiB): a longer recording is hardly meant."""

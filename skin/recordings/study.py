@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from base.workers.pool import Local, Shared, WorkerPool, each
-from model.config import ReadoutConfig
-from model.encoders import registry
-from model.readout import Stimulus, simulate
-from skin.recordings.fitting import array_of, with_clock, with_seconds
-from skin.recordings.folder import read_set
-from skin.recordings.options import Preparation
-from skin.recordings.quality import measure_quality, pooled
-from skin.textures.presets import quantise
+from eskin.base.workers.pool import Local, Shared, WorkerPool, each
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.readout import Stimulus, simulate
+from eskin.skin.recordings.fitting import array_of, with_clock, with_seconds
+from eskin.skin.recordings.folder import read_set
+from eskin.skin.recordings.options import Preparation
+from eskin.skin.recordings.quality import measure_quality, pooled
+from eskin.skin.textures.presets import quantise
 
 RESOLUTIONS = (2, 3, 4, 5, 6, 7, 8, 9, 10)
 SAMPLE_BITS = 14

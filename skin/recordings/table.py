@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from skin.recordings.options import Preparation
-from skin.samples import ARRAY_SUFFIXES, read_samples
+from eskin.base.errors import InputError
+from eskin.skin.recordings.options import Preparation
+from eskin.skin.samples import ARRAY_SUFFIXES, read_samples
 
 Values = NDArray[np.float64]
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from base.errors import InputError
-from model.config import ReadoutConfig
-from model.events.recording import Recording
-from skin.recordings.folder import RecordingSet, read_set
-from skin.recordings.options import Preparation
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.skin.recordings.folder import RecordingSet, read_set
+from eskin.skin.recordings.options import Preparation
 
 EVERY_FIELD = frozenset(field.name for field in dataclasses.fields(ReadoutConfig))
 """All of them are said: none follows the recordings."""

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
+from eskin.base.errors import InputError
 
 EMBEDDED = "embedded"
 """The name that stands for the embedded default, wherever a directory can be given."""

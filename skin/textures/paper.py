@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from base.errors import InputError
-from model.config import ReadoutConfig
-from skin.textures.scan import Scan, Signals, gray
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig
+from eskin.skin.textures.scan import Scan, Signals, gray
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from typing import get_args
 
-from base.errors import InputError
-from skin.textures.paper import PaperScan
-from skin.textures.physical import PhysicalScan
-from skin.textures.scan import Preset, Scan, Signals, quantise
+from eskin.base.errors import InputError
+from eskin.skin.textures.paper import PaperScan
+from eskin.skin.textures.physical import PhysicalScan
+from eskin.skin.textures.scan import Preset, Scan, Signals, quantise
 
 __all__ = ["PRESETS", "PaperScan", "PhysicalScan", "Preset", "Scan", "Signals", "preset", "quantise"]
 

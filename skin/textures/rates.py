@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from base.workers.pool import Local, WorkerPool, each
-from model.config import ReadoutConfig
-from skin.textures.dataset import Dataset
-from skin.textures.presets import Scan, Signals, quantise
+from eskin.base.errors import InputError
+from eskin.base.workers.pool import Local, WorkerPool, each
+from eskin.model.config import ReadoutConfig
+from eskin.skin.textures.dataset import Dataset
+from eskin.skin.textures.presets import Scan, Signals, quantise
 
 PUBLISHED_RATES_HZ = {
     ("lcs", 2): 2429.48,
@@ -171,7 +171,7 @@ def scan_image(image: Image, scan: Scan, configs: Sequence[ReadoutConfig], start
     start_row : float
         Image row at which the array's row 0 slides.
     """
-    from model.taxel import count_events
+    from eskin.model.taxel import count_events
 
     try:
         signals = scan.signals(configs[0], image.pixels, start_row)

@@ -11,8 +11,8 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from base.errors import InputError
-from model.config import ReadoutConfig
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig
 
 Preset = Literal["paper", "physical"]
 """Names of the presets in commands and files."""

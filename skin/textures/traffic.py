@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from model.config import ReadoutConfig
-from model.encoders import registry
-from model.frame_config import FrameConfig
-from skin.textures.dataset import Dataset
-from skin.textures.presets import Scan
-from skin.textures.rates import Rates, measure_rates
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.frame_config import FrameConfig
+from eskin.skin.textures.dataset import Dataset
+from eskin.skin.textures.presets import Scan
+from eskin.skin.textures.rates import Rates, measure_rates
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from base.workers.pool import WorkerPool
+    from eskin.base.workers.pool import WorkerPool
 
 
 def compare_traffic(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from base.errors import InputError
+from eskin.base.errors import InputError
 
 if TYPE_CHECKING:
     from torch import Tensor

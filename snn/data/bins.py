@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from model.address_events import Events, taxel_of
-from model.config import ReadoutConfig
-from model.events.recording import Recording
-from skin.textures.presets import preset
+from eskin.base.errors import InputError
+from eskin.model.address_events import Events, taxel_of
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.skin.textures.presets import preset
 
 MOST_COUNTS = 2**28
 """Counts of one recording, zeros and all, in memory."""

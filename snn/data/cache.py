@@ -22,15 +22,14 @@ from typing import Any
 
 import numpy as np
 
-import model
-import skin
-from base.errors import InputError
-from base.files import atomic_write, plain
-from model.config import ReadoutConfig
-from skin.textures.dataset import Dataset
-from skin.textures.presets import Scan
-from snn import cache
-from snn.data.scans import ScanData
+from eskin import model, skin
+from eskin.base.errors import InputError
+from eskin.base.files import atomic_write, plain
+from eskin.model.config import ReadoutConfig
+from eskin.skin.textures.dataset import Dataset
+from eskin.skin.textures.presets import Scan
+from eskin.snn import cache
+from eskin.snn.data.scans import ScanData
 
 LIMIT_BYTES = 2**30
 """Scans are kept up to this size together."""

@@ -15,9 +15,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from model.address_events import taxel_of
-from model.events.recording import Recording
-from snn.data.bins import counted_from
+from eskin.model.address_events import taxel_of
+from eskin.model.events.recording import Recording
+from eskin.snn.data.bins import counted_from
 
 Parts = dict[str, int]
 """Bits by what is coded."""

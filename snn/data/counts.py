@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from snn.data.scans import ScanData
+from eskin.snn.data.scans import ScanData
 
 
 @dataclass(frozen=True)

@@ -16,16 +16,16 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from model.address_events import EVENT_DTYPE, Events, taxel_of
-from model.config import ReadoutConfig
-from model.events.recording import Recording
-from skin.textures.dataset import Dataset, Texture
-from skin.textures.physical import PhysicalScan
-from skin.textures.scan import Signals, quantise
-from snn.data.bins import BinConfig
-from snn.data.record import Tick, record, said_of
-from snn.data.scans import ScanData, collect
+from eskin.base.errors import InputError
+from eskin.model.address_events import EVENT_DTYPE, Events, taxel_of
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.skin.textures.dataset import Dataset, Texture
+from eskin.skin.textures.physical import PhysicalScan
+from eskin.skin.textures.scan import Signals, quantise
+from eskin.snn.data.bins import BinConfig
+from eskin.snn.data.record import Tick, record, said_of
+from eskin.snn.data.scans import ScanData, collect
 
 Level = Literal["scene", "signals", "comparators", "events"]
 Generator = np.random.Generator
@@ -388,7 +388,7 @@ def record_disturbed(
     height : float
         Place of the array on the texture, where ``strengths`` do not say it.
     """
-    from model.readout import Stimulus, simulate
+    from eskin.model.readout import Stimulus, simulate
 
     for name, strength in strengths.items():
         check_strength(name, strength)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from snn.data.scans import ScanData
+from eskin.base.errors import InputError
+from eskin.snn.data.scans import ScanData
 
 INNER_FOLDS = 5
 """One of so many parts of the training images is the inner validation."""

@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from base.errors import InputError
+from eskin.base.errors import InputError
 
 FrameKind = Literal["frame", "frame-diff", "frame-onoff"]
 

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from model.config import ReadoutConfig
-from skin.textures.dataset import Dataset, Texture
-from skin.textures.presets import Scan
-from snn.data.frame_steps import FrameSteps
-from snn.data.scans import ScanData
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig
+from eskin.skin.textures.dataset import Dataset, Texture
+from eskin.skin.textures.presets import Scan
+from eskin.snn.data.frame_steps import FrameSteps
+from eskin.snn.data.scans import ScanData
 
 
 def frame_dataset(

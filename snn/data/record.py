@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
-from base.errors import InputError
-from model.config import ReadoutConfig
-from model.events.recording import Recording
-from skin.textures.dataset import Dataset, Texture
-from skin.textures.presets import Scan
-from snn.data.bins import BinConfig
-from snn.data.scans import ScanData, collect
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.skin.textures.dataset import Dataset, Texture
+from eskin.skin.textures.presets import Scan
+from eskin.snn.data.bins import BinConfig
+from eskin.snn.data.scans import ScanData, collect
 
 Tick = Callable[[], object]
 """Called after each scan or recording that is done."""
@@ -43,7 +43,7 @@ def record(
 
     The recording has the events and the metadata of an RTL replay but ``source``, which is "model".
     """
-    from model.readout import Stimulus, simulate
+    from eskin.model.readout import Stimulus, simulate
 
     try:
         samples, clipped = scan.samples(config, texture.load(), start_row)

@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from base.errors import InputError
-from model.events.recording import Recording
-from skin.recordings.trained_on import OwnReadout
+from eskin.base.errors import InputError
+from eskin.model.events.recording import Recording
+from eskin.skin.recordings.trained_on import OwnReadout
 
 
 class EventFile(NamedTuple):

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from model.events.recording import Recording
-from snn.data.bins import BinConfig, bin_recording, counted_from
-from snn.data.recordings import class_of, event_files, image_of, read_recordings
+from eskin.base.errors import InputError
+from eskin.model.events.recording import Recording
+from eskin.snn.data.bins import BinConfig, bin_recording, counted_from
+from eskin.snn.data.recordings import class_of, event_files, image_of, read_recordings
 
 if TYPE_CHECKING:
     from torch import Tensor

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import h5py  # type: ignore[import-untyped]
 
-from base.errors import InputError
-from base.files import MOST_UNPACKED
+from eskin.base.errors import InputError
+from eskin.base.files import MOST_UNPACKED
 
 MOST_OBJECTS = 100_000
 

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from model.classifier.config import ClassifierConfig, bits_of
-from model.classifier.file import IntegerWeights
-from model.classifier.network import IntegerNetwork
-from snn.exchange.weights import Weights, config_of
-from snn.network import SpikingNetwork
-from snn.rounding import Grid, grid_of, related_grids
+from eskin.base.errors import InputError
+from eskin.model.classifier.config import ClassifierConfig, bits_of
+from eskin.model.classifier.file import IntegerWeights
+from eskin.model.classifier.network import IntegerNetwork
+from eskin.snn.exchange.weights import Weights, config_of
+from eskin.snn.network import SpikingNetwork
+from eskin.snn.rounding import Grid, grid_of, related_grids
 
 LARGEST_SHIFT = 16
 

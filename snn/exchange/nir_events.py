@@ -12,14 +12,14 @@ import h5py  # type: ignore[import-untyped]
 import nir
 import numpy as np
 
-from base.errors import InputError
-from base.files import atomic_write
-from model.address_events import EVENT_DTYPE, Events
-from model.config import ReadoutConfig
-from model.events.recording import Recording
-from snn.data.bins import BinConfig, bin_recording
-from snn.exchange.hdf5 import read_hdf5
-from snn.exchange.nir_network import INPUT
+from eskin.base.errors import InputError
+from eskin.base.files import atomic_write
+from eskin.model.address_events import EVENT_DTYPE, Events
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.snn.data.bins import BinConfig, bin_recording
+from eskin.snn.exchange.hdf5 import read_hdf5
+from eskin.snn.exchange.nir_network import INPUT
 
 MOST_CLOCKS = 2**51
 """Clocks up to which a time in seconds (float64) names its clock.

@@ -13,7 +13,7 @@ import nir
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
+from eskin.base.errors import InputError
 
 _LINEAR = (nir.Affine, nir.Linear)
 _FIRING = (nir.IF, nir.LIF)

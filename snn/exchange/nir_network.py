@@ -27,13 +27,13 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from base.files import atomic_write
-from snn.exchange.hdf5 import read_hdf5
-from snn.exchange.nir_layers import Layer, affine, broadcast, follow
-from snn.exchange.weights import Weights, check_class_names, check_step, config_of
-from snn.network import SpikingNetwork, build
-from snn.network_config import NetworkConfig
+from eskin.base.errors import InputError
+from eskin.base.files import atomic_write
+from eskin.snn.exchange.hdf5 import read_hdf5
+from eskin.snn.exchange.nir_layers import Layer, affine, broadcast, follow
+from eskin.snn.exchange.weights import Weights, check_class_names, check_step, config_of
+from eskin.snn.network import SpikingNetwork, build
+from eskin.snn.network_config import NetworkConfig
 
 FORMAT_NAME = "spiking-eskin-readout network"
 FORMAT_VERSION = 1

@@ -7,9 +7,9 @@ import math
 
 from torch import nn
 
-from snn.exchange.weights import config_of
-from snn.network import SpikingNetwork, build
-from snn.network_config import NetworkConfig
+from eskin.snn.exchange.weights import config_of
+from eskin.snn.network import SpikingNetwork, build
+from eskin.snn.network_config import NetworkConfig
 
 
 @dataclasses.dataclass(frozen=True)

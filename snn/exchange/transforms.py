@@ -10,10 +10,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from base.errors import InputError
-from model.config import ReadoutConfig
-from model.taxel import encode
-from skin.textures.scan import quantise
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig
+from eskin.model.taxel import encode
+from eskin.skin.textures.scan import quantise
 
 
 @dataclass(frozen=True)

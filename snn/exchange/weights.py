@@ -12,10 +12,10 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
-from base.errors import InputError
-from base.files import read_arrays, write_arrays
-from snn.network import SpikingNetwork, build
-from snn.network_config import NetworkConfig
+from eskin.base.errors import InputError
+from eskin.base.files import read_arrays, write_arrays
+from eskin.snn.network import SpikingNetwork, build
+from eskin.snn.network_config import NetworkConfig
 
 FORMAT_NAME = "spiking-eskin-readout weights"
 FORMAT_VERSION = 1

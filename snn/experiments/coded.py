@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from model.events.recording import Recording
-from skin.textures.dataset import open_dataset
-from snn.data.coding import coded_events, coded_frames
-from snn.data.frames import codes_of
-from snn.data.record import record
-from snn.data.recordings import event_files, read_recordings
-from snn.experiments.experiment import Experiment
+from eskin.model.events.recording import Recording
+from eskin.skin.textures.dataset import open_dataset
+from eskin.snn.data.coding import coded_events, coded_frames
+from eskin.snn.data.frames import codes_of
+from eskin.snn.data.record import record
+from eskin.snn.data.recordings import event_files, read_recordings
+from eskin.snn.experiments.experiment import Experiment
 
 SCANS = 24
 """So many scans, evenly spread over the images, are coded; their streams lie one after the other."""

@@ -14,20 +14,20 @@ from typing import Any
 
 import numpy as np
 
-from base.errors import InputError
-from base.files import plain, read_json
-from snn.data.folds import INNER_FOLDS, stratified_folds
-from snn.data.scans import ScanData, Split
-from snn.experiments.experiment import Experiment
-from snn.experiments.intervals import bootstrap, wilson
-from snn.experiments.points import as_word
+from eskin.base.errors import InputError
+from eskin.base.files import plain, read_json
+from eskin.snn.data.folds import INNER_FOLDS, stratified_folds
+from eskin.snn.data.scans import ScanData, Split
+from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.experiments.intervals import bootstrap, wilson
+from eskin.snn.experiments.points import as_word
 
 
 def run_cell(
     experiment: Experiment, data: ScanData, fold: int, seed: int, folds: int, fold_seed: int
 ) -> dict[str, Any]:
     """Return the result of one fold and seed: the predictions of the test images in both readings."""
-    from snn.train import predicted_classes, train
+    from eskin.snn.train import predicted_classes, train
 
     labels = data.image_labels
     test = stratified_folds(labels, folds, fold_seed)[fold]

@@ -12,23 +12,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from model.classifier.file import IntegerWeights
-from model.classifier.network import IntegerNetwork
-from model.events.compare import first_difference
-from model.events.recording import Recording
-from model.readout import Stimulus, simulate
-from skin.recordings.folder import RecordingSet
-from skin.recordings.trained_on import OwnReadout
-from skin.textures.dataset import EMBEDDED, Texture, open_dataset
-from skin.textures.presets import preset
-from snn.data.bins import BinConfig, bin_recording
-from snn.data.record import Tick
-from snn.data.recordings import class_of
-from snn.data.scans import ScanData, collect
-from snn.exchange.weights import config_of, load_weights
-from snn.experiments.trained import OTHER, TEST, TRAINING, Trained, read_result
-from snn.train import check_fits, logits_of, predicted_classes
+from eskin.base.errors import InputError
+from eskin.model.classifier.file import IntegerWeights
+from eskin.model.classifier.network import IntegerNetwork
+from eskin.model.events.compare import first_difference
+from eskin.model.events.recording import Recording
+from eskin.model.readout import Stimulus, simulate
+from eskin.skin.recordings.folder import RecordingSet
+from eskin.skin.recordings.trained_on import OwnReadout
+from eskin.skin.textures.dataset import EMBEDDED, Texture, open_dataset
+from eskin.skin.textures.presets import preset
+from eskin.snn.data.bins import BinConfig, bin_recording
+from eskin.snn.data.record import Tick
+from eskin.snn.data.recordings import class_of
+from eskin.snn.data.scans import ScanData, collect
+from eskin.snn.exchange.weights import config_of, load_weights
+from eskin.snn.experiments.trained import OTHER, TEST, TRAINING, Trained, read_result
+from eskin.snn.train import check_fits, logits_of, predicted_classes
 
 LEVELS = ("events", "tensors", "logits", "predictions")
 """What ``check_model`` compares, in the order in which one follows from the other."""

@@ -8,24 +8,24 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, get_args
 
-from base.errors import InputError
-from base.files import plain
-from model.config import ReadoutConfig
-from skin.textures.dataset import open_dataset
-from skin.textures.physical import PhysicalScan
-from skin.textures.presets import PRESETS, Scan, preset
-from skin.textures.rates import PAPER_TAU_S
-from snn.data.bins import BinConfig
-from snn.data.cache import kept, key_of
-from snn.data.disturb import disturbed_dataset
-from snn.data.frame_steps import FrameSteps
-from snn.data.frames import frame_dataset
-from snn.data.record import Tick, Variant, record_dataset
-from snn.data.recordings import event_files, read_recordings
-from snn.data.scans import ScanData, load_recordings
-from snn.flat import hints_of, refuse_unknown
-from snn.network_config import FIELDS, HINTS, NetworkConfig
-from snn.training import TrainConfig
+from eskin.base.errors import InputError
+from eskin.base.files import plain
+from eskin.model.config import ReadoutConfig
+from eskin.skin.textures.dataset import open_dataset
+from eskin.skin.textures.physical import PhysicalScan
+from eskin.skin.textures.presets import PRESETS, Scan, preset
+from eskin.skin.textures.rates import PAPER_TAU_S
+from eskin.snn.data.bins import BinConfig
+from eskin.snn.data.cache import kept, key_of
+from eskin.snn.data.disturb import disturbed_dataset
+from eskin.snn.data.frame_steps import FrameSteps
+from eskin.snn.data.frames import frame_dataset
+from eskin.snn.data.record import Tick, Variant, record_dataset
+from eskin.snn.data.recordings import event_files, read_recordings
+from eskin.snn.data.scans import ScanData, load_recordings
+from eskin.snn.flat import hints_of, refuse_unknown
+from eskin.snn.network_config import FIELDS, HINTS, NetworkConfig
+from eskin.snn.training import TrainConfig
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from snn.experiments.intervals import BOOTSTRAPS
-from snn.experiments.points import PointSummary, load_sweep
+from eskin.base.errors import InputError
+from eskin.snn.experiments.intervals import BOOTSTRAPS
+from eskin.snn.experiments.points import PointSummary, load_sweep
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from base.errors import InputError
-from base.files import origin, read_json, write_json
-from model.encoders import registry
-from skin.textures.presets import PRESETS
+from eskin.base.errors import InputError
+from eskin.base.files import origin, read_json, write_json
+from eskin.model.encoders import registry
+from eskin.skin.textures.presets import PRESETS
 
 READOUTS = (*registry.NAMES, "frame")
 

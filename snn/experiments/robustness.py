@@ -15,16 +15,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from base.files import read_json, write_json
-from skin.textures.dataset import open_dataset
-from skin.textures.physical import PhysicalScan
-from snn.data.disturb import DISTURBANCES, check_strength, record_disturbed
-from snn.data.scans import ScanData, collect
-from snn.exchange.weights import Weights, config_of, load_weights
-from snn.experiments.experiment import Experiment
-from snn.experiments.intervals import bootstrap, wilson
-from snn.experiments.trained import read_result
+from eskin.base.errors import InputError
+from eskin.base.files import read_json, write_json
+from eskin.skin.textures.dataset import open_dataset
+from eskin.skin.textures.physical import PhysicalScan
+from eskin.snn.data.disturb import DISTURBANCES, check_strength, record_disturbed
+from eskin.snn.data.scans import ScanData, collect
+from eskin.snn.exchange.weights import Weights, config_of, load_weights
+from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.experiments.intervals import bootstrap, wilson
+from eskin.snn.experiments.trained import read_result
 
 CLEAN = "clean"
 """Name of the scans without a disturbance."""
@@ -190,7 +190,7 @@ def run_cells(
 
 
 def _test(subject: Subject, case: Case, data: ScanData) -> dict[str, Any]:
-    from snn.train import check_fits, logits_of
+    from eskin.snn.train import check_fits, logits_of
 
     network = subject.weights.network
     check_fits(config_of(network), data)

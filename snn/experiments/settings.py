@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, get_args
 
-from base.errors import InputError
-from model.encoders import registry
-from snn.data.bins import BinConfig
-from snn.data.frame_steps import FRAMES, FrameKind, FrameSteps
-from snn.experiments.experiment import Experiment
-from snn.experiments.recipes import BASELINES, RECIPES
-from snn.flat import hints_of
-from snn.network_config import HINTS, NetworkConfig
-from snn.training import TrainConfig
+from eskin.base.errors import InputError
+from eskin.model.encoders import registry
+from eskin.snn.data.bins import BinConfig
+from eskin.snn.data.frame_steps import FRAMES, FrameKind, FrameSteps
+from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.experiments.recipes import BASELINES, RECIPES
+from eskin.snn.flat import hints_of
+from eskin.snn.network_config import HINTS, NetworkConfig
+from eskin.snn.training import TrainConfig
 
 VARIANTS = {encoder.name: ("", "on") if encoder.polarity else ("",) for encoder in registry.ENCODERS}
 """Variants of an encoder's events (``snn.data.record``), behind its resolution: lcs:6:on."""

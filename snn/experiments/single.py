@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from base.files import write_json
-from snn.checkpoint import Checkpoint
-from snn.data.folds import stratified_folds
-from snn.data.recordings import own_readout
-from snn.data.scans import ScanData, Split
-from snn.exchange.weights import Weights, save_weights
-from snn.experiments.experiment import Experiment
-from snn.train import predicted_classes, train
-from snn.training import Epoch, Training
+from eskin.base.files import write_json
+from eskin.snn.checkpoint import Checkpoint
+from eskin.snn.data.folds import stratified_folds
+from eskin.snn.data.recordings import own_readout
+from eskin.snn.data.scans import ScanData, Split
+from eskin.snn.exchange.weights import Weights, save_weights
+from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.train import predicted_classes, train
+from eskin.snn.training import Epoch, Training
 
 
 @dataclass(frozen=True)

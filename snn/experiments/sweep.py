@@ -14,16 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from base.errors import InputError
-from base.files import check_writable, write_json
-from base.workers.pool import Local, Shared, WorkerPool, next_landed, sentence
-from snn.checkpoint import digest
-from snn.data.folds import check_folds
-from snn.data.scans import ScanData
-from snn.experiments.coded import coded_bps
-from snn.experiments.crossval import check_same, read_cell, run_alone, summarise
-from snn.experiments.experiment import Experiment
-from snn.experiments.points import Cells, PointSummary, Result, write_sweep
+from eskin.base.errors import InputError
+from eskin.base.files import check_writable, write_json
+from eskin.base.workers.pool import Local, Shared, WorkerPool, next_landed, sentence
+from eskin.snn.checkpoint import digest
+from eskin.snn.data.folds import check_folds
+from eskin.snn.data.scans import ScanData
+from eskin.snn.experiments.coded import coded_bps
+from eskin.snn.experiments.crossval import check_same, read_cell, run_alone, summarise
+from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.experiments.points import Cells, PointSummary, Result, write_sweep
 
 PUBLISHED_BPS = 640e3
 """Data rate by which published ones are divided."""

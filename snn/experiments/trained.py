@@ -11,19 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import nn
 
-from base.errors import InputError
-from base.files import read_json
-from model.config import ReadoutConfig
-from model.events.recording import Recording
-from skin.recordings.trained_on import OwnReadout
-from skin.textures.dataset import open_dataset
-from snn.data.bins import BinConfig
-from snn.data.folds import stratified_folds
-from snn.data.record import Tick
-from snn.data.recordings import event_files
-from snn.data.scans import ScanData, load_recordings
-from snn.exchange.weights import Weights, check_class_names, load_weights
-from snn.experiments.experiment import Experiment
+from eskin.base.errors import InputError
+from eskin.base.files import read_json
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.skin.recordings.trained_on import OwnReadout
+from eskin.skin.textures.dataset import open_dataset
+from eskin.snn.data.bins import BinConfig
+from eskin.snn.data.folds import stratified_folds
+from eskin.snn.data.record import Tick
+from eskin.snn.data.recordings import event_files
+from eskin.snn.data.scans import ScanData, load_recordings
+from eskin.snn.exchange.weights import Weights, check_class_names, load_weights
+from eskin.snn.experiments.experiment import Experiment
 
 TEST, TRAINING, OTHER = "test", "training", "other"
 """Part of a recording: of the fold that was left out, of the images that were learned, or of neither."""
@@ -220,7 +220,7 @@ def accuracies_on_test(
     progress : callable, optional
         Called while scans are recorded.
     """
-    from snn.train import predicted_classes
+    from eskin.snn.train import predicted_classes
 
     _, data, test = load_test_scans(path, weights, progress)
     labels = data.image_labels[test]

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from base.errors import InputError
-from base.figures.style import new_figure, save_figure
-from skin.textures.presets import PRESETS
-from snn.experiments.points import READINGS, Sweep
-from snn.figures.fig9 import Data, own_point
+from eskin.base.errors import InputError
+from eskin.base.figures.style import new_figure, save_figure
+from eskin.skin.textures.presets import PRESETS
+from eskin.snn.experiments.points import READINGS, Sweep
+from eskin.snn.figures.fig9 import Data, own_point
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

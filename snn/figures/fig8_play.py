@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from base.errors import InputError
-from model.events.recording import Recording
-from skin.figures.scan_to_class import Played
-from skin.textures.dataset import open_dataset
-from snn.data.bins import BinConfig
-from snn.data.record import record
-from snn.data.scans import collect
-from snn.exchange.weights import Weights, load_weights
-from snn.experiments.trained import TrainingResult, read_result
-from snn.kernels.layer import layer
-from snn.network import SpikingNetwork
+from eskin.base.errors import InputError
+from eskin.model.events.recording import Recording
+from eskin.skin.figures.scan_to_class import Played
+from eskin.skin.textures.dataset import open_dataset
+from eskin.snn.data.bins import BinConfig
+from eskin.snn.data.record import record
+from eskin.snn.data.scans import collect
+from eskin.snn.exchange.weights import Weights, load_weights
+from eskin.snn.experiments.trained import TrainingResult, read_result
+from eskin.snn.kernels.layer import layer
+from eskin.snn.network import SpikingNetwork
 
 MEANINGS = {"spikes": "output spikes so far", "membrane": "output membranes so far, divided by all steps"}
 """The evidence, by the readout of the network."""

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from base.errors import InputError
-from base.files import read_json
-from power.readouts import READOUTS
-from skin.figures.readouts import LOOKS, look
-from snn.experiments.points import READINGS, PointSummary, Sweep, load_sweep
+from eskin.base.errors import InputError
+from eskin.base.files import read_json
+from eskin.power.readouts import READOUTS
+from eskin.skin.figures.readouts import LOOKS, look
+from eskin.snn.experiments.points import READINGS, PointSummary, Sweep, load_sweep
 
 Data = dict[str, Any]
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from base.figures.labels import Box, Taken, in_data, on_page, place_label, side_by_side
-from base.figures.style import GREY, dress, new_figure, save_figure
-from skin.figures.readouts import FRAME, look
-from skin.textures.presets import PRESETS
-from snn.figures.fig9 import NAMES, PUBLISHED_NAME, Data, detail, partial, title
+from eskin.base.figures.labels import Box, Taken, in_data, on_page, place_label, side_by_side
+from eskin.base.figures.style import GREY, dress, new_figure, save_figure
+from eskin.skin.figures.readouts import FRAME, look
+from eskin.skin.textures.presets import PRESETS
+from eskin.snn.figures.fig9 import NAMES, PUBLISHED_NAME, Data, detail, partial, title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

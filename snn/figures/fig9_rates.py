@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from base.figures.labels import Box, Taken, on_page, place_label
-from base.figures.style import GREY, dress, new_figure, save_figure
-from skin.figures.readouts import look
-from snn.experiments.pairs import pair
-from snn.experiments.points import READINGS, PointSummary, Sweep
-from snn.experiments.sweep import PUBLISHED_BPS
-from snn.figures.fig9 import NAMES, Data, detail, own_point, partial
+from eskin.base.figures.labels import Box, Taken, on_page, place_label
+from eskin.base.figures.style import GREY, dress, new_figure, save_figure
+from eskin.skin.figures.readouts import look
+from eskin.snn.experiments.pairs import pair
+from eskin.snn.experiments.points import READINGS, PointSummary, Sweep
+from eskin.snn.experiments.sweep import PUBLISHED_BPS
+from eskin.snn.figures.fig9 import NAMES, Data, detail, own_point, partial
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

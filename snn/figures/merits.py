@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from base.figures.style import GREY, new_figure, save_figure
-from skin.figures.readouts import look
-from snn.figures.networks import COLOURS, MARKERS, network_styles
+from eskin.base.figures.style import GREY, new_figure, save_figure
+from eskin.skin.figures.readouts import look
+from eskin.snn.figures.networks import COLOURS, MARKERS, network_styles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from base.figures.style import PALETTE
-from skin.figures.readouts import look
+from eskin.base.figures.style import PALETTE
+from eskin.skin.figures.readouts import look
 
 COLOURS = tuple(PALETTE[name] for name in ("blue", "vermilion", "green", "orange", "purple", "black"))
 """Colours of networks whose readout is not known, in turn."""

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from base.figures.style import GREY, new_figure, save_figure
-from snn.figures.networks import network_styles
+from eskin.base.figures.style import GREY, new_figure, save_figure
+from eskin.snn.figures.networks import network_styles
 
 TITLES = {
     "paper": "published equations, noise up to 10 kHz",

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from base.figures.style import GREY, PALETTE, dress, new_figure, save_figure
+from eskin.base.figures.style import GREY, PALETTE, dress, new_figure, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from base.figures.style import GREY, new_figure, save_figure
-from snn.data.disturb import DISTURBANCES
-from snn.figures.networks import COLOURS
+from eskin.base.figures.style import GREY, new_figure, save_figure
+from eskin.snn.data.disturb import DISTURBANCES
+from eskin.snn.figures.networks import COLOURS
 
 COLUMNS = 4
 

@@ -20,8 +20,8 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from snn import cache
-from snn.kernels.rule import SURROGATES, NeuronRule
+from eskin.snn import cache
+from eskin.snn.kernels.rule import SURROGATES, NeuronRule
 
 SOURCE = Path(__file__).with_name("cpu.cpp")
 COMPILER_VARIABLE = "CXX"

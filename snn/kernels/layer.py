@@ -20,11 +20,11 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from base.errors import InputError
-from snn.kernels import cpu as kernel
-from snn.kernels.dense import DenseLayer, dense_gradients
-from snn.kernels.rule import NeuronRule
-from snn.kernels.sparse import SparseLayer
+from eskin.base.errors import InputError
+from eskin.snn.kernels import cpu as kernel
+from eskin.snn.kernels.dense import DenseLayer, dense_gradients
+from eskin.snn.kernels.rule import NeuronRule
+from eskin.snn.kernels.sparse import SparseLayer
 
 Backend = Literal["auto", "kernel", "triton", "torch"]
 
@@ -89,7 +89,7 @@ def layer(
 def _triton_takes(*tensors: Tensor | None) -> bool:
     """Return whether Triton is installed and takes these: float32 on a GPU, or on any device in its interpreter."""
     try:
-        from snn.kernels import triton as kernel_triton
+        from eskin.snn.kernels import triton as kernel_triton
     except ImportError:
         return False
     return all(p is None or (p.dtype == torch.float32 and (p.is_cuda or kernel_triton.INTERPRETED)) for p in tensors)
@@ -102,7 +102,7 @@ class _TritonLayer(torch.autograd.Function):
     def forward(
         ctx: Any, rule: NeuronRule, x: Tensor, w_in: Tensor, bias: Tensor, decay: Tensor, w_rec: Tensor | None
     ) -> Tensor:
-        from snn.kernels import triton as kernel_triton
+        from eskin.snn.kernels import triton as kernel_triton
 
         decay = decay.contiguous()
         v, s = kernel_triton.forward(rule, decay, w_rec, functional.linear(x, w_in, bias).contiguous())
@@ -112,7 +112,7 @@ class _TritonLayer(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, grad_s: Tensor) -> tuple[Tensor | None, ...]:
-        from snn.kernels import triton as kernel_triton
+        from eskin.snn.kernels import triton as kernel_triton
 
         _, _, w_rec, decay, v, _ = ctx.saved_tensors
         return dense_gradients(ctx, kernel_triton.backward(ctx.rule, decay, w_rec, v, grad_s.contiguous()))

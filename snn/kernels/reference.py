@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from snn.kernels.rule import NeuronRule
+from eskin.snn.kernels.rule import NeuronRule
 
 
 class _Spike(torch.autograd.Function):

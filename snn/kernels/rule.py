@@ -9,7 +9,7 @@ from typing import Literal
 import torch
 from torch import Tensor
 
-from base.errors import InputError
+from eskin.base.errors import InputError
 
 NeuronReset = Literal["zero", "subtract"]
 

@@ -7,8 +7,8 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from snn.kernels import cpu as kernel
-from snn.kernels.rule import NeuronRule
+from eskin.snn.kernels import cpu as kernel
+from eskin.snn.kernels.rule import NeuronRule
 
 DENSE_FROM = 0.6
 """Fraction of non-zero entries from which a dense product is faster than one over the events."""

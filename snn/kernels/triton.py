@@ -27,7 +27,7 @@ import triton.language as tl
 from torch import Tensor
 
 if TYPE_CHECKING:
-    from snn.kernels.rule import NeuronRule
+    from eskin.snn.kernels.rule import NeuronRule
 
 INTERPRETED: bool = triton.knobs.runtime.interpret
 """Whether Triton's interpreter runs the kernels, with NumPy on the CPU (TRITON_INTERPRET=1 before the import)."""

@@ -6,15 +6,15 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from skin.textures.dataset import open_dataset
-from snn.data.bins import counted_from
-from snn.data.record import record
-from snn.data.scans import ScanData
-from snn.experiments.experiment import Experiment
-from snn.experiments.intervals import bootstrap
-from snn.experiments.points import as_word
-from snn.experiments.robustness import Subject
-from snn.studies.paired import right_of
+from eskin.skin.textures.dataset import open_dataset
+from eskin.snn.data.bins import counted_from
+from eskin.snn.data.record import record
+from eskin.snn.data.scans import ScanData
+from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.experiments.intervals import bootstrap
+from eskin.snn.experiments.points import as_word
+from eskin.snn.experiments.robustness import Subject
+from eskin.snn.studies.paired import right_of
 
 Points = list[dict[str, Any]]
 
@@ -40,7 +40,7 @@ def latency_points(subjects: Sequence[Subject], times_s: Sequence[float], tick: 
 
 
 def _answers(subject: Subject, data: ScanData, scans: Any, steps: int) -> str:
-    from snn.train import logits_of
+    from eskin.snn.train import logits_of
 
     begun = dataclasses.replace(data, values=data.values[:, :steps])
     return as_word(logits_of(subject.weights.network, begun, scans).argmax(1))

@@ -15,23 +15,23 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from model.address_events import taxel_of
-from model.events.recording import Recording
-from power.equations import CORRECTIONS, FloatArray, PowerModel, TaxelRates
-from power.parameters import PowerParameters
-from power.readouts import Readout, equations_of
-from skin.textures.dataset import Texture, open_dataset
-from skin.textures.scan import Scan, quantise
-from snn.data.bins import counted_from
-from snn.data.disturb import SLOW_HZ, noisy
-from snn.data.frames import sampled_config, values_of
-from snn.data.record import said_of
-from snn.data.scans import ScanData, collect
-from snn.exchange.weights import config_of
-from snn.experiments.experiment import Experiment
-from snn.experiments.intervals import bootstrap, wilson
-from snn.experiments.points import as_word
-from snn.experiments.robustness import Subject, kept_cell
+from eskin.model.address_events import taxel_of
+from eskin.model.events.recording import Recording
+from eskin.power.equations import CORRECTIONS, FloatArray, PowerModel, TaxelRates
+from eskin.power.parameters import PowerParameters
+from eskin.power.readouts import Readout, equations_of
+from eskin.skin.textures.dataset import Texture, open_dataset
+from eskin.skin.textures.scan import Scan, quantise
+from eskin.snn.data.bins import counted_from
+from eskin.snn.data.disturb import SLOW_HZ, noisy
+from eskin.snn.data.frames import sampled_config, values_of
+from eskin.snn.data.record import said_of
+from eskin.snn.data.scans import ScanData, collect
+from eskin.snn.exchange.weights import config_of
+from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.experiments.intervals import bootstrap, wilson
+from eskin.snn.experiments.points import as_word
+from eskin.snn.experiments.robustness import Subject, kept_cell
 
 Mode = Literal["paper", "consistent"]
 MODES: tuple[Mode, ...] = get_args(Mode)
@@ -102,7 +102,7 @@ def noisy_scans(
 
 def recorded(config: Any, codes: NDArray[np.int32], metadata: dict[str, Any]) -> Recording:
     """Return what the clock-by-clock model of a readout sends on some codes."""
-    from model.readout import Stimulus, simulate
+    from eskin.model.readout import Stimulus, simulate
 
     stimulus = Stimulus.from_samples(config, codes)
     return Recording(simulate(config, stimulus), config, stimulus.clocks, metadata=metadata)
@@ -154,7 +154,7 @@ def under_noise(
 
 def _cell(subject: Subject, noises_v: Sequence[float], progress: Callable[[], object]) -> dict[str, Any]:
     """Return what a network says at every noise of both modes, and the rates there."""
-    from snn.train import check_fits, logits_of
+    from eskin.snn.train import check_fits, logits_of
 
     noises = [Noisy(mode, noise) for mode in MODES for noise in noises_v]
     data = noisy_scans(subject.experiment, subject.images.tolist(), noises, progress)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from snn.experiments.pairs import mcnemar
+from eskin.snn.experiments.pairs import mcnemar
 
 Points = Sequence[dict[str, Any]]
 """Results with the fields network and answers, and others that say of what."""

@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from model.classifier.network import IntegerNetwork
-from snn.exchange.integer import Precision, quantise
-from snn.experiments.intervals import bootstrap, wilson
-from snn.experiments.points import as_word
-from snn.experiments.robustness import Subject, kept_cell
+from eskin.base.errors import InputError
+from eskin.model.classifier.network import IntegerNetwork
+from eskin.snn.exchange.integer import Precision, quantise
+from eskin.snn.experiments.intervals import bootstrap, wilson
+from eskin.snn.experiments.points import as_word
+from eskin.snn.experiments.robustness import Subject, kept_cell
 
 FLOAT = "float"
 """Name of the network as it was trained, among the variants."""
@@ -71,7 +71,7 @@ def in_precisions(
 
 def _cell(subject: Subject, variants: dict[str, Precision]) -> dict[str, Any]:
     """Return the answers of a network in all precisions, and what each of these takes."""
-    from snn.train import predicted_classes
+    from eskin.snn.train import predicted_classes
 
     data = subject.experiment.data()
     counts = data.values[data.first_scans(subject.images)]

@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.config import ReadoutConfig
-from model.events.recording import Recording
-from skin.textures.dataset import Dataset
-from skin.textures.physical import PhysicalScan
-from skin.textures.scan import quantise
-from snn.data.coding import coded_events, coded_frames
-from snn.data.disturb import noisy
-from snn.data.frame_steps import FrameSteps
-from snn.data.frames import sampled_config
-from snn.studies.noise import recorded
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.skin.textures.dataset import Dataset
+from eskin.skin.textures.physical import PhysicalScan
+from eskin.skin.textures.scan import quantise
+from eskin.snn.data.coding import coded_events, coded_frames
+from eskin.snn.data.disturb import noisy
+from eskin.snn.data.frame_steps import FrameSteps
+from eskin.snn.data.frames import sampled_config
+from eskin.snn.studies.noise import recorded
 
 REST_S = 0.6
 """How long the array goes on without a texture."""

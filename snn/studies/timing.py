@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.address_events import taxel_of
-from model.config import ReadoutConfig
-from model.taxel import encode, uncontended_events
-from skin.textures.dataset import Dataset
-from skin.textures.physical import PhysicalScan
-from skin.textures.scan import quantise
-from snn.data.frame_steps import FrameSteps
-from snn.data.frames import sampled_config
-from snn.studies.noise import recorded
+from eskin.model.address_events import taxel_of
+from eskin.model.config import ReadoutConfig
+from eskin.model.taxel import encode, uncontended_events
+from eskin.skin.textures.dataset import Dataset
+from eskin.skin.textures.physical import PhysicalScan
+from eskin.skin.textures.scan import quantise
+from eskin.snn.data.frame_steps import FrameSteps
+from eskin.snn.data.frames import sampled_config
+from eskin.snn.studies.noise import recorded
 
 FINE_HZ = 100_000.0
 NEAR_S = 0.02

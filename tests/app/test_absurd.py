@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
-from app.options import build_config
-from base.errors import InputError
-from model.address_events import no_events
-from model.config import ReadoutConfig
-from model.events.recording import Recording
+from eskin.app.options import build_config
+from eskin.base.errors import InputError
+from eskin.model.address_events import no_events
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
 
 HUGE = "1" + "0" * 400
 
@@ -79,7 +79,7 @@ def test_a_wrong_configuration_is_named(text: str, sentence: str, call: Any, fol
 
 
 def test_the_file_beside_the_verilog_is_a_configuration(folder: Path) -> None:
-    from rtl.delivery import write
+    from eskin.rtl.delivery import write
 
     wanted = ReadoutConfig(rows=2, columns=3, encoding="nlcs", resolution=4)
     write(wanted, folder)

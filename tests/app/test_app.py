@@ -1,4 +1,4 @@
-"""app.cli: one sentence and exit code 2 for every mistake of the user, and the configuration as options."""
+"""eskin.app.cli: one sentence and exit code 2 for every mistake of the user, and the configuration as options."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from typing import Annotated, Any
 import pytest
 import typer
 
-from app import setup
-from app.cli import GROUPS, make_app, run
-from app.options import LEAKY, build_config, field_options, option_name, parse_fields, with_config
-from base.errors import InputError
-from model.address_events import no_events
-from model.config import ReadoutConfig, option_of
-from model.encoders import registry
-from model.events.recording import Recording
-from model.frame_config import FrameConfig
-from power.parameters import PowerParameters
+from eskin.app import setup
+from eskin.app.cli import GROUPS, make_app, run
+from eskin.app.options import LEAKY, build_config, field_options, option_name, parse_fields, with_config
+from eskin.base.errors import InputError
+from eskin.model.address_events import no_events
+from eskin.model.config import ReadoutConfig, option_of
+from eskin.model.encoders import registry
+from eskin.model.events.recording import Recording
+from eskin.model.frame_config import FrameConfig
+from eskin.power.parameters import PowerParameters
 
 ENCODERS = ", ".join(registry.NAMES)
 
@@ -254,7 +254,7 @@ def test_build_config_is_the_same_without_a_command_line() -> None:
 
 # -- the process -------------------------------------------------------------------------------------
 
-MODEL = [sys.executable, "-m", "app"]
+MODEL = [sys.executable, "-m", "eskin"]
 
 
 @pytest.mark.parametrize("args", [["encode", "--help"], ["compare", "e.npz", "e.npz"]])

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from model.address_events import make_events
-from model.config import ReadoutConfig
-from model.events.recording import Recording
-from model.taxel import error_bound
-from skin.recordings.quality import decode_recording
+from eskin.model.address_events import make_events
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.model.taxel import error_bound
+from eskin.skin.recordings.quality import decode_recording
 
 SIZE = "--rows 3 --columns 4"
 

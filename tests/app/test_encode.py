@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from model.config import ReadoutConfig
-from model.encoders import registry
-from model.events.recording import Recording
-from model.readout import Stimulus, simulate
-from skin.encode import IMAGE_SUFFIXES
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.events.recording import Recording
+from eskin.model.readout import Stimulus, simulate
+from eskin.skin.encode import IMAGE_SUFFIXES
 
 SIZE = "--rows 3 --columns 4"
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from model.events.recording import Recording
+from eskin.model.events.recording import Recording
 from tests.skins import CLASSES, counts, write_csv, write_skin
 
 

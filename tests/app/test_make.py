@@ -13,9 +13,9 @@ from typing import Any
 
 import pytest
 
-from app import setup
-from app.catalogue import MODULES
-from app.make import (
+from eskin.app import setup
+from eskin.app.catalogue import MODULES
+from eskin.app.make import (
     DEFAULTS,
     INSIDE,
     NEEDS,
@@ -100,7 +100,7 @@ def test_variables_arrive_as_typed(make: Make, checkout: Path) -> None:
     done = make("-n", "sim", *(f"{name}={text}" for name, text in HOSTILE.items()))
     assert done.returncode == 0, done.stderr
     words = shlex.split(done.stdout.splitlines()[-1])
-    assert words[:4] == [".venv/bin/python", "-m", "app", "sim"]
+    assert words[:4] == [".venv/bin/python", "-m", "eskin", "sim"]
     assert sorted(words[4:]) == sorted(f"--{name.lower()}={text}" for name, text in HOSTILE.items())
     done = make("-n", "predict", f"WEIGHTS={HOSTILE['LINK']}")
     assert shlex.split(done.stdout.splitlines()[-1])[-2:] == ["--", HOSTILE["LINK"]]
@@ -157,9 +157,9 @@ def test_a_wrong_variable_is_one_sentence(launch: Callable[..., Any], words: str
 def test_only_what_is_typed_counts(launch: Callable[..., Any], make: Make) -> None:
     done = make("-s", "-n", "-j2", "sim", "WAVES=1", "ROWS:=3", "PYTHON=python3")  # where COLUMNS is exported
     assert done.stdout.splitlines()[-1].endswith("-m app sim --waves --rows=3")
-    assert launch("sim", "COLUMNS=3")[1] == [["-m", "app", "sim", "--columns=3"]]
-    assert launch("sim", "WAVES=0")[1] == [["-m", "app", "sim"]]
-    assert launch("train", "SET=a=1 b=2")[1] == [["-m", "app", "train", "--set=a=1", "--set=b=2"]]
+    assert launch("sim", "COLUMNS=3")[1] == [["-m", "eskin", "sim", "--columns=3"]]
+    assert launch("sim", "WAVES=0")[1] == [["-m", "eskin", "sim"]]
+    assert launch("train", "SET=a=1 b=2")[1] == [["-m", "eskin", "train", "--set=a=1", "--set=b=2"]]
     assert launch("test", "PYTEST=-x -k 'a or b'")[1][0][-3:] == ["-x", "-k", "a or b"]
 
 
@@ -168,7 +168,7 @@ def test_every_target_shows_its_command(launch: Callable[..., Any]) -> None:
         code, lines, err = launch(name)
         assert (code, err) == (0, "")
         if name in MODULES:
-            assert [line[:3] for line in lines] == [["-m", "app", name]]
+            assert [line[:3] for line in lines] == [["-m", "eskin", name]]
         elif name in STEPS:
             assert len(lines) == len(STEPS[name][1])
 
@@ -177,10 +177,10 @@ def test_a_target_runs_whatever_file_has_its_name(make: Make, checkout: Path) ->
     for name in ("sim", "power", "lint.o"):
         (checkout / name).unlink(missing_ok=True)
         (checkout / name).write_text("")
-    assert make("-n", "sim").stdout.splitlines()[-1] == ".venv/bin/python -m app sim"
+    assert make("-n", "sim").stdout.splitlines()[-1] == ".venv/bin/python -m eskin sim"
     assert make("-n", "lint.o").stderr.startswith("error: there is no target lint.o; did you mean lint?\n")
     done = make("-n", "sim", "lint")
-    assert ".venv/bin/python -m app sim\n" in done.stdout
+    assert ".venv/bin/python -m eskin sim\n" in done.stdout
     assert done.stdout.endswith("\n.venv/bin/python -m mypy\n")
 
 
@@ -294,9 +294,9 @@ def test_an_environment_apart_is_made_once_and_again_when_its_pins_change(
 
 
 def test_a_layout_has_two_rows_and_columns_unless_told(launch: Callable[..., Any]) -> None:
-    assert set(launch("layout")[1][0]) == {"-m", "app", "layout", "--rows=2", "--columns=2"}
+    assert set(launch("layout")[1][0]) == {"-m", "eskin", "layout", "--rows=2", "--columns=2"}
     said = launch("layout", "ROWS=8", "COMPARE=0")[1][0]
-    assert set(said) == {"-m", "app", "layout", "--rows=8", "--columns=2", "--no-compare"}
+    assert set(said) == {"-m", "eskin", "layout", "--rows=8", "--columns=2", "--no-compare"}
 
 
 def test_every_target_of_a_dataset_takes_own_recordings(launch: Callable[..., Any]) -> None:
@@ -311,9 +311,9 @@ def test_every_target_of_a_dataset_takes_own_recordings(launch: Callable[..., An
 
 def test_a_switch_chooses_what_runs(launch: Callable[..., Any]) -> None:
     _, lines, _ = launch("sim", "GATES=1", "LIB=cells.lib", "ROWS=2")
-    assert lines == [["-m", "app", "gatesim", "--lib=cells.lib", "--rows=2"]]
+    assert lines == [["-m", "eskin", "gatesim", "--lib=cells.lib", "--rows=2"]]
     assert launch("sim", "GATES=0", "ROWS=2") == launch("sim", "ROWS=2")
     code, _, err = launch("sim", "GATES=on")
     assert (code, err) == (2, "error: GATES is 1 or 0, not 'on'\n")
-    assert launch("asic", "LIB=cells.lib", "POWER=0")[1] == [["-m", "app", "asic", "--lib=cells.lib", "--no-power"]]
+    assert launch("asic", "LIB=cells.lib", "POWER=0")[1] == [["-m", "eskin", "asic", "--lib=cells.lib", "--no-power"]]
     assert launch("sim", "GATE=1")[2] == "error: make sim does not take GATE; did you mean GATES?\n"

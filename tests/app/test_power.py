@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from base.errors import InputError
-from model.config import ReadoutConfig
-from power.equations import CORRECTIONS, PowerModel
-from power.explore import GivenRates
-from power.parameters import PowerParameters
-from power.rates import RESOLUTIONS, TAUS_S, RateTable, load_tables, measure_table, stored_table, tables_text
-from power.readouts import READOUTS
-from power.study import FIG6_NOISE_V, fig6_data, fig7_data, sensitivity_data, sensitivity_models
-from power.synthesis import SynthesisReport
-from skin.textures.dataset import open_dataset
-from skin.textures.presets import preset
-from skin.textures.rates import measure_rates
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig
+from eskin.power.equations import CORRECTIONS, PowerModel
+from eskin.power.explore import GivenRates
+from eskin.power.parameters import PowerParameters
+from eskin.power.rates import RESOLUTIONS, TAUS_S, RateTable, load_tables, measure_table, stored_table, tables_text
+from eskin.power.readouts import READOUTS
+from eskin.power.study import FIG6_NOISE_V, fig6_data, fig7_data, sensitivity_data, sensitivity_models
+from eskin.power.synthesis import SynthesisReport
+from eskin.skin.textures.dataset import open_dataset
+from eskin.skin.textures.presets import preset
+from eskin.skin.textures.rates import measure_rates
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 RATES = stored_table("paper")

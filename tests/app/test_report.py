@@ -14,19 +14,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.__main__ import app
-from app.cli import run
-from app.report.data import load_accuracy, load_benchmarks, load_replays, load_runs, report_data
-from app.report.page import ACCURACY, BENCHMARKS, page, run_section, runs_in
-from base.errors import InputError
-from base.units import with_unit
-from model.address_events import Events, make_events
-from model.config import ReadoutConfig
-from model.events.recording import Recording
-from power.equations import CORRECTIONS, PowerModel
-from power.explore import explore_data
-from power.rates import load_tables, stored_table
-from power.study import fig6_data, fig7_data, sensitivity_data, sensitivity_models
+from eskin.app.__main__ import app
+from eskin.app.cli import run
+from eskin.app.report.data import load_accuracy, load_benchmarks, load_replays, load_runs, report_data
+from eskin.app.report.page import ACCURACY, BENCHMARKS, page, run_section, runs_in
+from eskin.base.errors import InputError
+from eskin.base.units import with_unit
+from eskin.model.address_events import Events, make_events
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.power.equations import CORRECTIONS, PowerModel
+from eskin.power.explore import explore_data
+from eskin.power.rates import load_tables, stored_table
+from eskin.power.study import fig6_data, fig7_data, sensitivity_data, sensitivity_models
 
 MODELS = {"paper": PowerModel(), "consistent": PowerModel(corrections=frozenset(CORRECTIONS), measured=stored_table())}
 CONFIG = ReadoutConfig(rows=2, columns=3, encoding="lcs", resolution=4)

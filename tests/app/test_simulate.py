@@ -19,23 +19,23 @@ import numpy as np
 import pytest
 from PIL import Image
 
-import cocotb_tests.runner.simulator as simulator
-from app.__main__ import app
-from app.cli import run
-from cocotb_tests.bench.stimuli import settled
-from cocotb_tests.runner.build_cache import ROOT
-from cocotb_tests.runner.player import Job
-from cocotb_tests.runner.process import MismatchFound, run_job
-from cocotb_tests.runner.reproduce import reproduce
-from model.config import ReadoutConfig
-from model.events.recording import Recording
-from model.readout import simulate
-from skin.textures.dataset import embedded_dataset
-from skin.textures.physical import PhysicalScan
+import eskin.cocotb_tests.runner.simulator as simulator
+from eskin.app.__main__ import app
+from eskin.app.cli import run
+from eskin.cocotb_tests.bench.stimuli import settled
+from eskin.cocotb_tests.runner.build_cache import ROOT
+from eskin.cocotb_tests.runner.player import Job
+from eskin.cocotb_tests.runner.process import MismatchFound, run_job
+from eskin.cocotb_tests.runner.reproduce import reproduce
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.model.readout import simulate
+from eskin.skin.textures.dataset import embedded_dataset
+from eskin.skin.textures.physical import PhysicalScan
 
 BIT_EXACT = re.compile(r"bit-exact: (\d+) runs, (\d+) clocks, (\d+) events, 0 mismatches")
 OURS = {"PYTHONPATH": str(ROOT)}  # from another folder, the code that is installed would run, not this checkout's
-COMMAND = [sys.executable, "-m", "app"]
+COMMAND = [sys.executable, "-m", "eskin"]
 
 
 def call(*arguments: object) -> subprocess.CompletedProcess[str]:

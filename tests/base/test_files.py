@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from base.errors import InputError
-from base.files import keep_line, kept_lines, read_json
+from eskin.base.errors import InputError
+from eskin.base.files import keep_line, kept_lines, read_json
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from base.errors import InputError
-from base.workers.pool import Local, Shared, each
+from eskin.base.errors import InputError
+from eskin.base.workers.pool import Local, Shared, each
 
 
 def scaled(values: np.ndarray, factor: float, number: int) -> np.ndarray:

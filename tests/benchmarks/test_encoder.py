@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from model.encoders import registry
+from eskin.model.encoders import registry
 
 SCRIPT = Path(__file__).parents[2] / "benchmarks" / "encoder.py"
 SMALL = ["--signals", "128", "--samples", "300", "--rounds", "1"]

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from model.arbiter import ROW_DTYPE, new_state
-from model.config import ReadoutConfig
-from model.readout import Stimulus, simulate
+from eskin.model.arbiter import ROW_DTYPE, new_state
+from eskin.model.config import ReadoutConfig
+from eskin.model.readout import Stimulus, simulate
 
 ROOT = Path(__file__).parents[2]
 

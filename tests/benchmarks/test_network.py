@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from snn.kernels import cpu as kernel
+from eskin.snn.kernels import cpu as kernel
 
 SCRIPT = Path(__file__).parents[2] / "benchmarks" / "network.py"
 SMALL = ["--steps", "12", "--batch", "4", "--rate", "0.3", "--rounds", "1", "--no-memory"]

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from app.__main__ import app
-from base.errors import InputError
-from board.bitstream import report
-from board.bitstream.boards import BOARDS, OnBoard, platform_of
-from board.bitstream.build import NAME, NETWORK, BuildFailed, Built, _run, design_of, read_report
-from board.config import BoardConfig
+from eskin.app.__main__ import app
+from eskin.base.errors import InputError
+from eskin.board.bitstream import report
+from eskin.board.bitstream.boards import BOARDS, OnBoard, platform_of
+from eskin.board.bitstream.build import NAME, NETWORK, BuildFailed, Built, _run, design_of, read_report
+from eskin.board.config import BoardConfig
 
 BUILT = Built({"TRELLIS_COMB": 2000, "DP16KD": 4}, {"TRELLIS_COMB": 24288}, 51.25e6, 50e6, {f"{NAME}.bit": b"bits"})
 
@@ -76,6 +76,6 @@ def test_the_slowest_clock_of_the_design_counts(tmp_path: Path) -> None:
 def test_a_program_that_fails_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(BuildFailed, match=r"yosys failed: ERROR: .*none\.il"):
         _run("yosys", ["-q", "-p", "read_rtlil none.il"], tmp_path)
-    monkeypatch.setattr("board.bitstream.build.PROGRAMS", {"yosys": "no_such_package.run"})
+    monkeypatch.setattr("eskin.board.bitstream.build.PROGRAMS", {"yosys": "no_such_package.run"})
     with pytest.raises(InputError, match=r"no_such_package is not installed; pip install '.*\[fpga\]' gets it"):
         _run("yosys", [], tmp_path)

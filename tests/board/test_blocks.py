@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 from amaranth.sim import Simulator
 
-from board.config import SerialConfig
-from board.gateware.serial_frames import FrameReceiver, FrameSender
-from board.records import Reason
-from board.serial_frames import Frame, FrameReader, Kind
+from eskin.board.config import SerialConfig
+from eskin.board.gateware.serial_frames import FrameReceiver, FrameSender
+from eskin.board.records import Reason
+from eskin.board.serial_frames import Frame, FrameReader, Kind
 
 SERIAL = SerialConfig(clocks_per_bit=4, buffer_bytes=512, idle_bits=32, records=128)
 

@@ -20,16 +20,16 @@ from cocotb.clock import Clock
 from cocotb.triggers import Timer
 from cocotb.utils import get_sim_time
 
-from board.config import BoardConfig, SerialConfig
-from board.gateware.top import TOP, verilog
-from cocotb_tests.bench.chip import network_of
-from cocotb_tests.bench.line import CLOCK_NS, Line, Spoil, as_it_is
-from cocotb_tests.runner.simulator import build
-from model.classifier.chip_config import ChipConfig
-from model.classifier.config import ClassifierConfig
-from model.classifier.file import IntegerWeights
-from model.config import ReadoutConfig
-from model.events.recording import Recording
+from eskin.board.config import BoardConfig, SerialConfig
+from eskin.board.gateware.top import TOP, verilog
+from eskin.cocotb_tests.bench.chip import network_of
+from eskin.cocotb_tests.bench.line import CLOCK_NS, Line, Spoil, as_it_is
+from eskin.cocotb_tests.runner.simulator import build
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.classifier.file import IntegerWeights
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
 
 JOB = "ESKIN_BOARD_JOB"
 CLOCKS_PER_BIT = 4
@@ -103,7 +103,7 @@ async def hosts_come_and_go(dut: Any) -> None:
     for name, one in job.items():
         to_board, to_host = (spoiled(*one.get(way, ("nothing", 0))) for way in ("to_board", "to_host"))
         line = Line(dut, CLOCKS_PER_BIT, to_board, to_host)
-        words = [sys.executable, "-m", "app", *one["words"], "--port", line.port, "--patience", "10"]
+        words = [sys.executable, "-m", "eskin", *one["words"], "--port", line.port, "--patience", "10"]
         pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
         with subprocess.Popen(words, **pipes, preexec_fn=hears_ctrl_c) as host:
             requests: list[int] = []

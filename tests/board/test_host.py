@@ -15,12 +15,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from base.errors import InputError
-from board.config import BoardConfig, SerialConfig
-from board.journal import Journal, convert
-from board.link import Link
-from board.live import View, serve
-from board.records import (
+from eskin.base.errors import InputError
+from eskin.board.config import BoardConfig, SerialConfig
+from eskin.board.journal import Journal, convert
+from eskin.board.link import Link
+from eskin.board.live import View, serve
+from eskin.board.records import (
     HELLO_WORDS,
     STATUS_WORDS,
     VERSION,
@@ -36,10 +36,10 @@ from board.records import (
     Words,
     encode,
 )
-from board.serial_frames import FLAG, Damaged, Frame, FrameReader, Kind
-from board.session import foreign_events, listen
-from model.config import ReadoutConfig
-from model.events.recording import Recording
+from eskin.board.serial_frames import FLAG, Damaged, Frame, FrameReader, Kind
+from eskin.board.session import foreign_events, listen
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
 
 FRAMES = st.builds(Frame, st.integers(0, 255), st.integers(0, 255), st.binary(max_size=255))
 TIMES = st.integers(0, 1 << 40)
@@ -286,7 +286,7 @@ def test_listening_asks_and_ends(tmp_path: Path) -> None:
         status = Words(Tag.STATUS, dict(zip(STATUS_WORDS, (5, 1, 2, 0, 0, 0, 3, 0), strict=True)))
         return board.say(EVENT, Lost(3), status, Ack(frame.sequence))
 
-    from board.session import Received, observed_clocks
+    from eskin.board.session import Received, observed_clocks
 
     config = ReadoutConfig(rows=1, columns=8)
     received = Received(foreign_events(config))

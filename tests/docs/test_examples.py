@@ -8,12 +8,12 @@ from importlib import import_module
 import pytest
 
 EXAMPLES = {
-    "model.config": "ReadoutConfig",
-    "model.taxel": "encode",
-    "model.readout": "simulate",
-    "model.events.recording": "Recording",
-    "snn.kernels.layer": "layer",
-    "snn.exchange.transforms": "LevelCrossing",
+    "eskin.model.config": "ReadoutConfig",
+    "eskin.model.taxel": "encode",
+    "eskin.model.readout": "simulate",
+    "eskin.model.events.recording": "Recording",
+    "eskin.snn.kernels.layer": "layer",
+    "eskin.snn.exchange.transforms": "LevelCrossing",
 }
 
 

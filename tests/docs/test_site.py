@@ -42,7 +42,13 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_site_has_every_room_search_and_the_notebook_and_loads_nothing_from_other_hosts(site: Path) -> None:
     assert len(list(site.rglob("*.html"))) > 30
     index = (site / "search" / "search_index.json").read_text()
-    for name in ("ReadoutConfig", "model.taxel", "rtl.arbiter", "snn.kernels.layer", "cocotb_tests.bench.reference"):
+    for name in (
+        "ReadoutConfig",
+        "eskin.model.taxel",
+        "eskin.rtl.arbiter",
+        "eskin.snn.kernels.layer",
+        "eskin.cocotb_tests.bench.reference",
+    ):
         assert name in index
     assert (site / "tutorial.ipynb").is_file()
     assert not loaded_from_elsewhere(site)

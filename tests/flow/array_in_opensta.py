@@ -7,13 +7,13 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from flow import opensta
-from flow.asic.constraints import sdc
-from flow.asic.synthesis import Netlist
-from flow.liberty.library import Library
-from flow.scale.array import NONE, TAXEL, Array
-from flow.scale.timing import Timing
-from rtl.verilog import top_block
+from eskin.flow import opensta
+from eskin.flow.asic.constraints import sdc
+from eskin.flow.asic.synthesis import Netlist
+from eskin.flow.liberty.library import Library
+from eskin.flow.scale.array import NONE, TAXEL, Array
+from eskin.flow.scale.timing import Timing
+from eskin.rtl.verilog import top_block
 
 ROUNDS = 14
 ZERO = "1'b0"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from flow.liberty.library import Library, read
+from eskin.flow.liberty.library import Library, read
 from tests.flow import example_library
 
 

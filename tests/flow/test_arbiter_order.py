@@ -7,9 +7,9 @@ import pytest
 from amaranth.hdl import Cat, Module, Signal
 from amaranth.sim import Simulator
 
-from model import arbiter as model
-from model.config import ReadoutConfig
-from rtl.arbiter import Arbiter
+from eskin.model import arbiter as model
+from eskin.model.config import ReadoutConfig
+from eskin.rtl.arbiter import Arbiter
 
 
 def polarities(pattern: int, taxels: int) -> int:

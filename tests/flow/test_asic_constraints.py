@@ -6,16 +6,16 @@ import shutil
 
 import pytest
 
-from flow.asic import timing
-from flow.asic.equivalence import design_of
-from flow.asic.synthesis import Config, synthesise
-from flow.liberty.library import Library
-from flow.report import constant_outputs
-from model.config import ReadoutConfig
-from model.encoders import registry
-from model.frame_config import FrameConfig
-from model.tiles.config import TilesConfig
-from rtl.delivery import ports
+from eskin.flow.asic import timing
+from eskin.flow.asic.equivalence import design_of
+from eskin.flow.asic.synthesis import Config, synthesise
+from eskin.flow.liberty.library import Library
+from eskin.flow.report import constant_outputs
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.frame_config import FrameConfig
+from eskin.model.tiles.config import TilesConfig
+from eskin.rtl.delivery import ports
 
 pytestmark = pytest.mark.skipif(shutil.which("sta") is None, reason="OpenSTA is not installed: apt-get install opensta")
 

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from base.errors import InputError
-from flow.asic import gating
-from flow.asic.synthesis import single_bits, synthesise
-from flow.gate_count import count_gates
-from flow.liberty.library import Library, read
-from model.config import ReadoutConfig
+from eskin.base.errors import InputError
+from eskin.flow.asic import gating
+from eskin.flow.asic.synthesis import single_bits, synthesise
+from eskin.flow.gate_count import count_gates
+from eskin.flow.liberty.library import Library, read
+from eskin.model.config import ReadoutConfig
 from tests.flow import example_library
 
 CONFIG = ReadoutConfig(rows=1, columns=2)

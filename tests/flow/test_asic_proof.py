@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from flow.asic.clocks import ClockError
-from flow.asic.equivalence import Equivalence, design_of, prove
-from flow.asic.structure import check
-from flow.asic.synthesis import Netlist, synthesise
-from flow.liberty.library import Library, read
-from model.config import ReadoutConfig
+from eskin.flow.asic.clocks import ClockError
+from eskin.flow.asic.equivalence import Equivalence, design_of, prove
+from eskin.flow.asic.structure import check
+from eskin.flow.asic.synthesis import Netlist, synthesise
+from eskin.flow.liberty.library import Library, read
+from eskin.model.config import ReadoutConfig
 from tests.flow import example_library
 
 CONFIG = ReadoutConfig(rows=2, columns=2, link="four_phase")

@@ -11,20 +11,20 @@ from pathlib import Path
 
 import pytest
 
-from app.__main__ import app
-from app.cli import run as command
-from base.errors import InputError
-from cocotb_tests.bench.readout import EventMonitor
-from flow import opensta
-from flow.asic import timing
-from flow.asic.equivalence import design_of
-from flow.asic.synthesis import synthesise
-from flow.liberty.library import Library, read
-from flow.power.results import why_not
-from flow.report import Report, command_of, constant_outputs, measured, run
-from model.config import ReadoutConfig
-from model.frame_config import FrameConfig
-from power.synthesis import SynthesisReport
+from eskin.app.__main__ import app
+from eskin.app.cli import run as command
+from eskin.base.errors import InputError
+from eskin.cocotb_tests.bench.readout import EventMonitor
+from eskin.flow import opensta
+from eskin.flow.asic import timing
+from eskin.flow.asic.equivalence import design_of
+from eskin.flow.asic.synthesis import synthesise
+from eskin.flow.liberty.library import Library, read
+from eskin.flow.power.results import why_not
+from eskin.flow.report import Report, command_of, constant_outputs, measured, run
+from eskin.model.config import ReadoutConfig
+from eskin.model.frame_config import FrameConfig
+from eskin.power.synthesis import SynthesisReport
 from tests.flow import example_library
 
 NEEDS_STA = pytest.mark.skipif(shutil.which("sta") is None, reason="OpenSTA is not installed: apt-get install opensta")
@@ -40,7 +40,7 @@ def cells_of(text: str) -> list[str]:
 
 def asic(*words: str) -> subprocess.CompletedProcess[str]:
     """Run the command."""
-    return subprocess.run([sys.executable, "-m", "app", "asic", *words], capture_output=True, text=True, check=False)
+    return subprocess.run([sys.executable, "-m", "eskin", "asic", *words], capture_output=True, text=True, check=False)
 
 
 @NEEDS_STA

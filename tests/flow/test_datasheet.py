@@ -12,18 +12,18 @@ from typing import Any
 
 import pytest
 
-from base.errors import InputError
-from flow.datasheet import classifier, frame_readout, skin
-from flow.datasheet.asic_results import load_report
-from flow.datasheet.latencies import Latencies
-from flow.datasheet.page import sheet_of, write_datasheet
-from flow.datasheet.waves import Wave, reset_waves, waves
-from model.classifier.config import ClassifierConfig
-from model.config import ReadoutConfig
-from model.frame_config import FrameConfig
-from model.tiles.config import MergeConfig, TilesConfig
-from rtl.delivery import constraints, ports
-from rtl.verilog import Config, top_block, verilog
+from eskin.base.errors import InputError
+from eskin.flow.datasheet import classifier, frame_readout, skin
+from eskin.flow.datasheet.asic_results import load_report
+from eskin.flow.datasheet.latencies import Latencies
+from eskin.flow.datasheet.page import sheet_of, write_datasheet
+from eskin.flow.datasheet.waves import Wave, reset_waves, waves
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.config import ReadoutConfig
+from eskin.model.frame_config import FrameConfig
+from eskin.model.tiles.config import MergeConfig, TilesConfig
+from eskin.rtl.delivery import constraints, ports
+from eskin.rtl.verilog import Config, top_block, verilog
 
 PICTURES = ("eskin_readout_event.svg", "eskin_readout_reset.svg")
 STREAM = ReadoutConfig(rows=3, columns=5)

@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from base.errors import InputError
-from flow.gate_count import count_gates
-from model.classifier.config import ClassifierConfig
-from model.classifier.file import IntegerWeights
-from model.classifier.network import IntegerNetwork
-from model.config import ReadoutConfig
-from model.encoders import registry
-from model.frame_config import FrameConfig
+from eskin.base.errors import InputError
+from eskin.flow.gate_count import count_gates
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.classifier.file import IntegerWeights
+from eskin.model.classifier.network import IntegerNetwork
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.frame_config import FrameConfig
 from tests.flow import example_library
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -92,7 +92,7 @@ def test_a_classifier_is_counted_without_its_memories(tmp_path: Path) -> None:
     shapes = ((4, 8), (8, 8), (8, 2), (8,), (2,))
     network = IntegerNetwork(config, *(np.zeros(shape, int) for shape in shapes))
     IntegerWeights(network, ("a", "b")).save(tmp_path / "integer.npz")
-    command = [sys.executable, "-m", "app", "gates", "--classifier", str(tmp_path / "integer.npz")]
+    command = [sys.executable, "-m", "eskin", "gates", "--classifier", str(tmp_path / "integer.npz")]
     done = subprocess.run([*command, "--json"], capture_output=True, text=True, check=True)
     found = json.loads(done.stdout)["classifier"]
     assert found["memory_bits"] == config.memory_bits > 500
@@ -104,7 +104,7 @@ def test_a_classifier_is_counted_without_its_memories(tmp_path: Path) -> None:
 
 
 def test_command_compares_the_readouts_of_one_array() -> None:
-    command = [sys.executable, "-m", "app", "gates", "--rows", "2", "--columns", "2", "--json"]
+    command = [sys.executable, "-m", "eskin", "gates", "--rows", "2", "--columns", "2", "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     readouts = json.loads(done.stdout)["readouts"]
     assert list(readouts) == [*registry.NAMES, "frame"]

@@ -8,18 +8,18 @@ from pathlib import Path
 
 import pytest
 
-from base.errors import InputError
-from cocotb_tests.runner.player import Job
-from cocotb_tests.runner.process import MismatchFound, Tally, run_job
-from cocotb_tests.runner.simulator import build
-from flow.asic.synthesis import Netlist, synthesise
-from flow.gatesim import icarus
-from flow.gatesim.flat_netlist import FlatNetlist, flatten
-from flow.gatesim.models import models
-from flow.gatesim.reset_check import from_reset
-from flow.liberty.boolean import verilog_of
-from flow.liberty.library import Library, read
-from model.config import ReadoutConfig
+from eskin.base.errors import InputError
+from eskin.cocotb_tests.runner.player import Job
+from eskin.cocotb_tests.runner.process import MismatchFound, Tally, run_job
+from eskin.cocotb_tests.runner.simulator import build
+from eskin.flow.asic.synthesis import Netlist, synthesise
+from eskin.flow.gatesim import icarus
+from eskin.flow.gatesim.flat_netlist import FlatNetlist, flatten
+from eskin.flow.gatesim.models import models
+from eskin.flow.gatesim.reset_check import from_reset
+from eskin.flow.liberty.boolean import verilog_of
+from eskin.flow.liberty.library import Library, read
+from eskin.model.config import ReadoutConfig
 from tests.flow import example_library
 
 CONFIG = ReadoutConfig(rows=1, columns=2, resolution=4)

@@ -10,16 +10,16 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from app.__main__ import app
-from base.errors import InputError
-from flow.layout import cells, checks, circuit, environment, report, run, transistors
-from flow.layout.cells import WrongCell
-from flow.layout.checks import Comparison, Rules
-from flow.layout.circuit import Circuit
-from flow.layout.environment import Crashed
-from flow.layout.report import Report, Try
-from flow.layout.stages import Stages
-from model.config import ReadoutConfig
+from eskin.app.__main__ import app
+from eskin.base.errors import InputError
+from eskin.flow.layout import cells, checks, circuit, environment, report, run, transistors
+from eskin.flow.layout.cells import WrongCell
+from eskin.flow.layout.checks import Comparison, Rules
+from eskin.flow.layout.circuit import Circuit
+from eskin.flow.layout.environment import Crashed
+from eskin.flow.layout.report import Report, Try
+from eskin.flow.layout.stages import Stages
+from eskin.model.config import ReadoutConfig
 from tests.flow import example_transistors
 
 KNOWN = transistors.read(example_transistors.LIBRARY)

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.__main__ import app
-from app.cli import run
-from base.errors import InputError
-from flow.liberty.boolean import evaluate, possible, verilog_of
-from flow.liberty.library import Library, read
-from flow.liberty.tables import FALL, RISE
+from eskin.app.__main__ import app
+from eskin.app.cli import run
+from eskin.base.errors import InputError
+from eskin.flow.liberty.boolean import evaluate, possible, verilog_of
+from eskin.flow.liberty.library import Library, read
+from eskin.flow.liberty.tables import FALL, RISE
 from tests.flow import example_library
 
 TEXT = example_library.library()

@@ -12,22 +12,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from base.errors import InputError
-from flow.gatesim import flat_netlist
-from flow.liberty.library import Library
-from flow.power import measure as measuring
-from flow.power.activity import Activity, read_dump
-from flow.power.event_bench import Mismatch, play
-from flow.power.liberty_power import LibertyPower
-from flow.power.measure import Disagreement, PowerMeter, measure
-from flow.power.opensta_power import OpenstaPower
-from flow.power.results import energies, name_of
-from flow.power.scenarios import CLOSING, IDLE, LONE, SATURATED, scenarios
-from flow.power.wires import Wires
-from model.config import ReadoutConfig
-from model.encoders import registry
-from model.readout import state_at
-from power.synthesis import SynthesisReport
+from eskin.base.errors import InputError
+from eskin.flow.gatesim import flat_netlist
+from eskin.flow.liberty.library import Library
+from eskin.flow.power import measure as measuring
+from eskin.flow.power.activity import Activity, read_dump
+from eskin.flow.power.event_bench import Mismatch, play
+from eskin.flow.power.liberty_power import LibertyPower
+from eskin.flow.power.measure import Disagreement, PowerMeter, measure
+from eskin.flow.power.opensta_power import OpenstaPower
+from eskin.flow.power.results import energies, name_of
+from eskin.flow.power.scenarios import CLOSING, IDLE, LONE, SATURATED, scenarios
+from eskin.flow.power.wires import Wires
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.readout import state_at
+from eskin.power.synthesis import SynthesisReport
 from tests.flow.test_gates import Made, make
 
 CONFIG = ReadoutConfig(rows=1, columns=2, resolution=5)
@@ -207,7 +207,7 @@ def test_the_report_of_a_netlist_gets_its_energies(made: Made, monkeypatch: pyte
         asked["pitches"] = pitches
         return [content | {"idle_w_per_taxel": pitch, "scenarios": {IDLE: {"blocks": {}}}} for pitch in pitches]
 
-    from flow.power import results as module
+    from eskin.flow.power import results as module
 
     monkeypatch.setattr(module, "measure", once)
     said = energies(CONFIG, "", made.library.path)

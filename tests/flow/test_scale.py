@@ -14,20 +14,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.__main__ import app
-from app.cli import run
-from base.errors import InputError
-from flow.liberty.library import Library
-from flow.scale.array import NONE, Array, build, repeaters
-from flow.scale.lines import Lines, best_repeater
-from flow.scale.measure import designs_of, lines, measure, sizes_of
-from flow.scale.placement import Placement
-from flow.scale.skin import SkinPlacement, Spot, build_skin
-from flow.scale.timing import FROM_PORT, Timing
-from flow.wire import NO_WIRE, Wire
-from model.config import ReadoutConfig
-from model.tiles.config import TilesConfig
-from rtl.delivery import ports
+from eskin.app.__main__ import app
+from eskin.app.cli import run
+from eskin.base.errors import InputError
+from eskin.flow.liberty.library import Library
+from eskin.flow.scale.array import NONE, Array, build, repeaters
+from eskin.flow.scale.lines import Lines, best_repeater
+from eskin.flow.scale.measure import designs_of, lines, measure, sizes_of
+from eskin.flow.scale.placement import Placement
+from eskin.flow.scale.skin import SkinPlacement, Spot, build_skin
+from eskin.flow.scale.timing import FROM_PORT, Timing
+from eskin.flow.wire import NO_WIRE, Wire
+from eskin.model.config import ReadoutConfig
+from eskin.model.tiles.config import TilesConfig
+from eskin.rtl.delivery import ports
 from tests.flow import array_in_opensta
 
 NEEDS_STA = pytest.mark.skipif(shutil.which("sta") is None, reason="OpenSTA is not installed: apt-get install opensta")
@@ -168,7 +168,7 @@ def test_the_highest_clock_is_that_of_opensta(plain: Array, library: Library, wi
 def test_the_command_leaves_numbers(library: Library, tmp_path: Path) -> None:
     out = tmp_path / "scale.json"
     words = ["asic-scale", f"--lib={library.path}", "--sizes=2x1", "--pitch=500", f"--out={out}"]
-    done = subprocess.run([sys.executable, "-m", "app", *words], capture_output=True, text=True, check=False)
+    done = subprocess.run([sys.executable, "-m", "eskin", *words], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     found = json.loads(out.read_text())
     assert found["command"] == "make asic SCALE=1 LIB=quill_typ.lib PITCH=500 SIZES=2x1"
@@ -310,7 +310,7 @@ def test_a_wire_that_cannot_be_is_one_sentence(
 def test_bad_input_leaves_nothing(library: Library, tmp_path: Path) -> None:
     out = tmp_path / "out" / "scale.json"
     words = ["asic-scale", f"--lib={library.path}", "--sizes=8x8,9", f"--out={out}"]
-    done = subprocess.run([sys.executable, "-m", "app", *words], capture_output=True, text=True, check=False)
+    done = subprocess.run([sys.executable, "-m", "eskin", *words], capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert "not '9'" in done.stderr
     assert done.stderr.count("\n") == 1

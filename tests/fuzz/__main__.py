@@ -14,7 +14,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from base.files import origin, write_json
+from eskin.base.files import origin, write_json
 
 ROOT = Path(__file__).parents[2]
 KEPT = ROOT / "docs" / "data" / "verification" / "fuzz.json"

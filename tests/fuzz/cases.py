@@ -15,8 +15,8 @@ import numpy as np
 import typer
 from hypothesis import strategies as st
 
-from app.__main__ import app
-from app.catalogue import COMMANDS
+from eskin.app.__main__ import app
+from eskin.app.catalogue import COMMANDS
 from tests.fuzz.run import Command
 
 HOSTILE_TEXT = (

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from base.files import write_json
-from model.config import ReadoutConfig
-from power.rates import measure_table, tables_text
-from rtl.delivery import description
-from skin.textures.dataset import embedded_dataset
-from skin.textures.presets import preset
-from snn.data.record import record
-from snn.exchange.nir_events import save_nir_data
+from eskin.base.files import write_json
+from eskin.model.config import ReadoutConfig
+from eskin.power.rates import measure_table, tables_text
+from eskin.rtl.delivery import description
+from eskin.skin.textures.dataset import embedded_dataset
+from eskin.skin.textures.presets import preset
+from eskin.snn.data.record import record
+from eskin.snn.exchange.nir_events import save_nir_data
 from tests.fuzz.run import Command, run_command
 
 CONFIG = ReadoutConfig(rows=1, columns=4)

@@ -17,7 +17,7 @@ import pytest
 import typer
 from hypothesis import HealthCheck, Phase, given, seed, settings
 
-from base.files import write_json
+from eskin.base.files import write_json
 from tests.fuzz import corpus
 from tests.fuzz import run as limits
 from tests.fuzz.cases import FILES, GOOD, commands, hostile_commands, hostile_files

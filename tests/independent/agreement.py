@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.address_events import EVENT_DTYPE, Events
-from model.classifier.network import IntegerNetwork
-from model.config import ReadoutConfig
-from model.frame import FrameStimulus
-from model.frame_config import FrameConfig
-from model.readout import Stimulus
-from model.tiles.config import TilesConfig
+from eskin.model.address_events import EVENT_DTYPE, Events
+from eskin.model.classifier.network import IntegerNetwork
+from eskin.model.config import ReadoutConfig
+from eskin.model.frame import FrameStimulus
+from eskin.model.frame_config import FrameConfig
+from eskin.model.readout import Stimulus
+from eskin.model.tiles.config import TilesConfig
 
 from .classifier import Network, Neuron
 from .frame import FrameReadout

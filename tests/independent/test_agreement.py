@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cocotb_tests.bench.draw import Draw
-from model.classifier.config import ClassifierConfig, highest, lowest
-from model.classifier.network import IntegerNetwork, State
-from model.config import ReadoutConfig
-from model.events.compare import first_difference
-from model.frame import FrameStimulus
-from model.frame import simulate as simulate_frames
-from model.frame_config import FrameConfig
-from model.readout import Stimulus, simulate, state_at
-from model.tiles.config import TilesConfig
-from model.tiles.run import simulate_skin
+from eskin.cocotb_tests.bench.draw import Draw
+from eskin.model.classifier.config import ClassifierConfig, highest, lowest
+from eskin.model.classifier.network import IntegerNetwork, State
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.compare import first_difference
+from eskin.model.frame import FrameStimulus
+from eskin.model.frame import simulate as simulate_frames
+from eskin.model.frame_config import FrameConfig
+from eskin.model.readout import Stimulus, simulate, state_at
+from eskin.model.tiles.config import TilesConfig
+from eskin.model.tiles.run import simulate_skin
 
 from .agreement import network_of, play, play_frames, play_skin
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from model.encoders import registry
+from eskin.model.encoders import registry
 
 from .classifier import limited
 from .frame import FrameReadout

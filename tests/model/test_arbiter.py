@@ -8,9 +8,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cocotb_tests.bench.reference import AddressEvent, ArbiterReference, Requests
-from model.arbiter import ZERO, lowest, next_row, rows_behind, without_lowest
-from model.config import ReadoutConfig
+from eskin.cocotb_tests.bench.reference import AddressEvent, ArbiterReference, Requests
+from eskin.model.arbiter import ZERO, lowest, next_row, rows_behind, without_lowest
+from eskin.model.config import ReadoutConfig
 
 WORD = st.integers(1, 2**64 - 1) | st.integers(0, 63).map(lambda bit: 1 << bit)
 

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from base.errors import InputError
-from model.classifier.config import ClassifierConfig, bits_of, ends, highest, lowest
-from model.classifier.file import IntegerWeights, neuron_image, weight_image, write_images
-from model.classifier.network import IntegerNetwork, State
-from model.classifier.run import first_ready, simulate, work_clocks
+from eskin.base.errors import InputError
+from eskin.model.classifier.config import ClassifierConfig, bits_of, ends, highest, lowest
+from eskin.model.classifier.file import IntegerWeights, neuron_image, weight_image, write_images
+from eskin.model.classifier.network import IntegerNetwork, State
+from eskin.model.classifier.run import first_ready, simulate, work_clocks
 
 
 def network(seed: int = 0, **fields: Any) -> IntegerNetwork:

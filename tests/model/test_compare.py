@@ -12,12 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from base.errors import InputError
-from model.address_events import Events, make_events, no_events
-from model.config import ReadoutConfig
-from model.events.compare import AddressEvent, count_per_taxel, first_difference, unmatched
-from model.events.recording import Recording
-from skin.figures.raster import plot_comparison, plot_signals
+from eskin.base.errors import InputError
+from eskin.model.address_events import Events, make_events, no_events
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.compare import AddressEvent, count_per_taxel, first_difference, unmatched
+from eskin.model.events.recording import Recording
+from eskin.skin.figures.raster import plot_comparison, plot_signals
 
 CONFIG = ReadoutConfig(rows=3, columns=5)
 

@@ -1,4 +1,4 @@
-"""model.config: every refusal in its whole sentence, the JSON round trip, and the numbers derived."""
+"""eskin.model.config: every refusal in its whole sentence, the JSON round trip, and the numbers derived."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from base.errors import InputError
-from model.config import ReadoutConfig
-from model.encoders import registry
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
 
 ENCODERS = ", ".join(registry.NAMES)
 

@@ -10,11 +10,11 @@ from typing import NamedTuple, get_args
 
 import pytest
 
-from base.errors import InputError
-from model import readout, window
-from model.config import Encoding, ReadoutConfig
-from model.encoders import compiled, registry
-from model.encoders.lcs import Lcs
+from eskin.base.errors import InputError
+from eskin.model import readout, window
+from eskin.model.config import Encoding, ReadoutConfig
+from eskin.model.encoders import compiled, registry
+from eskin.model.encoders.lcs import Lcs
 
 
 def test_every_encoder_is_found_by_its_name() -> None:

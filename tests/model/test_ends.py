@@ -7,12 +7,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from base.errors import InputError
-from cocotb_tests.bench.reference import play
-from model.config import ReadoutConfig
-from model.encoders import registry
-from model.readout import Stimulus, simulate, state_at
-from model.taxel import decode
+from eskin.base.errors import InputError
+from eskin.cocotb_tests.bench.reference import play
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.readout import Stimulus, simulate, state_at
+from eskin.model.taxel import decode
 
 CLOCKS = 4000
 BASE = ReadoutConfig(rows=2, columns=2, frontend="analog", resolution=3, leak_shift=6, leak_period=3, window_period=2)

@@ -15,15 +15,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from base.errors import InputError
-from model.config import ReadoutConfig
-from model.encoders import registry
-from model.frame import FrameModel, FrameStimulus, Inputs, simulate
-from model.frame_config import FrameConfig
-from model.frame_words import adc_code, pack, unpack
-from skin.textures.dataset import embedded_dataset
-from skin.textures.presets import preset
-from skin.textures.rates import measure_rates
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.frame import FrameModel, FrameStimulus, Inputs, simulate
+from eskin.model.frame_config import FrameConfig
+from eskin.model.frame_words import adc_code, pack, unpack
+from eskin.skin.textures.dataset import embedded_dataset
+from eskin.skin.textures.presets import preset
+from eskin.skin.textures.rates import measure_rates
 
 Call = Callable[[str], tuple[int, str, str]]
 
@@ -325,7 +325,7 @@ def test_bad_input_to_frames_is_one_sentence(call: Call, line: str, sentence: st
 )
 def test_bad_input_to_verilog_is_one_sentence(arguments: list[str], sentence: str, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    command = [sys.executable, "-m", "app", "verilog", *arguments, "-o", str(out)]
+    command = [sys.executable, "-m", "eskin", "verilog", *arguments, "-o", str(out)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (2, sentence + "\n")
     assert not out.exists()

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cocotb_tests.bench.reference import AddressEvent, LinkReference, ReceiverReference
-from model import link
+from eskin.cocotb_tests.bench.reference import AddressEvent, LinkReference, ReceiverReference
+from eskin.model import link
 
 DELAYS = st.lists(st.integers(1, 100).filter(lambda delay: delay % 8), min_size=1, max_size=6)
 

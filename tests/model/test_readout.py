@@ -14,12 +14,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from cocotb_tests.bench.reference import ReadoutReference, TimedEvent, play
-from model.config import ReadoutConfig
-from model.encoders import registry
-from model.readout import Stimulus, simulate, state_at
-from model.taxel import EVENT_LATENCY, encode_timed, uncontended_events
+from eskin.base.errors import InputError
+from eskin.cocotb_tests.bench.reference import ReadoutReference, TimedEvent, play
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.readout import Stimulus, simulate, state_at
+from eskin.model.taxel import EVENT_LATENCY, encode_timed, uncontended_events
 
 ARRAYS = [(1, 1), (1, 4), (3, 5), (2, 2), (6, 1), (1, 64), (2, 33), (17, 3)]
 ENCODINGS = registry.NAMES

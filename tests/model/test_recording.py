@@ -14,11 +14,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from base.errors import InputError
-from model.address_events import EVENT_DTYPE, Events, make_events, no_events
-from model.config import ReadoutConfig
-from model.encoders import registry
-from model.events.recording import Recording
+from eskin.base.errors import InputError
+from eskin.model.address_events import EVENT_DTYPE, Events, make_events, no_events
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.events.recording import Recording
 
 CONFIG = ReadoutConfig(rows=3, columns=5)
 

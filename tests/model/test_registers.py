@@ -13,15 +13,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from base.errors import InputError
-from model import window
-from model.config import ReadoutConfig
-from model.registers import settings
-from model.registers.description import WORD_BITS, registers
-from model.registers.driver import Registers
-from model.registers.export import c_header, constants, page
-from model.registers.file import RegisterFile, Settings
-from model.registers.spi import COMMAND_BITS, Pins, SpiSlave
+from eskin.base.errors import InputError
+from eskin.model import window
+from eskin.model.config import ReadoutConfig
+from eskin.model.registers import settings
+from eskin.model.registers.description import WORD_BITS, registers
+from eskin.model.registers.driver import Registers
+from eskin.model.registers.export import c_header, constants, page
+from eskin.model.registers.file import RegisterFile, Settings
+from eskin.model.registers.spi import COMMAND_BITS, Pins, SpiSlave
 
 CONFIG = ReadoutConfig(registers="spi")
 CONFIGS = [

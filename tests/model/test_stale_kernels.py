@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from base.files import forget_stale_kernels
+from eskin.base.files import forget_stale_kernels
 
 
 def test_kernels_older_than_a_step_are_compiled_again(tmp_path: Path) -> None:

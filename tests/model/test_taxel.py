@@ -13,11 +13,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from model.config import ReadoutConfig
-from model.encoders import registry
-from model.readout import Stimulus, simulate
-from model.taxel import (
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.readout import Stimulus, simulate
+from eskin.model.taxel import (
     count_events,
     counts_of_events,
     decode,
@@ -265,7 +265,7 @@ def test_counting_in_blocks_leaves_no_seam(encoding: str, monkeypatch: pytest.Mo
     samples = np.cumsum(rng.integers(-9, 10, (3_000, 6)), axis=0).clip(-128, 127).astype(np.int16)
     config = one(encoding, rows=2, columns=3, window_period=5, leak_shift=2, leak_period=97)
     totals = np.abs(encode(config, samples)).sum(axis=0)
-    monkeypatch.setattr("model.taxel._BLOCK_BYTES", 100)  # 8 ticks
+    monkeypatch.setattr("eskin.model.taxel._BLOCK_BYTES", 100)  # 8 ticks
     assert totals.all()
     assert np.array_equal(count_events(config, samples), totals)
 

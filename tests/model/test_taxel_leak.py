@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from model.config import ReadoutConfig
-from model.taxel import count_events
+from eskin.model.config import ReadoutConfig
+from eskin.model.taxel import count_events
 
 
 def leaky(**parameters: Any) -> ReadoutConfig:

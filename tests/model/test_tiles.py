@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from base.errors import InputError
-from cocotb_tests.bench.textures import scan
-from model.address_events import make_events
-from model.config import ReadoutConfig
-from model.events.recording import Recording
-from model.readout import Stimulus, simulate
-from model.tiles.config import TilesConfig, tiles_of
-from model.tiles.merge import merge
-from model.tiles.relay import relay
-from model.tiles.run import simulate_skin
+from eskin.base.errors import InputError
+from eskin.cocotb_tests.bench.textures import scan
+from eskin.model.address_events import make_events
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.model.readout import Stimulus, simulate
+from eskin.model.tiles.config import TilesConfig, tiles_of
+from eskin.model.tiles.merge import merge
+from eskin.model.tiles.relay import relay
+from eskin.model.tiles.run import simulate_skin
 
 TILE = ReadoutConfig(rows=2, columns=3)
 SKIN = TilesConfig.of(TILE, 2, 2)

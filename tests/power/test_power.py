@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from base.errors import InputError
-from power.equations import CORRECTIONS, LARGEST, SMALLEST, PowerModel, TaxelRates
-from power.explore import GivenRates
-from power.parameters import PowerParameters
-from power.rates import TAUS_S, stored_table
-from power.readouts import READOUTS, SPIKING, equations_of
-from power.synthesis import SynthesisReport
+from eskin.base.errors import InputError
+from eskin.power.equations import CORRECTIONS, LARGEST, SMALLEST, PowerModel, TaxelRates
+from eskin.power.explore import GivenRates
+from eskin.power.parameters import PowerParameters
+from eskin.power.rates import TAUS_S, stored_table
+from eskin.power.readouts import READOUTS, SPIKING, equations_of
+from eskin.power.synthesis import SynthesisReport
 
 PAPER = PowerModel()
 RATES = stored_table("paper")

@@ -9,7 +9,7 @@ import secrets
 import sys
 import time
 
-from base.errors import InputError
+from eskin.base.errors import InputError
 from tests.random_cases.case import Case, search
 
 USAGE = "usage: python -m tests.random_cases EXAMPLES [SEED], or python -m tests.random_cases CASE, a line of JSON"

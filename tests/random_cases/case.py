@@ -13,11 +13,11 @@ from hypothesis import HealthCheck, Phase, find, settings
 from hypothesis import strategies as st
 from hypothesis.errors import NoSuchExample
 
-from base.errors import InputError
-from model.config import ReadoutConfig
-from model.encoders import registry
-from model.events.compare import first_difference
-from model.readout import ANALOG_RANGE, Stimulus, simulate
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.events.compare import first_difference
+from eskin.model.readout import ANALOG_RANGE, Stimulus, simulate
 from tests.random_cases.player import Breach, Design
 
 MOST_SIDE, MOST_BITS, MOST_CHANGES, MOST_HELD = 3, 7, 12, 12

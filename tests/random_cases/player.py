@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from amaranth.sim import Simulator
 
-import rtl.readout
-from model.address_events import EVENT_DTYPE, Events
-from model.config import ReadoutConfig
-from model.readout import Stimulus
+from eskin.model.address_events import EVENT_DTYPE, Events
+from eskin.model.config import ReadoutConfig
+from eskin.model.readout import Stimulus
+from eskin.rtl import readout
 from tests.independent.agreement import Receiver, look
 
 
@@ -26,7 +26,7 @@ class Design:
 
     def __init__(self, config: ReadoutConfig) -> None:
         self.config = config
-        self.dut = rtl.readout.Readout(config)  # looked up anew: a bug may have been planted
+        self.dut = readout.Readout(config)  # looked up anew: a bug may have been planted
         self.ports = set(self.dut.signature.members)
         self.simulator = Simulator(self.dut)
         self.simulator.add_clock(1e-6)

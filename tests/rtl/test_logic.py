@@ -11,11 +11,11 @@ from amaranth.sim import Simulator
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from model.config import ReadoutConfig
-from rtl import yosys
-from rtl.arbiter import Arbiter
-from rtl.block import Netlist
-from rtl.logic import encode, exclusive_prefix_or, or_tree
+from eskin.model.config import ReadoutConfig
+from eskin.rtl import yosys
+from eskin.rtl.arbiter import Arbiter
+from eskin.rtl.block import Netlist
+from eskin.rtl.logic import encode, exclusive_prefix_or, or_tree
 
 
 def gates(rows: int, columns: int) -> tuple[int, int]:

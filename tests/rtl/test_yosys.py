@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rtl import yosys
+from eskin.rtl import yosys
 
 RTLIL = r"""
 module \eskin_row

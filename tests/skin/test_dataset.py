@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from base.errors import InputError
-from skin.textures import dataset as module
-from skin.textures.dataset import EMBEDDED, directory_dataset, embedded_dataset, open_dataset, read_gray_png
+from eskin.base.errors import InputError
+from eskin.skin.textures import dataset as module
+from eskin.skin.textures.dataset import EMBEDDED, directory_dataset, embedded_dataset, open_dataset, read_gray_png
 
 
 def pixels(seed: int) -> np.ndarray:

@@ -10,12 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal
 
-from base.errors import InputError
-from model.config import ReadoutConfig
-from model.encoders import registry
-from skin.textures.paper import PaperScan
-from skin.textures.physical import PhysicalScan
-from skin.textures.presets import PRESETS, preset, quantise
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.skin.textures.paper import PaperScan
+from eskin.skin.textures.physical import PhysicalScan
+from eskin.skin.textures.presets import PRESETS, preset, quantise
 
 PAPER = PaperScan()
 PHYSICAL = PhysicalScan()

@@ -14,18 +14,18 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.__main__ import app
-from app.cli import run as run_app
-from app.options import LEAKY
-from base.errors import InputError
-from base.workers.pool import Local
-from model.config import ReadoutConfig
-from model.encoders import registry
-from model.taxel import encode
-from skin.textures.dataset import Dataset, directory_dataset, embedded_dataset, open_dataset
-from skin.textures.physical import PhysicalScan
-from skin.textures.presets import preset
-from skin.textures.rates import PUBLISHED_RATES_HZ, measure_rates, published_rate_hz
+from eskin.app.__main__ import app
+from eskin.app.cli import run as run_app
+from eskin.app.options import LEAKY
+from eskin.base.errors import InputError
+from eskin.base.workers.pool import Local
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.taxel import encode
+from eskin.skin.textures.dataset import Dataset, directory_dataset, embedded_dataset, open_dataset
+from eskin.skin.textures.physical import PhysicalScan
+from eskin.skin.textures.presets import preset
+from eskin.skin.textures.rates import PUBLISHED_RATES_HZ, measure_rates, published_rate_hz
 
 ENCODERS = ", ".join(registry.NAMES)
 

@@ -6,10 +6,10 @@ import re
 
 import pytest
 
-from base.errors import InputError
-from base.figures.style import PALETTE
-from model.encoders import registry
-from skin.figures.readouts import FRAME, LOOKS, look
+from eskin.base.errors import InputError
+from eskin.base.figures.style import PALETTE
+from eskin.model.encoders import registry
+from eskin.skin.figures.readouts import FRAME, LOOKS, look
 
 
 def test_encoders_and_frames_have_looks_of_their_own() -> None:

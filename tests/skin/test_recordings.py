@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from base.errors import InputError
-from model.address_events import make_events
-from model.config import ReadoutConfig
-from model.readout import Stimulus, simulate
-from skin.recordings.event_files import kept_events
-from skin.recordings.fitting import array_of, with_clock, with_seconds
-from skin.recordings.folder import quality_warnings, read_set, sources_of
-from skin.recordings.options import Preparation
-from skin.recordings.prepare import on_grid, prepare, without_baseline
-from skin.recordings.quality import measure_quality, pooled
-from skin.recordings.table import Table, read_table
+from eskin.base.errors import InputError
+from eskin.model.address_events import make_events
+from eskin.model.config import ReadoutConfig
+from eskin.model.readout import Stimulus, simulate
+from eskin.skin.recordings.event_files import kept_events
+from eskin.skin.recordings.fitting import array_of, with_clock, with_seconds
+from eskin.skin.recordings.folder import quality_warnings, read_set, sources_of
+from eskin.skin.recordings.options import Preparation
+from eskin.skin.recordings.prepare import on_grid, prepare, without_baseline
+from eskin.skin.recordings.quality import measure_quality, pooled
+from eskin.skin.recordings.table import Table, read_table
 from tests.skins import counts, write_csv, write_skin
 
 FIRST = Preparation(baseline="first")

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from model.encoders import registry
-from skin.recordings.study import SAMPLE_BITS, slow_signals, study_data, uniform
+from eskin.model.encoders import registry
+from eskin.skin.recordings.study import SAMPLE_BITS, slow_signals, study_data, uniform
 from tests.skins import write_skin
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from model.config import ReadoutConfig
-from model.encoders import registry
-from model.frame_config import FrameConfig
-from skin.textures.dataset import embedded_dataset
-from skin.textures.physical import PhysicalScan
-from skin.textures.rates import measure_rates
-from skin.textures.traffic import compare_traffic
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.frame_config import FrameConfig
+from eskin.skin.textures.dataset import embedded_dataset
+from eskin.skin.textures.physical import PhysicalScan
+from eskin.skin.textures.rates import measure_rates
+from eskin.skin.textures.traffic import compare_traffic
 
 
 def test_every_readout_sends_the_bits_of_its_own_rate() -> None:

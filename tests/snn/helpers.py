@@ -11,9 +11,9 @@ import pytest
 import typer
 from PIL import Image
 
-from app.cli import run
-from snn.data.scans import ScanData
-from snn.network_config import NetworkConfig
+from eskin.app.cli import run
+from eskin.snn.data.scans import ScanData
+from eskin.snn.network_config import NetworkConfig
 
 CLASSES = ("brick", "grass", "gravel")
 

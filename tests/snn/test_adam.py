@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import nn
 
-from snn.adam import Adam
+from eskin.snn.adam import Adam
 
 
 @pytest.mark.parametrize("weight_decay", [0.0, 0.01])
@@ -47,11 +47,11 @@ def test_a_training_loads_no_compiler() -> None:
     code = """
 import sys
 from tests.snn.helpers import easy_data, small_network
-from snn.data.scans import Split
-from snn.train import train
-from snn.training import TrainConfig
+from eskin.snn.data.scans import Split
+from eskin.snn.train import train
+from eskin.snn.training import TrainConfig
 train(Split(easy_data(), range(21)), small_network(), TrainConfig(epochs=1), 0)
-assert "snn.kernels.layer" in sys.modules
+assert "eskin.snn.kernels.layer" in sys.modules
 sys.exit("torch._dynamo" in sys.modules)
 """
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0

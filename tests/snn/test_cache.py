@@ -14,17 +14,17 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from app.__main__ import app
-from model.config import ReadoutConfig
-from skin.textures.dataset import Dataset, embedded_dataset
-from skin.textures.paper import PaperScan
-from skin.textures.physical import PhysicalScan
-from snn import cache as place
-from snn.data import cache
-from snn.data.bins import BinConfig
-from snn.data.frame_steps import FrameSteps
-from snn.data.scans import ScanData
-from snn.experiments.experiment import Experiment
+from eskin.app.__main__ import app
+from eskin.model.config import ReadoutConfig
+from eskin.skin.textures.dataset import Dataset, embedded_dataset
+from eskin.skin.textures.paper import PaperScan
+from eskin.skin.textures.physical import PhysicalScan
+from eskin.snn import cache as place
+from eskin.snn.data import cache
+from eskin.snn.data.bins import BinConfig
+from eskin.snn.data.frame_steps import FrameSteps
+from eskin.snn.data.scans import ScanData
+from eskin.snn.experiments.experiment import Experiment
 from tests.snn.helpers import easy_data
 
 ROOT = Path(__file__).parents[2]
@@ -55,8 +55,8 @@ def test_the_second_time_nothing_is_recorded_and_the_scans_are_the_same(
     small = ReadoutConfig(rows=1, columns=2, resolution=4)
     experiment = Experiment(dataset="embedded", readout=small, **fields)  # type: ignore[arg-type]
     first = experiment.data()
-    monkeypatch.setattr("snn.experiments.experiment.record_dataset", lambda *_: pytest.fail("recorded again"))
-    monkeypatch.setattr("snn.experiments.experiment.frame_dataset", lambda *_: pytest.fail("framed again"))
+    monkeypatch.setattr("eskin.snn.experiments.experiment.record_dataset", lambda *_: pytest.fail("recorded again"))
+    monkeypatch.setattr("eskin.snn.experiments.experiment.frame_dataset", lambda *_: pytest.fail("framed again"))
     assert same(experiment.data(), first)
     assert len(list(kept.glob("*.npz"))) == 1
     assert first.values.any()

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 import torch
 
-from base.errors import InputError
-from snn.calibration import calibrate
-from snn.exchange.weights import Weights, load_weights, save_weights
-from snn.network import SpikingNetwork, build
-from snn.network_config import NetworkConfig
+from eskin.base.errors import InputError
+from eskin.snn.calibration import calibrate
+from eskin.snn.exchange.weights import Weights, load_weights, save_weights
+from eskin.snn.network import SpikingNetwork, build
+from eskin.snn.network_config import NetworkConfig
 
 
 def scans(seed: int = 0, rate: float = 2.0) -> torch.Tensor:

@@ -7,13 +7,13 @@ import lzma
 import numpy as np
 import pytest
 
-from model.address_events import make_events
-from model.config import ReadoutConfig
-from model.events.recording import Recording
-from snn.data.coding import coded_bits, coded_events, coded_frames
-from snn.data.frame_steps import FrameSteps
-from snn.experiments.coded import coded_bps
-from snn.experiments.experiment import Experiment
+from eskin.model.address_events import make_events
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.snn.data.coding import coded_bits, coded_events, coded_frames
+from eskin.snn.data.frame_steps import FrameSteps
+from eskin.snn.experiments.coded import coded_bps
+from eskin.snn.experiments.experiment import Experiment
 
 
 def test_noise_stays_as_large_as_it_is_and_a_constant_costs_nothing() -> None:

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from app.__main__ import app
-from base.errors import InputError
-from model.encoders import registry
-from skin.textures.dataset import embedded_dataset
-from snn.data.counts import Likeness, empty_bins, likeness
-from snn.data.scans import ScanData
+from eskin.app.__main__ import app
+from eskin.base.errors import InputError
+from eskin.model.encoders import registry
+from eskin.skin.textures.dataset import embedded_dataset
+from eskin.snn.data.counts import Likeness, empty_bins, likeness
+from eskin.snn.data.scans import ScanData
 
 ENCODERS = ", ".join(registry.NAMES)
 
@@ -34,7 +34,7 @@ def test_likeness_by_hand() -> None:
 
 
 def test_the_command_writes_what_it_prints(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("snn.experiments.experiment.open_dataset", lambda _: embedded_dataset().limit(4))
+    monkeypatch.setattr("eskin.snn.experiments.experiment.open_dataset", lambda _: embedded_dataset().limit(4))
     out = tmp_path / "counts.json"
     options = ["--preset", "physical", "--dataset", "embedded", "--points", "lcs:2,lcs:3,nlcs:4", "--out", str(out)]
     result = CliRunner().invoke(app, ["counts", *options])

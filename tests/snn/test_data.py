@@ -12,20 +12,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from base.errors import InputError
-from model.address_events import make_events, no_events
-from model.config import ReadoutConfig
-from model.events.recording import Recording
-from skin.textures.dataset import embedded_dataset
-from skin.textures.paper import PaperScan
-from skin.textures.physical import PhysicalScan
-from snn.data.augment import AugmentConfig, at_speed, augment
-from snn.data.bins import MOST_COUNTS, BinConfig, bin_recording
-from snn.data.frame_steps import FrameSteps
-from snn.data.frames import frame_dataset, values_of
-from snn.data.record import record, record_dataset
-from snn.data.scans import collect, load_recordings
-from snn.experiments.experiment import Experiment
+from eskin.base.errors import InputError
+from eskin.model.address_events import make_events, no_events
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.skin.textures.dataset import embedded_dataset
+from eskin.skin.textures.paper import PaperScan
+from eskin.skin.textures.physical import PhysicalScan
+from eskin.snn.data.augment import AugmentConfig, at_speed, augment
+from eskin.snn.data.bins import MOST_COUNTS, BinConfig, bin_recording
+from eskin.snn.data.frame_steps import FrameSteps
+from eskin.snn.data.frames import frame_dataset, values_of
+from eskin.snn.data.record import record, record_dataset
+from eskin.snn.data.scans import collect, load_recordings
+from eskin.snn.experiments.experiment import Experiment
 
 ROOT = Path(__file__).parents[2]
 CONFIG = ReadoutConfig(rows=2, columns=3, resolution=4, sample_rate_hz=1000.0, clocks_per_sample=10)
@@ -107,7 +107,7 @@ def test_a_replay_of_the_rtl_gives_the_tensors_of_the_model(tmp_path: Path) -> N
     config = ReadoutConfig(rows=1, columns=4)
     size = ["--rows", "1", "--columns", "4"]
     what = ["--dataset", "embedded", "--limit", "2", "--workers", "1", "--out", str(tmp_path)]
-    command = [sys.executable, "-m", "app", "replay", *size, *what]
+    command = [sys.executable, "-m", "eskin", "replay", *size, *what]
     run = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
     assert run.returncode == 0, run.stdout + run.stderr
     (events,) = tmp_path.glob("*/events")

@@ -14,15 +14,15 @@ import numpy as np
 import pytest
 import torch
 
-from snn.data.scans import ScanData, Split
-from snn.exchange.nir_network import save_nir
-from snn.exchange.weights import Weights, load_weights, save_weights
-from snn.experiments.recipes import RECIPES
-from snn.flat import hints_of
-from snn.network import SpikingNetwork
-from snn.network_config import NetworkConfig
-from snn.train import predicted_classes, train
-from snn.training import TrainConfig
+from eskin.snn.data.scans import ScanData, Split
+from eskin.snn.exchange.nir_network import save_nir
+from eskin.snn.exchange.weights import Weights, load_weights, save_weights
+from eskin.snn.experiments.recipes import RECIPES
+from eskin.snn.flat import hints_of
+from eskin.snn.network import SpikingNetwork
+from eskin.snn.network_config import NetworkConfig
+from eskin.snn.train import predicted_classes, train
+from eskin.snn.training import TrainConfig
 from tests.snn.helpers import easy_data
 from tests.snn.test_nir_network import call, made, scans
 

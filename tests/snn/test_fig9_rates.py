@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from snn.experiments.pairs import pair
-from snn.experiments.points import Cells, PointSummary, Result, Sweep, load_sweep, write_sweep
-from snn.figures import fig9
-from snn.figures.fig9_rates import BEST, draw_rates, rates_data
+from eskin.snn.experiments.pairs import pair
+from eskin.snn.experiments.points import Cells, PointSummary, Result, Sweep, load_sweep, write_sweep
+from eskin.snn.figures import fig9
+from eskin.snn.figures.fig9_rates import BEST, draw_rates, rates_data
 
 LABELS = "000111222"
 

@@ -17,30 +17,30 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Annotation, Text
 from matplotlib.transforms import Bbox
 
-from app.cli import make_app, run
-from app.commands.learn.figures import fig8, fig9
-from app.report.data import load_accuracy
-from app.report.page import ACCURACY
-from base.errors import InputError
-from model.config import ReadoutConfig
-from skin.figures.readouts import LOOKS
-from skin.figures.scan_to_class import Played, draw_scan
-from skin.textures.dataset import open_dataset
-from snn.data.bins import BinConfig
-from snn.data.folds import stratified_folds
-from snn.data.record import record
-from snn.data.scans import collect
-from snn.exchange.weights import Weights, load_weights, save_weights
-from snn.experiments.crossval import summarise
-from snn.experiments.experiment import Experiment
-from snn.experiments.points import LATER, READINGS, load_sweep, write_sweep
-from snn.experiments.sweep import PUBLISHED_BPS, PointRun, SweepPoint
-from snn.figures import fig9 as figures
-from snn.figures import fig9_plot as pictures
-from snn.figures.confusion import confusion_data, draw_confusion
-from snn.figures.fig8_play import evidence, play
-from snn.network import SpikingNetwork, build
-from snn.network_config import NetworkConfig
+from eskin.app.cli import make_app, run
+from eskin.app.commands.learn.figures import fig8, fig9
+from eskin.app.report.data import load_accuracy
+from eskin.app.report.page import ACCURACY
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig
+from eskin.skin.figures.readouts import LOOKS
+from eskin.skin.figures.scan_to_class import Played, draw_scan
+from eskin.skin.textures.dataset import open_dataset
+from eskin.snn.data.bins import BinConfig
+from eskin.snn.data.folds import stratified_folds
+from eskin.snn.data.record import record
+from eskin.snn.data.scans import collect
+from eskin.snn.exchange.weights import Weights, load_weights, save_weights
+from eskin.snn.experiments.crossval import summarise
+from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.experiments.points import LATER, READINGS, load_sweep, write_sweep
+from eskin.snn.experiments.sweep import PUBLISHED_BPS, PointRun, SweepPoint
+from eskin.snn.figures import fig9 as figures
+from eskin.snn.figures import fig9_plot as pictures
+from eskin.snn.figures.confusion import confusion_data, draw_confusion
+from eskin.snn.figures.fig8_play import evidence, play
+from eskin.snn.network import SpikingNetwork, build
+from eskin.snn.network_config import NetworkConfig
 
 Call = Callable[..., tuple[int, str, str]]
 

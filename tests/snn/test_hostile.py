@@ -14,27 +14,27 @@ import numpy as np
 import pytest
 import torch
 
-from app.__main__ import app
-from app.cli import printable, run
-from base.errors import InputError
-from model.address_events import make_events
-from model.config import ReadoutConfig
-from model.events.recording import Recording
-from snn.adam import Adam
-from snn.checkpoint import Checkpoint
-from snn.data.bins import BinConfig, bin_recording
-from snn.data.frame_steps import FrameSteps
-from snn.data.scans import Split
-from snn.exchange.nir_events import load_nir_data, save_nir_data, to_events_array
-from snn.exchange.nir_network import load_nir, save_nir
-from snn.exchange.weights import Weights, load_weights, save_weights
-from snn.experiments.crossval import read_cell
-from snn.experiments.experiment import Experiment
-from snn.experiments.trained import read_result
-from snn.network import build
-from snn.network_config import NetworkConfig
-from snn.train import train
-from snn.training import DivergedError, TrainConfig
+from eskin.app.__main__ import app
+from eskin.app.cli import printable, run
+from eskin.base.errors import InputError
+from eskin.model.address_events import make_events
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.snn.adam import Adam
+from eskin.snn.checkpoint import Checkpoint
+from eskin.snn.data.bins import BinConfig, bin_recording
+from eskin.snn.data.frame_steps import FrameSteps
+from eskin.snn.data.scans import Split
+from eskin.snn.exchange.nir_events import load_nir_data, save_nir_data, to_events_array
+from eskin.snn.exchange.nir_network import load_nir, save_nir
+from eskin.snn.exchange.weights import Weights, load_weights, save_weights
+from eskin.snn.experiments.crossval import read_cell
+from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.experiments.trained import read_result
+from eskin.snn.network import build
+from eskin.snn.network_config import NetworkConfig
+from eskin.snn.train import train
+from eskin.snn.training import DivergedError, TrainConfig
 from tests.snn.helpers import easy_data, small_network
 
 CLASSES = ("a", "b", "c")

@@ -11,16 +11,16 @@ import pytest
 import torch
 from typer.testing import CliRunner
 
-from app.__main__ import app
-from base.errors import InputError
-from model.classifier.file import IntegerWeights, weight_image
-from model.classifier.network import State
-from snn.exchange.integer import Precision, quantise
-from snn.exchange.nir_network import to_nir
-from snn.exchange.weights import Weights, save_weights
-from snn.network import SpikingNetwork, build
-from snn.network_config import NetworkConfig
-from snn.rounding import grid_of, related_grids
+from eskin.app.__main__ import app
+from eskin.base.errors import InputError
+from eskin.model.classifier.file import IntegerWeights, weight_image
+from eskin.model.classifier.network import State
+from eskin.snn.exchange.integer import Precision, quantise
+from eskin.snn.exchange.nir_network import to_nir
+from eskin.snn.exchange.weights import Weights, save_weights
+from eskin.snn.network import SpikingNetwork, build
+from eskin.snn.network_config import NetworkConfig
+from eskin.snn.rounding import grid_of, related_grids
 
 
 def network(seed: int = 0, step: float | None = None, **fields: Any) -> SpikingNetwork:

@@ -12,13 +12,13 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from base.errors import InputError
-from snn.kernels import cpu as kernel
-from snn.kernels.layer import MOST_ENTRIES, Backend, layer
-from snn.kernels.reference import layer_reference
-from snn.kernels.rule import SURROGATES, NeuronReset, NeuronRule
-from snn.network import SpikingNetwork, build
-from snn.network_config import NetworkConfig
+from eskin.base.errors import InputError
+from eskin.snn.kernels import cpu as kernel
+from eskin.snn.kernels.layer import MOST_ENTRIES, Backend, layer
+from eskin.snn.kernels.reference import layer_reference
+from eskin.snn.kernels.rule import SURROGATES, NeuronReset, NeuronRule
+from eskin.snn.network import SpikingNetwork, build
+from eskin.snn.network_config import NetworkConfig
 
 needs_kernel = pytest.mark.skipif(not kernel.available(), reason="no C++ compiler for the kernel")
 RESETS: tuple[NeuronReset, ...] = ("zero", "subtract")
@@ -120,10 +120,10 @@ def test_a_kernel_that_cannot_take_a_sequence_refuses_it(monkeypatch: pytest.Mon
     values = tensors(3, 2, 5, 6, 0.5)
     with pytest.raises(InputError, match="the kernel needs float32 on the CPU"):
         layer(NeuronRule(), **{name: value.double() for name, value in values.items()}, backend="kernel")
-    monkeypatch.setattr("snn.kernels.layer.MOST_ENTRIES", 3 * 2 * 6)
+    monkeypatch.setattr("eskin.snn.kernels.layer.MOST_ENTRIES", 3 * 2 * 6)
     with pytest.raises(InputError, match="the kernel needs float32 on the CPU"):
         layer(NeuronRule(), **values, backend="kernel")
-    monkeypatch.setitem(sys.modules, "snn.kernels.triton", None)
+    monkeypatch.setitem(sys.modules, "eskin.snn.kernels.triton", None)
     with pytest.raises(InputError, match="the Triton kernel needs float32 on a CUDA GPU"):
         layer(NeuronRule(), **values, backend="triton")
 

@@ -10,19 +10,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.cli import make_app
-from app.commands.learn.exchange import convert
-from base.errors import InputError
-from model.address_events import EVENT_DTYPE, make_events
-from model.config import ReadoutConfig
-from model.encoders import registry
-from model.events.recording import Recording
-from snn.data.bins import BinConfig, bin_recording
-from snn.exchange.nir_events import from_nir_data, load_nir_data, save_nir_data, to_events_array, to_nir_data
-from snn.exchange.nir_network import to_nir
-from snn.exchange.weights import Weights
-from snn.network import build
-from snn.network_config import NetworkConfig
+from eskin.app.cli import make_app
+from eskin.app.commands.learn.exchange import convert
+from eskin.base.errors import InputError
+from eskin.model.address_events import EVENT_DTYPE, make_events
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.events.recording import Recording
+from eskin.snn.data.bins import BinConfig, bin_recording
+from eskin.snn.exchange.nir_events import from_nir_data, load_nir_data, save_nir_data, to_events_array, to_nir_data
+from eskin.snn.exchange.nir_network import to_nir
+from eskin.snn.exchange.weights import Weights
+from eskin.snn.network import build
+from eskin.snn.network_config import NetworkConfig
 from tests.snn.helpers import caller
 
 READOUT = ReadoutConfig(rows=2, columns=3, sample_rate_hz=17_001.0)

@@ -15,14 +15,14 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from app.cli import make_app
-from app.commands.learn.exchange import export, import_
-from base.errors import InputError
-from snn.exchange.nir_network import from_nir, load_nir, save_nir, to_nir
-from snn.exchange.portable import lacks
-from snn.exchange.weights import Weights, load_weights, save_weights
-from snn.network import SpikingNetwork, build
-from snn.network_config import NetworkConfig
+from eskin.app.cli import make_app
+from eskin.app.commands.learn.exchange import export, import_
+from eskin.base.errors import InputError
+from eskin.snn.exchange.nir_network import from_nir, load_nir, save_nir, to_nir
+from eskin.snn.exchange.portable import lacks
+from eskin.snn.exchange.weights import Weights, load_weights, save_weights
+from eskin.snn.network import SpikingNetwork, build
+from eskin.snn.network_config import NetworkConfig
 from tests.snn.helpers import caller
 
 CLASSES = ("a", "b", "c")

@@ -10,15 +10,15 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from app.__main__ import app
-from base.errors import InputError
-from base.workers.pool import Local
-from snn.experiments.crossval import read_cell
-from snn.experiments.experiment import Experiment
-from snn.experiments.pairs import find_point, mcnemar, pair
-from snn.experiments.points import Cells, PointSummary, Result, as_word, load_sweep
-from snn.experiments.sweep import SweepPoint, sweep
-from snn.training import TrainConfig
+from eskin.app.__main__ import app
+from eskin.base.errors import InputError
+from eskin.base.workers.pool import Local
+from eskin.snn.experiments.crossval import read_cell
+from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.experiments.pairs import find_point, mcnemar, pair
+from eskin.snn.experiments.points import Cells, PointSummary, Result, as_word, load_sweep
+from eskin.snn.experiments.sweep import SweepPoint, sweep
+from eskin.snn.training import TrainConfig
 from tests.snn.helpers import easy_data
 
 

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.__main__ import app
-from base.errors import InputError
-from model.classifier.config import ClassifierConfig
-from model.classifier.network import IntegerNetwork
-from snn.exchange.integer import Precision, quantise
-from snn.exchange.weights import load_weights
-from snn.experiments.evaluate import integer_classes
-from snn.experiments.robustness import Subject
-from snn.studies.precision import _operations_hz, parse_variants, points_of
+from eskin.app.__main__ import app
+from eskin.base.errors import InputError
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.classifier.network import IntegerNetwork
+from eskin.snn.exchange.integer import Precision, quantise
+from eskin.snn.exchange.weights import load_weights
+from eskin.snn.experiments.evaluate import integer_classes
+from eskin.snn.experiments.robustness import Subject
+from eskin.snn.studies.precision import _operations_hz, parse_variants, points_of
 from tests.snn.helpers import caller, two_textures
 
 call = caller(app)

@@ -14,22 +14,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-import snn.experiments.evaluate
-from app.__main__ import app as snn_app
-from app.cli import make_app, run
-from app.commands.learn.predict import predict
-from model.address_events import no_events
-from model.config import ReadoutConfig
-from model.events.recording import Recording
-from skin.textures.dataset import embedded_dataset
-from skin.textures.physical import PhysicalScan
-from snn.data.bins import BinConfig
-from snn.data.record import record, record_dataset
-from snn.exchange.weights import Weights, save_weights
-from snn.experiments.evaluate import Check
-from snn.experiments.trained import load_trained
-from snn.network import build
-from snn.network_config import NetworkConfig
+from eskin.app.__main__ import app as snn_app
+from eskin.app.cli import make_app, run
+from eskin.app.commands.learn.predict import predict
+from eskin.model.address_events import no_events
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.skin.textures.dataset import embedded_dataset
+from eskin.skin.textures.physical import PhysicalScan
+from eskin.snn.data.bins import BinConfig
+from eskin.snn.data.record import record, record_dataset
+from eskin.snn.exchange.weights import Weights, save_weights
+from eskin.snn.experiments import evaluate
+from eskin.snn.experiments.evaluate import Check
+from eskin.snn.experiments.trained import load_trained
+from eskin.snn.network import build
+from eskin.snn.network_config import NetworkConfig
 
 ROOT = Path(__file__).parents[2]
 CONFIG = ReadoutConfig(rows=1, columns=4)
@@ -91,7 +91,7 @@ def images_in(folder: Path) -> list[dict[str, Any]]:
 def test_predictions_from_rtl_spikes_are_those_from_model_spikes(tmp_path: Path, trained: Path, call: Call) -> None:
     size = ["--rows", "1", "--columns", "4"]
     what = ["--dataset", "embedded", "--limit", "6", "--workers", "1", "--out", str(tmp_path / "replay")]
-    command = [sys.executable, "-m", "app", "replay", *size, *what]
+    command = [sys.executable, "-m", "eskin", "replay", *size, *what]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0, done.stdout + done.stderr
     code, output, error = call("--events", tmp_path / "replay", "--check-model")
@@ -101,7 +101,7 @@ def test_predictions_from_rtl_spikes_are_those_from_model_spikes(tmp_path: Path,
     assert {image["source"] for image in of_rtl} == {"rtl"}
     assert all(image["predicted"] == image["model_predicted"] for image in of_rtl)
     data = record_dataset(embedded_dataset().limit(6), PhysicalScan(), CONFIG, BINS)
-    of_model = snn.experiments.evaluate.logits_of(load_trained(trained / "weights.npz").weights.network, data)
+    of_model = evaluate.logits_of(load_trained(trained / "weights.npz").weights.network, data)
     assert [image["name"] for image in of_rtl] == list(data.names)
     assert [image["logits"] for image in of_rtl] == of_model.tolist()
     assert len(np.unique(of_model, axis=0)) == 6
@@ -337,20 +337,20 @@ def test_counts_and_logits_are_compared_by_themselves(
     replayed: Path, call: Call, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Equal events, and a defect behind them: of the binning, then of the network."""
-    original = snn.experiments.evaluate.bin_recording
+    original = evaluate.bin_recording
 
     def lossy(recording: Recording, bins: BinConfig) -> Any:
         counts = original(recording, bins)
         return counts._replace(number=np.maximum(counts.number - 1, 1))
 
     with monkeypatch.context() as patch:
-        patch.setattr(snn.experiments.evaluate, "bin_recording", lossy)
+        patch.setattr(evaluate, "bin_recording", lossy)
         code, output, _ = call("--events", replayed, "--check-model")
     assert code == 1
     assert "brick/brick-00: step 0, taxel (0, 0), channel 0: model" in output
     assert "differ 0 in events, 6 in tensors, " in output
     calls = 0
-    forward = snn.experiments.evaluate.logits_of
+    forward = evaluate.logits_of
 
     def drifting(*arguments: Any) -> Any:
         nonlocal calls
@@ -359,7 +359,7 @@ def test_counts_and_logits_are_compared_by_themselves(
         return found if calls % 2 else np.nextafter(found, np.float32(9))
 
     with monkeypatch.context() as patch:
-        patch.setattr(snn.experiments.evaluate, "logits_of", drifting)
+        patch.setattr(evaluate, "logits_of", drifting)
         code, output, _ = call("--events", replayed, "--check-model")
     assert code == 1
     assert "brick/brick-00: logits of the model [" in output

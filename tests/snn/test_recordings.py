@@ -12,21 +12,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.__main__ import app
-from app.cli import run
-from base.errors import InputError
-from model.address_events import make_events
-from model.config import ReadoutConfig
-from model.events.recording import Recording
-from skin.recordings.options import Preparation
-from skin.recordings.trained_on import OwnReadout
-from snn.data.bins import BinConfig
-from snn.data.recordings import class_of, event_files, read_recordings
-from snn.data.scans import load_recordings
-from snn.exchange.weights import Weights, save_weights
-from snn.experiments.points import load_sweep
-from snn.network import build
-from snn.network_config import NetworkConfig
+from eskin.app.__main__ import app
+from eskin.app.cli import run
+from eskin.base.errors import InputError
+from eskin.model.address_events import make_events
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.skin.recordings.options import Preparation
+from eskin.skin.recordings.trained_on import OwnReadout
+from eskin.snn.data.bins import BinConfig
+from eskin.snn.data.recordings import class_of, event_files, read_recordings
+from eskin.snn.data.scans import load_recordings
+from eskin.snn.exchange.weights import Weights, save_weights
+from eskin.snn.experiments.points import load_sweep
+from eskin.snn.network import build
+from eskin.snn.network_config import NetworkConfig
 from tests.skins import counts, write_csv, write_skin
 
 CLASSES = ("felt", "glass", "wood")

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from app.cli import make_app
-from app.commands.learn.robustness import robustness
-from app.commands.learn.train import train
-from base.errors import InputError
-from model.address_events import taxel_of
-from model.config import ReadoutConfig
-from model.events.recording import Recording
-from skin.textures.dataset import Texture, open_dataset
-from skin.textures.presets import preset
-from snn.data.bins import BinConfig
-from snn.data.disturb import (
+from eskin.app.cli import make_app
+from eskin.app.commands.learn.robustness import robustness
+from eskin.app.commands.learn.train import train
+from eskin.base.errors import InputError
+from eskin.model.address_events import taxel_of
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.skin.textures.dataset import Texture, open_dataset
+from eskin.skin.textures.presets import preset
+from eskin.snn.data.bins import BinConfig
+from eskin.snn.data.disturb import (
     DISTURBANCES,
     TRAINING,
     Draft,
@@ -31,8 +31,8 @@ from snn.data.disturb import (
     noisy,
     record_disturbed,
 )
-from snn.data.record import record
-from snn.experiments.robustness import cases, summarise
+from eskin.snn.data.record import record
+from eskin.snn.experiments.robustness import cases, summarise
 from tests.snn.helpers import caller, two_textures
 
 CONFIG = ReadoutConfig(rows=3, columns=4, resolution=4)

@@ -14,16 +14,16 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from model.address_events import EVENT_DTYPE
-from model.config import Encoding, ReadoutConfig
-from model.events.recording import Recording
-from skin.textures.presets import preset
-from snn.data.bins import BinConfig, bin_recording
-from snn.data.scans import load_recordings
-from snn.exchange.weights import Weights, save_weights
-from snn.network import SpikingNetwork, build
-from snn.network_config import NetworkConfig
-from snn.train import logits_of
+from eskin.model.address_events import EVENT_DTYPE
+from eskin.model.config import Encoding, ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.skin.textures.presets import preset
+from eskin.snn.data.bins import BinConfig, bin_recording
+from eskin.snn.data.scans import load_recordings
+from eskin.snn.exchange.weights import Weights, save_weights
+from eskin.snn.network import SpikingNetwork, build
+from eskin.snn.network_config import NetworkConfig
+from eskin.snn.train import logits_of
 
 # ----------------------------------------------------------------------------------------------------
 

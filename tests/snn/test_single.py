@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from snn.experiments.single import Fold
+from eskin.snn.experiments.single import Fold
 from tests.snn.helpers import easy_data
 
 

@@ -10,19 +10,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.__main__ import app
-from model.config import ReadoutConfig
-from power.equations import CORRECTIONS, PowerModel
-from power.parameters import PowerParameters
-from skin.textures.dataset import Dataset, open_dataset
-from snn.data.disturb import noisy
-from snn.data.frame_steps import FrameSteps
-from snn.experiments.experiment import Experiment
-from snn.studies.latency import begin_of
-from snn.studies.noise import Noisy, Rates, noisy_scans, power_of
-from snn.studies.paired import paired
-from snn.studies.rest import bits_per_second
-from snn.studies.timing import _errors, timing_points
+from eskin.app.__main__ import app
+from eskin.model.config import ReadoutConfig
+from eskin.power.equations import CORRECTIONS, PowerModel
+from eskin.power.parameters import PowerParameters
+from eskin.skin.textures.dataset import Dataset, open_dataset
+from eskin.snn.data.disturb import noisy
+from eskin.snn.data.frame_steps import FrameSteps
+from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.studies.latency import begin_of
+from eskin.snn.studies.noise import Noisy, Rates, noisy_scans, power_of
+from eskin.snn.studies.paired import paired
+from eskin.snn.studies.rest import bits_per_second
+from eskin.snn.studies.timing import _errors, timing_points
 from tests.snn.helpers import caller, two_textures
 
 call = caller(app)

@@ -16,24 +16,24 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from app.__main__ import app
-from app.cli import run
-from app.commands.learn.sweep import _print_table
-from app.options import LEAKY
-from base.errors import InputError
-from base.workers import cluster as dask_cluster
-from base.workers.cluster import Cluster, Needs
-from base.workers.pool import Local
-from model.config import ReadoutConfig
-from model.encoders import registry
-from snn.data.frame_steps import FrameSteps
-from snn.data.scans import ScanData
-from snn.experiments import crossval
-from snn.experiments.experiment import Experiment
-from snn.experiments.points import Cells, PointSummary, Result
-from snn.experiments.settings import parse_points
-from snn.experiments.sweep import PointRun, SweepPoint, sweep
-from snn.training import TrainConfig
+from eskin.app.__main__ import app
+from eskin.app.cli import run
+from eskin.app.commands.learn.sweep import _print_table
+from eskin.app.options import LEAKY
+from eskin.base.errors import InputError
+from eskin.base.workers import cluster as dask_cluster
+from eskin.base.workers.cluster import Cluster, Needs
+from eskin.base.workers.pool import Local
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.snn.data.frame_steps import FrameSteps
+from eskin.snn.data.scans import ScanData
+from eskin.snn.experiments import crossval
+from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.experiments.points import Cells, PointSummary, Result
+from eskin.snn.experiments.settings import parse_points
+from eskin.snn.experiments.sweep import PointRun, SweepPoint, sweep
+from eskin.snn.training import TrainConfig
 from tests.snn.helpers import easy_data
 
 ENCODERS = ", ".join(registry.NAMES)
@@ -136,7 +136,7 @@ def command(folder: Path) -> list[str]:
 
 def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path) -> None:
     options = [*command(tmp_path), "--epochs", "2"]
-    arguments = [sys.executable, "-m", "app", *options, "--workers", "2", "--out", str(tmp_path / "killed")]
+    arguments = [sys.executable, "-m", "eskin", *options, "--workers", "2", "--out", str(tmp_path / "killed")]
     killed = subprocess.Popen(arguments, cwd=ROOT, start_new_session=True, stdout=subprocess.DEVNULL)
     try:
         deadline = time.monotonic() + 120

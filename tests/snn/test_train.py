@@ -17,33 +17,33 @@ import pytest
 import torch
 from typer.testing import CliRunner
 
-from app.__main__ import app
-from app.commands.learn import train as commands
-from app.commands.learn.options import build_experiment
-from app.options import LEAKY
-from base.errors import InputError
-from base.files import write_json
-from model.config import ReadoutConfig
-from skin.textures.dataset import embedded_dataset
-from skin.textures.physical import PhysicalScan
-from snn.checkpoint import Checkpoint
-from snn.data.bins import BinConfig
-from snn.data.folds import stratified_folds
-from snn.data.frame_steps import FrameSteps
-from snn.data.frames import frame_dataset
-from snn.data.record import record_dataset
-from snn.data.scans import ScanData, Split
-from snn.experiments.crossval import check_same, run_cell, summarise
-from snn.experiments.experiment import Experiment
-from snn.experiments.intervals import bootstrap, wilson
-from snn.experiments.recipes import RECIPES
-from snn.experiments.settings import parse_settings
-from snn.experiments.sweep import cross_validate
-from snn.flat import hints_of
-from snn.network import build
-from snn.network_config import FIELDS, KINDS, NetworkConfig
-from snn.train import logits_of, predicted_classes, train
-from snn.training import DivergedError, Epoch, TrainConfig
+from eskin.app.__main__ import app
+from eskin.app.commands.learn import train as commands
+from eskin.app.commands.learn.options import build_experiment
+from eskin.app.options import LEAKY
+from eskin.base.errors import InputError
+from eskin.base.files import write_json
+from eskin.model.config import ReadoutConfig
+from eskin.skin.textures.dataset import embedded_dataset
+from eskin.skin.textures.physical import PhysicalScan
+from eskin.snn.checkpoint import Checkpoint
+from eskin.snn.data.bins import BinConfig
+from eskin.snn.data.folds import stratified_folds
+from eskin.snn.data.frame_steps import FrameSteps
+from eskin.snn.data.frames import frame_dataset
+from eskin.snn.data.record import record_dataset
+from eskin.snn.data.scans import ScanData, Split
+from eskin.snn.experiments.crossval import check_same, run_cell, summarise
+from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.experiments.intervals import bootstrap, wilson
+from eskin.snn.experiments.recipes import RECIPES
+from eskin.snn.experiments.settings import parse_settings
+from eskin.snn.experiments.sweep import cross_validate
+from eskin.snn.flat import hints_of
+from eskin.snn.network import build
+from eskin.snn.network_config import FIELDS, KINDS, NetworkConfig
+from eskin.snn.train import logits_of, predicted_classes, train
+from eskin.snn.training import DivergedError, Epoch, TrainConfig
 from tests.snn.helpers import easy_data, small_network
 
 ROOT = Path(__file__).parents[2]
@@ -108,7 +108,7 @@ def test_the_selected_epoch_is_that_of_the_held_out_images_not_of_the_test() -> 
 def test_a_killed_command_goes_on_and_ends_in_the_same_bits(tmp_path: Path) -> None:
     (tmp_path / "small.json").write_text(json.dumps({"rows": 2, "columns": 2, "resolution": 4}))
     epochs = 100
-    command = [sys.executable, "-m", "app", "train", "--dataset", "embedded", "--bin", "0.02", "--set", "hidden=32"]
+    command = [sys.executable, "-m", "eskin", "train", "--dataset", "embedded", "--bin", "0.02", "--set", "hidden=32"]
     command += ["--config", str(tmp_path / "small.json"), "--epochs", str(epochs), "--checkpoint-every", "1", "--out"]
 
     def start(name: str) -> subprocess.Popen[bytes]:
@@ -255,7 +255,7 @@ def test_cells_are_kept_and_only_missing_ones_are_run(tmp_path: Path, monkeypatc
     assert json.loads((tmp_path / "a" / "result.json").read_text())["last"]["images"] == 30
     (tmp_path / "a" / "fold-1-seed-0.json").unlink()
     ran: list[int] = []
-    from snn.experiments import crossval
+    from eskin.snn.experiments import crossval
 
     original = crossval.run_cell
 

@@ -13,11 +13,11 @@ import torch
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset
 
-from base.errors import InputError
-from model.config import ReadoutConfig
-from model.taxel import encode
-from skin.textures.scan import quantise
-from snn.exchange.transforms import LevelCrossing
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig
+from eskin.model.taxel import encode
+from eskin.skin.textures.scan import quantise
+from eskin.snn.exchange.transforms import LevelCrossing
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "guide" / "exchange.md"
 CONFIGS = {

@@ -18,10 +18,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from base.errors import InputError
-from snn.kernels.layer import layer
-from snn.kernels.reference import layer_reference
-from snn.kernels.rule import NeuronRule
+from eskin.base.errors import InputError
+from eskin.snn.kernels.layer import layer
+from eskin.snn.kernels.reference import layer_reference
+from eskin.snn.kernels.rule import NeuronRule
 from tests.snn.test_network import RULES, run, tensors
 
 triton = pytest.importorskip("triton", reason="triton is not installed: pip install '.[gpu]'")
@@ -29,7 +29,7 @@ triton = pytest.importorskip("triton", reason="triton is not installed: pip inst
 from triton.backends.compiler import GPUTarget  # noqa: E402
 from triton.compiler import ASTSource  # noqa: E402
 
-from snn.kernels import triton as kernel_triton  # noqa: E402
+from eskin.snn.kernels import triton as kernel_triton  # noqa: E402
 
 INTERPRETED = kernel_triton.INTERPRETED
 DEVICE = "cpu" if INTERPRETED or not torch.cuda.is_available() else "cuda"

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import torch
 
-from base.errors import InputError
-from snn.exchange.weights import Weights, load_weights, quantise, save_weights
-from snn.network import build
-from snn.network_config import NetworkConfig
+from eskin.base.errors import InputError
+from eskin.snn.exchange.weights import Weights, load_weights, quantise, save_weights
+from eskin.snn.network import build
+from eskin.snn.network_config import NetworkConfig
 
 CLASSES = ("a", "b", "c")
 

@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from app.__main__ import app
-from cocotb_tests.runner.cocotb_runners import build_environment
-from model.config import ReadoutConfig
-from model.frame_config import FrameConfig
-from rtl import yosys
-from rtl.verilog import verilog
-from verify.proofs.bind import properties
+from eskin.app.__main__ import app
+from eskin.cocotb_tests.runner.cocotb_runners import build_environment
+from eskin.model.config import ReadoutConfig
+from eskin.model.frame_config import FrameConfig
+from eskin.rtl import yosys
+from eskin.rtl.verilog import verilog
+from eskin.verify.proofs.bind import properties
 
 CONFIG = ReadoutConfig(rows=2, columns=2, frontend="analog", link="four_phase")
 MAIN = """#include "Vbound.h"

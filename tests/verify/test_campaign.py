@@ -9,15 +9,15 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from app.__main__ import app
-from verify.mutants import campaign, questions
-from verify.mutants.arguments import arguments
-from verify.mutants.campaign import MODEL, RTL, Done, Finding, closing_line
-from verify.mutants.checkout import failing, first_failed, original
-from verify.mutants.configs import COUNT, configs
-from verify.mutants.edits import Mutant, mutated, places, sample
-from verify.mutants.judge import Asked, ask_quick_check, conclude
-from verify.mutants.questions import Questions, mutated_files
+from eskin.app.__main__ import app
+from eskin.verify.mutants import campaign, questions
+from eskin.verify.mutants.arguments import arguments
+from eskin.verify.mutants.campaign import MODEL, RTL, Done, Finding, closing_line
+from eskin.verify.mutants.checkout import failing, first_failed, original
+from eskin.verify.mutants.configs import COUNT, configs
+from eskin.verify.mutants.edits import Mutant, mutated, places, sample
+from eskin.verify.mutants.judge import Asked, ask_quick_check, conclude
+from eskin.verify.mutants.questions import Questions, mutated_files
 
 ROOT = Path(__file__).parents[2]
 
@@ -196,6 +196,6 @@ def test_the_closing_line_counts_what_is_alive_and_what_is_left(monkeypatch: pyt
         "mutants: 6, 1 proved equivalent, 1 argued; of the others 3 killed (75.0 %, 95 % interval 30.1 to 95.4 %), by "
         "the quick check alone 50.0 %; 1 alive, 2 not yet judged; 1 tests fail without a mutant and are not asked"
     )
-    monkeypatch.setattr("verify.mutants.campaign.arguments", lambda: {mutant.name: "because"})
+    monkeypatch.setattr("eskin.verify.mutants.campaign.arguments", lambda: {mutant.name: "because"})
     assert campaign._finding(mutant, {"verdict": "alive"}).verdict == "argued"
     assert campaign._finding(mutant, {"verdict": "killed"}).verdict == "killed"

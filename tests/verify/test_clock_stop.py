@@ -6,14 +6,14 @@ from typing import Any
 
 import pytest
 
-from model.config import ReadoutConfig
-from model.frame_config import FrameConfig
-from rtl import readout, taxel
-from rtl.arbiter import Arbiter
-from rtl.block import Netlist
-from rtl.frame import FrameReadout
-from verify.proofs.clock_stop import stands_still
-from verify.proofs.mutants import make
+from eskin.model.config import ReadoutConfig
+from eskin.model.frame_config import FrameConfig
+from eskin.rtl import readout, taxel
+from eskin.rtl.arbiter import Arbiter
+from eskin.rtl.block import Netlist
+from eskin.rtl.frame import FrameReadout
+from eskin.verify.proofs.clock_stop import stands_still
+from eskin.verify.proofs.mutants import make
 
 FEW = ReadoutConfig(rows=2, columns=2, sample_bits=6, resolution=2, window_period=3, leak_period=3)
 BLOCKS = [

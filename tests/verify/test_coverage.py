@@ -7,16 +7,16 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from app.__main__ import app
-from base.errors import InputError
-from cocotb_tests.runner import build_cache as store
-from verify.coverage import bench, plan, stimuli
-from verify.coverage.constructs import Construct, modules, read, with_points
-from verify.coverage.plan import Run, runs
-from verify.coverage.points.all_points import points
-from verify.coverage.points.point import Point
-from verify.coverage.run import Reached, closing_line, judge, play
-from verify.coverage.waivers import Waiver, chosen, claim, explained, guards, unproved, waivers
+from eskin.app.__main__ import app
+from eskin.base.errors import InputError
+from eskin.cocotb_tests.runner import build_cache as store
+from eskin.verify.coverage import bench, plan, stimuli
+from eskin.verify.coverage.constructs import Construct, modules, read, with_points
+from eskin.verify.coverage.plan import Run, runs
+from eskin.verify.coverage.points.all_points import points
+from eskin.verify.coverage.points.point import Point
+from eskin.verify.coverage.run import Reached, closing_line, judge, play
+from eskin.verify.coverage.waivers import Waiver, chosen, claim, explained, guards, unproved, waivers
 
 TEXT = """// a comment
 module eskin_a(clk, rst, x, y);
@@ -188,7 +188,9 @@ def test_what_is_kept_is_not_played_again_and_the_command_ends_with_its_one_line
         played.append(folder.name)
 
     monkeypatch.setattr(plan, "runs", lambda: [Run("nothing", TINY, plays, small=True)])
-    monkeypatch.setattr("verify.coverage.run.points", lambda config: [Point("lcs", "held", "eskin_taxel", "pending")])
+    monkeypatch.setattr(
+        "eskin.verify.coverage.run.points", lambda config: [Point("lcs", "held", "eskin_taxel", "pending")]
+    )
     for _ in range(2):
         done = CliRunner().invoke(app, ["coverage", "--small", "--out", str(tmp_path)])
         assert done.exit_code == 1

@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from app.__main__ import app
-from base.errors import InputError
-from model.config import ReadoutConfig
-from model.frame_config import FrameConfig
-from rtl.verilog import verilog
-from verify.crosscheck import cxxrtl
-from verify.crosscheck.check import Mismatch, play, texts
-from verify.crosscheck.slang import problems
+from eskin.app.__main__ import app
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig
+from eskin.model.frame_config import FrameConfig
+from eskin.rtl.verilog import verilog
+from eskin.verify.crosscheck import cxxrtl
+from eskin.verify.crosscheck.check import Mismatch, play, texts
+from eskin.verify.crosscheck.slang import problems
 
 FEW = ReadoutConfig(rows=2, columns=2, window_period=3)
 DELIVERED = [

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from app.__main__ import app
-from verify.crosscheck import prove, sby
-from verify.proofs.plan import Proof, proofs
+from eskin.app.__main__ import app
+from eskin.verify.crosscheck import prove, sby
+from eskin.verify.proofs.plan import Proof, proofs
 
 LINK = next(proof for proof in proofs() if proof.block == "link" and proof.small)
 

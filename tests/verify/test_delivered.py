@@ -9,18 +9,18 @@ from typing import Any, get_args
 import pytest
 from typer.testing import CliRunner
 
-from app.__main__ import app
-from board.config import BoardConfig, SerialConfig
-from board.gateware import top as board
-from model.classifier.chip_config import ChipConfig
-from model.classifier.config import ClassifierConfig
-from model.config import ReadoutConfig
-from model.encoders import registry
-from model.frame_config import FrameConfig
-from model.tiles.config import MergeConfig, TilesConfig
-from rtl import yosys
-from rtl.verilog import Config, rtlil, verilog
-from verify.proofs.delivered import Different, prove
+from eskin.app.__main__ import app
+from eskin.board.config import BoardConfig, SerialConfig
+from eskin.board.gateware import top as board
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.frame_config import FrameConfig
+from eskin.model.tiles.config import MergeConfig, TilesConfig
+from eskin.rtl import yosys
+from eskin.rtl.verilog import Config, rtlil, verilog
+from eskin.verify.proofs.delivered import Different, prove
 
 READOUT = ReadoutConfig(rows=2, columns=3)
 OUTSIDE: dict[str, Any] = {"frontend": "analog", "link": "four_phase", "reset": "async"}

@@ -8,18 +8,18 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from app.__main__ import app
-from model.classifier.config import ClassifierConfig
-from model.frame_config import FrameConfig
-from rtl.readout import Readout
+from eskin.app.__main__ import app
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.frame_config import FrameConfig
+from eskin.rtl.readout import Readout
+from eskin.verify.faults import classifier, host, merge
+from eskin.verify.faults import frame_readout as frames
+from eskin.verify.faults.bench import bench_gates
+from eskin.verify.faults.cases import CASES, ack_never_falls, cases
+from eskin.verify.faults.outcomes import CLASSES, UnlikeModel, Upset, upsets
+from eskin.verify.faults.plan import FEW, Trial, classifiers, hosts, surroundings, tiles, trials
+from eskin.verify.faults.run import campaign, problems_of, run, write
 from tests.planted import planted
-from verify.faults import classifier, host, merge
-from verify.faults import frame_readout as frames
-from verify.faults.bench import bench_gates
-from verify.faults.cases import CASES, ack_never_falls, cases
-from verify.faults.outcomes import CLASSES, UnlikeModel, Upset, upsets
-from verify.faults.plan import FEW, Trial, classifiers, hosts, surroundings, tiles, trials
-from verify.faults.run import campaign, problems_of, run, write
 
 ROOT = Path(__file__).parents[2]
 HANDSHAKE = FEW.replace(link="four_phase")
@@ -185,8 +185,8 @@ def test_a_link_that_does_not_wait_for_ack_to_fall_is_found() -> None:
 
 
 def test_the_command_ends_with_its_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("verify.faults.plan.trials", lambda small: [Trial(FEW, True, stride=50)])
-    monkeypatch.setattr("verify.faults.cases.CASES", CASES[:2])
+    monkeypatch.setattr("eskin.verify.faults.plan.trials", lambda small: [Trial(FEW, True, stride=50)])
+    monkeypatch.setattr("eskin.verify.faults.cases.CASES", CASES[:2])
     done = CliRunner().invoke(app, ["faults", "--small", "--out", str(tmp_path / "faults.json")])
     assert done.exit_code == 0, done.output
     last = done.output.splitlines()[-1]
@@ -207,9 +207,9 @@ def test_a_campaign_that_was_stopped_goes_on_behind_what_is_done(
             raise KeyboardInterrupt
         return [{"upsets": trial.stride, "never recovers": 0}], []
 
-    monkeypatch.setattr("verify.faults.plan.trials", lambda small: [Trial(FEW, stride=1), Trial(FEW, stride=2)])
-    monkeypatch.setattr("verify.faults.plan.surroundings", lambda small: [])
-    monkeypatch.setattr("verify.faults.run.run", stopped_once)
+    monkeypatch.setattr("eskin.verify.faults.plan.trials", lambda small: [Trial(FEW, stride=1), Trial(FEW, stride=2)])
+    monkeypatch.setattr("eskin.verify.faults.plan.surroundings", lambda small: [])
+    monkeypatch.setattr("eskin.verify.faults.run.run", stopped_once)
     out, said = tmp_path / "faults.json", []
     with pytest.raises(KeyboardInterrupt):
         campaign(True, out, said.append)
@@ -219,7 +219,7 @@ def test_a_campaign_that_was_stopped_goes_on_behind_what_is_done(
     write(out, "make faults", done)
     assert json.loads(out.read_text())["result"].startswith("faults: 3 upsets, 0 of them for good")
     assert list(tmp_path.iterdir()) == [out]
-    monkeypatch.setattr("verify.faults.run.version", lambda needs: "another")
+    monkeypatch.setattr("eskin.verify.faults.run.version", lambda needs: "another")
     (tmp_path / ".faults.json.pieces").write_text('{"name": "' + str(Trial(FEW, stride=1)) + '", "code": "old"}\n{"na')
     campaign(True, out, said.append)
     assert tried == [1, 2, 2, 1, 2]

@@ -6,11 +6,11 @@ import dataclasses
 
 import pytest
 
-from cocotb_tests.bench.draw import Draw
-from model.events.compare import first_difference
-from model.readout import simulate
+from eskin.cocotb_tests.bench.draw import Draw
+from eskin.model.events.compare import first_difference
+from eskin.model.readout import simulate
+from eskin.verify.soak.play import play
 from tests.independent.agreement import play as play_second
-from verify.soak.play import play
 
 
 @pytest.mark.parametrize("part", range(2))

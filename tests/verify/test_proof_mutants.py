@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from base.files import Pieces
-from verify.proofs import run
-from verify.proofs.bench import netlist
-from verify.proofs.engine import solve
-from verify.proofs.mutants import mutants
-from verify.proofs.plan import proofs
-from verify.proofs.report import write
-from verify.proofs.run import FEWEST_MUTANTS, Hunt, hunts, judge, outcomes
+from eskin.base.files import Pieces
+from eskin.verify.proofs import run
+from eskin.verify.proofs.bench import netlist
+from eskin.verify.proofs.engine import solve
+from eskin.verify.proofs.mutants import mutants
+from eskin.verify.proofs.plan import proofs
+from eskin.verify.proofs.report import write
+from eskin.verify.proofs.run import FEWEST_MUTANTS, Hunt, hunts, judge, outcomes
 
 ROOT = Path(__file__).parents[2]
 PROOFS = proofs()

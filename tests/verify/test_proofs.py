@@ -7,14 +7,14 @@ from amaranth.asserts import AnyConst
 from amaranth.hdl import Fragment, Module, Signal
 from typer.testing import CliRunner
 
-from app.__main__ import app
-from model.config import ReadoutConfig
-from rtl.link import FourPhaseLink
-from verify.proofs.blocks.link import LinkChecker
-from verify.proofs.checker import Checker, Property
-from verify.proofs.engine import Verdict, solve
-from verify.proofs.plan import Proof, proofs
-from verify.proofs.run import closing_line, outcomes
+from eskin.app.__main__ import app
+from eskin.model.config import ReadoutConfig
+from eskin.rtl.link import FourPhaseLink
+from eskin.verify.proofs.blocks.link import LinkChecker
+from eskin.verify.proofs.checker import Checker, Property
+from eskin.verify.proofs.engine import Verdict, solve
+from eskin.verify.proofs.plan import Proof, proofs
+from eskin.verify.proofs.run import closing_line, outcomes
 
 SMALL = [proof for proof in proofs() if proof.small]
 CONFIG = ReadoutConfig(rows=1, columns=1, link="four_phase")

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-import cocotb_tests.runner.simulator as simulator
-from cocotb_tests.bench.draw import Draw
-from cocotb_tests.runner.build_cache import SOURCES
+import eskin.cocotb_tests.runner.simulator as simulator
+from eskin.cocotb_tests.bench.draw import Draw
+from eskin.cocotb_tests.runner.build_cache import SOURCES
+from eskin.verify.soak import play
+from eskin.verify.soak.campaign import MOST_SAMPLES, Plan, draws_of
+from eskin.verify.soak.play import Failure, shrink
 from tests.app.test_simulate import call
-from verify.soak import play
-from verify.soak.campaign import MOST_SAMPLES, Plan, draws_of
-from verify.soak.play import Failure, shrink
 
 SMALL = ("--sim", "icarus", "--clocks", 600)
 BREAKABLE = 27

@@ -8,20 +8,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from base.errors import InputError
-from cocotb_tests.bench.reference import play
-from flow.datasheet.page import sheet_of
-from flow.gate_count import count_gates
-from model.config import ReadoutConfig
-from model.encoders import registry
-from model.readout import Stimulus, simulate
-from model.taxel import decode, encode, error_bound
-from rtl.encoders import registry as rtl
-from rtl.verilog import verilog
+from eskin.base.errors import InputError
+from eskin.cocotb_tests.bench.reference import play
+from eskin.flow.datasheet.page import sheet_of
+from eskin.flow.gate_count import count_gates
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.readout import Stimulus, simulate
+from eskin.model.taxel import decode, encode, error_bound
+from eskin.rtl.encoders import registry as rtl
+from eskin.rtl.verilog import verilog
+from eskin.verify.proofs.bench import design
+from eskin.verify.proofs.blocks.taxel import TaxelChecker
 from tests.independent.readout import Readout as IndependentReadout
 from tests.independent.settings import Settings
-from verify.proofs.bench import design
-from verify.proofs.blocks.taxel import TaxelChecker
 
 SAMPLES = np.array([[0, 0], [40, -40]])
 STIMULUS = Stimulus.from_samples(ReadoutConfig(rows=1, columns=2), SAMPLES)

@@ -8,12 +8,12 @@ from dataclasses import astuple, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cocotb_tests.runner.build_cache import verilog_text
-from cocotb_tests.runner.cocotb_runners import VERILATOR_FLAGS
-from cocotb_tests.runner.simulator import Build, Instruments, instrumented
-from rtl.verilog import Config
-from verify.coverage.constructs import POINT, Construct, modules, read, with_points
-from verify.coverage.points.point import Point
+from eskin.cocotb_tests.runner.build_cache import verilog_text
+from eskin.cocotb_tests.runner.cocotb_runners import VERILATOR_FLAGS
+from eskin.cocotb_tests.runner.simulator import Build, Instruments, instrumented
+from eskin.rtl.verilog import Config
+from eskin.verify.coverage.constructs import POINT, Construct, modules, read, with_points
+from eskin.verify.coverage.points.point import Point
 
 FLAGS = ["--coverage-expr", "--coverage-line", "--coverage-toggle", "--coverage-user", "--coverage-max-width", "128"]
 NO_POINTS = "--no-assert"

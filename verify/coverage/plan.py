@@ -8,17 +8,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from board.config import BoardConfig
-from cocotb_tests.blocks import pattern, registers, spi
-from model.classifier.chip_config import ChipConfig
-from model.classifier.config import ClassifierConfig
-from model.config import ReadoutConfig
-from model.encoders import registry
-from model.frame_config import FrameConfig
-from model.tiles.config import MergeConfig, TilesConfig
-from rtl.verilog import Config
-from verify.coverage import stimuli
-from verify.coverage.boards.play import board, small_board
+from eskin.board.config import BoardConfig
+from eskin.cocotb_tests.blocks import pattern, registers, spi
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.frame_config import FrameConfig
+from eskin.model.tiles.config import MergeConfig, TilesConfig
+from eskin.rtl.verilog import Config
+from eskin.verify.coverage import stimuli
+from eskin.verify.coverage.boards.play import board, small_board
 
 
 @dataclass(frozen=True)

@@ -9,26 +9,24 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import cocotb_tests
-import model
-import rtl
-import verify.coverage
-from base.files import Pieces, origin, write_json
-from board.config import BoardConfig
-from cocotb_tests.runner.build_cache import digest, scratch_folder, sources
-from rtl.verilog import Config
-from verify.coverage.bench import Counts, counting
-from verify.coverage.constructs import Construct
-from verify.coverage.plan import Run
-from verify.coverage.points.all_points import points
-from verify.coverage.points.point import Point
-from verify.coverage.waivers import Waiver, claim, explained, unproved
+from eskin import cocotb_tests, model, rtl
+from eskin.base.files import Pieces, origin, write_json
+from eskin.board.config import BoardConfig
+from eskin.cocotb_tests.runner.build_cache import digest, scratch_folder, sources
+from eskin.rtl.verilog import Config
+from eskin.verify import coverage
+from eskin.verify.coverage.bench import Counts, counting
+from eskin.verify.coverage.constructs import Construct
+from eskin.verify.coverage.plan import Run
+from eskin.verify.coverage.points.all_points import points
+from eskin.verify.coverage.points.point import Point
+from eskin.verify.coverage.waivers import Waiver, claim, explained, unproved
 
 SOURCES = sources(
     (
         *((package, "**/*.py") for package in (rtl, model, cocotb_tests)),
         (cocotb_tests, "**/*.v"),
-        *((verify.coverage, f"{name}.py") for name in ("bench", "constructs", "stimuli", "boards/*")),
+        *((coverage, f"{name}.py") for name in ("bench", "constructs", "stimuli", "boards/*")),
     )
 )
 KINDS = ("line", "branch", "toggle", "condition")

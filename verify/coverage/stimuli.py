@@ -10,25 +10,25 @@ from typing import Any
 
 import numpy as np
 
-from cocotb_tests.bench.draw import GAPS, SIGNALS, SINKS, Draw
-from cocotb_tests.bench.spi import Timing, waveform
-from cocotb_tests.blocks.analog import run as play_comparators
-from cocotb_tests.blocks.classifier import cosimulate as play_scans
-from cocotb_tests.blocks.frame import cosimulate as play_frames
-from cocotb_tests.blocks.host import pins_of
-from cocotb_tests.blocks.host import play as play_host
-from cocotb_tests.blocks.merge import play as play_merge
-from cocotb_tests.blocks.relay import play as play_relay
-from cocotb_tests.blocks.skin import play as play_skin
-from cocotb_tests.touch import noise
-from model.classifier.chip_config import ChipConfig
-from model.classifier.config import ClassifierConfig
-from model.config import ReadoutConfig
-from model.frame_config import FrameConfig
-from model.registers.description import Register, registers
-from model.registers.spi import Pins, transfer
-from model.tiles.config import MergeConfig, TilesConfig
-from verify.soak.play import play
+from eskin.cocotb_tests.bench.draw import GAPS, SIGNALS, SINKS, Draw
+from eskin.cocotb_tests.bench.spi import Timing, waveform
+from eskin.cocotb_tests.blocks.analog import run as play_comparators
+from eskin.cocotb_tests.blocks.classifier import cosimulate as play_scans
+from eskin.cocotb_tests.blocks.frame import cosimulate as play_frames
+from eskin.cocotb_tests.blocks.host import pins_of
+from eskin.cocotb_tests.blocks.host import play as play_host
+from eskin.cocotb_tests.blocks.merge import play as play_merge
+from eskin.cocotb_tests.blocks.relay import play as play_relay
+from eskin.cocotb_tests.blocks.skin import play as play_skin
+from eskin.cocotb_tests.touch import noise
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.config import ReadoutConfig
+from eskin.model.frame_config import FrameConfig
+from eskin.model.registers.description import Register, registers
+from eskin.model.registers.spi import Pins, transfer
+from eskin.model.tiles.config import MergeConfig, TilesConfig
+from eskin.verify.soak.play import play
 
 VERILATOR: Any = "verilator"
 SHORT_CLOCKS, LONG_CLOCKS = 300, 4000

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from base.errors import InputError
-from rtl import yosys
-from verify.coverage.constructs import MODULE, Construct, modules
+from eskin.base.errors import InputError
+from eskin.rtl import yosys
+from eskin.verify.coverage.constructs import MODULE, Construct, modules
 
 FILE = Path(__file__).with_name("waivers.toml")
 READ = "read_verilog -sv design.v; hierarchy -top {module}; proc; memory; flatten; async2sync; opt_clean; "

@@ -6,15 +6,15 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from cocotb_tests.bench.stimuli import scenarios, settled
-from cocotb_tests.bench.textures import scan
-from model.config import ReadoutConfig
-from model.events.compare import first_difference
-from model.frame_config import FrameConfig
-from model.readout import simulate
-from rtl.verilog import top_block, verilog
-from verify.crosscheck import cxxrtl, slang
-from verify.proofs.bind import properties
+from eskin.cocotb_tests.bench.stimuli import scenarios, settled
+from eskin.cocotb_tests.bench.textures import scan
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.compare import first_difference
+from eskin.model.frame_config import FrameConfig
+from eskin.model.readout import simulate
+from eskin.rtl.verilog import top_block, verilog
+from eskin.verify.crosscheck import cxxrtl, slang
+from eskin.verify.proofs.bind import properties
 
 
 class Mismatch(AssertionError):

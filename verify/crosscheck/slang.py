@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from base.errors import InputError
+from eskin.base.errors import InputError
 
 WAIVED = {
     "sign-conversion": "registers are signed where numbers are; vectors that are only handed on are not",

@@ -22,11 +22,11 @@ from amaranth.hdl import (
 )
 from amaranth.lib import wiring
 
-from model.classifier.config import ClassifierConfig
-from model.config import ReadoutConfig
-from rtl.block import Block, Netlist
-from rtl.classifier.chip import BinTimer
-from verify.faults.gate_design import Gates, gates_of
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.config import ReadoutConfig
+from eskin.rtl.block import Block, Netlist
+from eskin.rtl.classifier.chip import BinTimer
+from eskin.verify.faults.gate_design import Gates, gates_of
 
 TOP, DUT, TIMER = "bench", "dut", "timer"
 FIELDS = ("col", "row", "polarity")

@@ -9,14 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.config import ReadoutConfig
-from model.readout import Stimulus
-from model.readout import simulate as simulate_model
-from rtl.readout import Readout
-from verify.faults.bench import bench_gates
-from verify.faults.gate_design import Gates
-from verify.faults.parallel import LANES, Traces, simulate
-from verify.faults.scenario import RESET, codes_of, course, events_of, inputs_of
+from eskin.model.config import ReadoutConfig
+from eskin.model.readout import Stimulus
+from eskin.model.readout import simulate as simulate_model
+from eskin.rtl.readout import Readout
+from eskin.verify.faults.bench import bench_gates
+from eskin.verify.faults.gate_design import Gates
+from eskin.verify.faults.parallel import LANES, Traces, simulate
+from eskin.verify.faults.scenario import RESET, codes_of, course, events_of, inputs_of
 
 NO_UPSETS = np.zeros((0, 3), np.int64)
 STUCK = 300

@@ -9,15 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.classifier.config import ClassifierConfig, highest, lowest
-from model.classifier.file import neuron_image, weight_image
-from model.classifier.network import IntegerNetwork
-from model.classifier.run import first_ready, simulate
-from rtl.classifier import core
-from verify.faults.bench import NUMBER_BITS, bench_gates, channel_of, inside, name_of
-from verify.faults.outcomes import CHANGED, MOVED, NEVER, NOTHING, WRITTEN, UnlikeModel, Upset
-from verify.faults.parallel import last_clock, upset_runs
-from verify.faults.scenario import RESET
+from eskin.model.classifier.config import ClassifierConfig, highest, lowest
+from eskin.model.classifier.file import neuron_image, weight_image
+from eskin.model.classifier.network import IntegerNetwork
+from eskin.model.classifier.run import first_ready, simulate
+from eskin.rtl.classifier import core
+from eskin.verify.faults.bench import NUMBER_BITS, bench_gates, channel_of, inside, name_of
+from eskin.verify.faults.outcomes import CHANGED, MOVED, NEVER, NOTHING, WRITTEN, UnlikeModel, Upset
+from eskin.verify.faults.parallel import last_clock, upset_runs
+from eskin.verify.faults.scenario import RESET
 
 GOES_ON = ("class_valid", "event_ready")
 """Outputs that are high within the last two bins of a scan, or the core has stopped."""

@@ -7,14 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from model.frame import FrameModel
-from model.frame import Inputs as ModelInputs
-from model.frame_config import FrameConfig
-from rtl.frame import FrameReadout
-from verify.faults.bench import ADC_CLOCKS, bench_gates, inside, name_of
-from verify.faults.outcomes import CHANGED, MOVED, NEVER, NOTHING, UnlikeModel, Upset
-from verify.faults.parallel import upset_runs
-from verify.faults.scenario import RESET
+from eskin.model.frame import FrameModel
+from eskin.model.frame import Inputs as ModelInputs
+from eskin.model.frame_config import FrameConfig
+from eskin.rtl.frame import FrameReadout
+from eskin.verify.faults.bench import ADC_CLOCKS, bench_gates, inside, name_of
+from eskin.verify.faults.outcomes import CHANGED, MOVED, NEVER, NOTHING, UnlikeModel, Upset
+from eskin.verify.faults.parallel import upset_runs
+from eskin.verify.faults.scenario import RESET
 
 FRAMES, UPSET_FRAMES = 7, 3
 """Frames of a run, and those of them, from the first, in which upsets happen."""

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rtl import yosys
+from eskin.rtl import yosys
 
 # Flattened last: then a flop's name says in which block it is.
 TO_GATES = (

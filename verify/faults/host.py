@@ -9,15 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cocotb_tests.bench.spi import Timing, waveform
-from model.config import ReadoutConfig
-from model.host import Played, play
-from model.readout import Stimulus
-from model.registers.description import WORD_BYTES, Register, registers
-from model.registers.spi import HIGH_CLOCKS, LOW_CLOCKS, LOW_CLOCKS_TO_READ, Pins, transfer
-from rtl.readout import Readout
-from verify.faults.bench import bench_gates, inside, name_of
-from verify.faults.outcomes import (
+from eskin.cocotb_tests.bench.spi import Timing, waveform
+from eskin.model.config import ReadoutConfig
+from eskin.model.host import Played, play
+from eskin.model.readout import Stimulus
+from eskin.model.registers.description import WORD_BYTES, Register, registers
+from eskin.model.registers.spi import HIGH_CLOCKS, LOW_CLOCKS, LOW_CLOCKS_TO_READ, Pins, transfer
+from eskin.rtl.readout import Readout
+from eskin.verify.faults.bench import bench_gates, inside, name_of
+from eskin.verify.faults.outcomes import (
     CHANGED,
     MOVED,
     NEVER,
@@ -28,8 +28,8 @@ from verify.faults.outcomes import (
     counted,
     slack,
 )
-from verify.faults.parallel import last_clock, upset_runs
-from verify.faults.scenario import RESET, codes_of, events_of, inputs_of, pause_of, swings
+from eskin.verify.faults.parallel import last_clock, upset_runs
+from eskin.verify.faults.scenario import RESET, codes_of, events_of, inputs_of, pause_of, swings
 
 HOST = r"(host|ticks)\."
 """What the names of flops begin with that are turned here."""

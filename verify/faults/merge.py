@@ -7,14 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from model.tiles.config import TilesConfig
-from model.tiles.merge import merge
-from rtl.tiles import merge as rtl_merge
-from rtl.tiles import relay
-from verify.faults.bench import FIELDS, NUMBER_BITS, bench_gates, inside, name_of
-from verify.faults.outcomes import CHANGED, MOVED, NEVER, NOTHING, UnlikeModel, Upset
-from verify.faults.parallel import last_clock, upset_runs
-from verify.faults.scenario import RESET
+from eskin.model.tiles.config import TilesConfig
+from eskin.model.tiles.merge import merge
+from eskin.rtl.tiles import merge as rtl_merge
+from eskin.rtl.tiles import relay
+from eskin.verify.faults.bench import FIELDS, NUMBER_BITS, bench_gates, inside, name_of
+from eskin.verify.faults.outcomes import CHANGED, MOVED, NEVER, NOTHING, UnlikeModel, Upset
+from eskin.verify.faults.parallel import last_clock, upset_runs
+from eskin.verify.faults.scenario import RESET
 
 LOADED, PAUSE, AGAIN = 160, 120, 120
 """Clocks of load in which flops are turned, of silence, and of load that must be served as ever."""

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.config import ReadoutConfig
-from model.readout import simulate as simulate_model
-from rtl.readout import Readout
-from verify.faults.bench import bench_gates, inside, name_of
-from verify.faults.gate_design import Gates
-from verify.faults.parallel import last_clock, upset_runs
-from verify.faults.scenario import Course, codes_of, course, events_of
+from eskin.model.config import ReadoutConfig
+from eskin.model.readout import simulate as simulate_model
+from eskin.rtl.readout import Readout
+from eskin.verify.faults.bench import bench_gates, inside, name_of
+from eskin.verify.faults.gate_design import Gates
+from eskin.verify.faults.parallel import last_clock, upset_runs
+from eskin.verify.faults.scenario import Course, codes_of, course, events_of
 
 NOBODY = -9
 """The taxel of a flop that belongs to none."""

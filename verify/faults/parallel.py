@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from verify.faults.gate_design import Gates
+from eskin.verify.faults.gate_design import Gates
 
 WORDS = 16
 """Words of a net that are computed together: 1,024 runs, and the nets of a small array stay in the cache."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from model.classifier.config import ClassifierConfig
-from model.config import ReadoutConfig
-from model.encoders import registry
-from model.frame_config import FrameConfig
-from model.tiles.config import TilesConfig
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.frame_config import FrameConfig
+from eskin.model.tiles.config import TilesConfig
 
 FEW = ReadoutConfig(rows=2, columns=2, sample_bits=6, resolution=2, leak_period=3, leak_shift=3, fraction_bits=3)
 """Few bits, so that the ends of the scale and of every counter are near."""

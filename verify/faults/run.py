@@ -9,17 +9,17 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from base.files import Pieces, origin, pieces_of, write_json
-from base.workers.cluster import Needs, version
-from model.classifier.config import ClassifierConfig
-from model.config import ReadoutConfig
-from model.frame_config import FrameConfig
-from model.tiles.config import TilesConfig
-from verify.faults import classifier, host, merge, plan
-from verify.faults import frame_readout as frames
-from verify.faults.cases import cases
-from verify.faults.outcomes import CLASSES, NEVER, WRITTEN, Upset, upsets
-from verify.faults.plan import Trial, most_changed, most_ticks
+from eskin.base.files import Pieces, origin, pieces_of, write_json
+from eskin.base.workers.cluster import Needs, version
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.config import ReadoutConfig
+from eskin.model.frame_config import FrameConfig
+from eskin.model.tiles.config import TilesConfig
+from eskin.verify.faults import classifier, host, merge, plan
+from eskin.verify.faults import frame_readout as frames
+from eskin.verify.faults.cases import cases
+from eskin.verify.faults.outcomes import CLASSES, NEVER, WRITTEN, Upset, upsets
+from eskin.verify.faults.plan import Trial, most_changed, most_ticks
 
 CODE = Needs(packages=("base", "model", "rtl", "verify.faults"))
 """What results depend on."""

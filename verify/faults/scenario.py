@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.address_events import EVENT_DTYPE, Events
-from model.config import ReadoutConfig
-from model.link import ACK_QUANTA
-from model.readout import Stimulus
+from eskin.model.address_events import EVENT_DTYPE, Events
+from eskin.model.config import ReadoutConfig
+from eskin.model.link import ACK_QUANTA
+from eskin.model.readout import Stimulus
 
 RESET = 2
 """Clocks of reset at the beginning of every run."""

@@ -14,15 +14,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from base.files import Pieces, origin, write_json
-from base.workers.cluster import Needs, version
-from base.workers.pool import WorkerPool, each
-from cocotb_tests.runner.build_cache import ROOT
-from verify.mutants.arguments import arguments
-from verify.mutants.checkout import failing, original
-from verify.mutants.edits import Mutant, sample
-from verify.mutants.judge import Asked, ask_all_cosimulations, ask_quick_check, conclude
-from verify.mutants.questions import Questions, mutated_files, questions
+from eskin.base.files import Pieces, origin, write_json
+from eskin.base.workers.cluster import Needs, version
+from eskin.base.workers.pool import WorkerPool, each
+from eskin.cocotb_tests.runner.build_cache import ROOT
+from eskin.verify.mutants.arguments import arguments
+from eskin.verify.mutants.checkout import failing, original
+from eskin.verify.mutants.edits import Mutant, sample
+from eskin.verify.mutants.judge import Asked, ask_all_cosimulations, ask_quick_check, conclude
+from eskin.verify.mutants.questions import Questions, mutated_files, questions
 
 RTL, MODEL = ("rtl",), ("model", "skin", "power", "snn")
 """Packages that are mutated."""

@@ -16,9 +16,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from base.errors import InputError
-from cocotb_tests.runner.build_cache import ROOT, scratch_folder
-from cocotb_tests.runner.cocotb_runners import run_watched
+from eskin.base.errors import InputError
+from eskin.cocotb_tests.runner.build_cache import ROOT, scratch_folder
+from eskin.cocotb_tests.runner.cocotb_runners import run_watched
 
 PYTEST = ("pytest", "-q", "--tb=no", "-rfE", "-p", "no:cacheprovider", "--hypothesis-profile=ci", "-k", "not verilator")
 """Cases on Verilator are left out: they play the same test on another simulator, and building one takes long."""

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from base.errors import InputError
-from cocotb_tests.bench.draw import Draw
-from model.classifier.chip_config import ChipConfig
-from model.classifier.config import ClassifierConfig
-from model.encoders.registry import NAMES
-from model.frame_config import FrameConfig
-from model.tiles.config import MergeConfig, TilesConfig
-from rtl.verilog import Config
+from eskin.base.errors import InputError
+from eskin.cocotb_tests.bench.draw import Draw
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.encoders.registry import NAMES
+from eskin.model.frame_config import FrameConfig
+from eskin.model.tiles.config import MergeConfig, TilesConfig
+from eskin.rtl.verilog import Config
 
 COUNT = 16
 """Configurations of a file."""

@@ -6,9 +6,9 @@ import json
 import sys
 from pathlib import Path
 
-from rtl.block import Netlist
-from rtl.verilog import top_block
-from verify.mutants.configs import configs
+from eskin.rtl.block import Netlist
+from eskin.rtl.verilog import top_block
+from eskin.verify.mutants.configs import configs
 
 
 def designs(file: str, seed: int, count: int) -> dict[str, dict[str, str]]:

@@ -18,7 +18,7 @@ from cosmic_ray.mutating import mutate_code
 from cosmic_ray.operators.operator import Operator
 from cosmic_ray.plugins import get_operator, operator_names
 
-from verify.mutants.hardware import HARDWARE
+from eskin.verify.mutants.hardware import HARDWARE
 
 LEFT_OUT = re.compile(r"RemoveDecorator|Variable(Replacer|Inserter)|\w+_(Eq|NotEq|Lt|LtE|Gt|GtE)_Is(Not)?")
 """Numba's decorators change speed alone, two operators need lists of names, and nobody writes ``is`` for ``==``."""

@@ -8,8 +8,8 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from rtl import yosys
-from verify.proofs.engine import CONVERGED, MAPPED_GATE, ONE_GATE, RUN_ABC
+from eskin.rtl import yosys
+from eskin.verify.proofs.engine import CONVERGED, MAPPED_GATE, ONE_GATE, RUN_ABC
 
 PORT = re.compile(r"^  wire (?:width (\d+) )?(?:signed )?(input|output) \d+ +(?:signed )?\\(\S+)$", re.MULTILINE)
 

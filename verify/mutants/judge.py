@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from verify.mutants.checkout import failed_property, first_failed, mutated, run
-from verify.mutants.configs import COUNT
-from verify.mutants.edits import Mutant
-from verify.mutants.questions import Questions
+from eskin.verify.mutants.checkout import failed_property, first_failed, mutated, run
+from eskin.verify.mutants.configs import COUNT
+from eskin.verify.mutants.edits import Mutant
+from eskin.verify.mutants.questions import Questions
 
 FEW = 3
 """Configurations of which the generator must make one, or the mutant counts as refused."""
@@ -77,7 +77,7 @@ def ask_all_cosimulations(mutant: Mutant, asked: Asked) -> dict[str, Any]:
 
 def _made(checkout: Path, file: str, seed: int, out: Path, count: int = COUNT) -> bool:
     """Write the designs of a checkout to a file and return whether one at least could be made."""
-    said = run(checkout, ["verify.mutants.designs", file, str(seed), str(count), str(out)], MAKE_S)
+    said = run(checkout, ["eskin.verify.mutants.designs", file, str(seed), str(count), str(out)], MAKE_S)
     return said.code == 0 and "module" in out.read_text()
 
 
@@ -88,7 +88,7 @@ def _difference(place: Path, file: str, asked: Asked) -> str:
         raise RuntimeError(f"the generator refuses {file} without a mutant")
     if not _made(place, file, asked.seed, after):
         return "the generator is too slow"
-    said = run(asked.checkout, ["verify.mutants.equivalence", str(before), str(after)], COMPARE_S)
+    said = run(asked.checkout, ["eskin.verify.mutants.equivalence", str(before), str(after)], COMPARE_S)
     if said.code:
         raise RuntimeError(f"the comparison of designs fails: {said.text[-2000:]}")
     return "not compared in time" if said.code is None else said.text.strip()

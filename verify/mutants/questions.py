@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from cocotb_tests.runner.build_cache import ROOT
-from verify.proofs.plan import proofs
+from eskin.cocotb_tests.runner.build_cache import ROOT
+from eskin.verify.proofs.plan import proofs
 
 MOST = 6
 """Test files beyond those with the name of a file: where more would come, its own say enough."""

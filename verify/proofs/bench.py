@@ -19,9 +19,9 @@ from amaranth.hdl import (
 )
 from amaranth.lib import wiring
 
-from rtl import yosys
-from rtl.block import Netlist
-from verify.proofs.checker import Checker, inputs
+from eskin.rtl import yosys
+from eskin.rtl.block import Netlist
+from eskin.verify.proofs.checker import Checker, inputs
 
 TOP = "bench"
 CONSTANTS = ("watch", "rival")

@@ -7,19 +7,19 @@ from typing import Any
 
 from amaranth.lib import wiring
 
-from model.config import ReadoutConfig
-from model.frame_config import FrameConfig
-from rtl import yosys
-from rtl.block import Netlist
-from rtl.verilog import YOSYS_SCRIPT, header
-from verify.proofs.bench import CONSTANTS
-from verify.proofs.blocks.arbiter import ArbiterChecker
-from verify.proofs.blocks.frame import FrameChecker
-from verify.proofs.blocks.link import LinkChecker
-from verify.proofs.blocks.readout import ReadoutChecker
-from verify.proofs.blocks.taxel import TaxelChecker
-from verify.proofs.blocks.window import WindowChecker
-from verify.proofs.checker import Checker
+from eskin.model.config import ReadoutConfig
+from eskin.model.frame_config import FrameConfig
+from eskin.rtl import yosys
+from eskin.rtl.block import Netlist
+from eskin.rtl.verilog import YOSYS_SCRIPT, header
+from eskin.verify.proofs.bench import CONSTANTS
+from eskin.verify.proofs.blocks.arbiter import ArbiterChecker
+from eskin.verify.proofs.blocks.frame import FrameChecker
+from eskin.verify.proofs.blocks.link import LinkChecker
+from eskin.verify.proofs.blocks.readout import ReadoutChecker
+from eskin.verify.proofs.blocks.taxel import TaxelChecker
+from eskin.verify.proofs.blocks.window import WindowChecker
+from eskin.verify.proofs.checker import Checker
 
 ReadoutOrFrame = ReadoutConfig | FrameConfig
 

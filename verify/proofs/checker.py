@@ -16,7 +16,7 @@ from amaranth.hdl import Array, Cat, Const, Module, Signal, Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
-from rtl.block import Block
+from eskin.rtl.block import Block
 
 Config = TypeVar("Config")
 

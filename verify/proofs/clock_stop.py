@@ -9,8 +9,8 @@ import json
 import re
 from typing import Any
 
-from rtl import yosys
-from rtl.block import Block, Netlist
+from eskin.rtl import yosys
+from eskin.rtl.block import Block, Netlist
 
 LISTENS = ("link", "host")
 """Names of the parts that are left out: their clock never stops, since they listen to ACK and to SPI."""

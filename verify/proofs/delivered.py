@@ -12,8 +12,8 @@ import json
 import re
 from typing import Any
 
-from rtl import yosys
-from rtl.verilog import Config, rtlil, verilog
+from eskin.rtl import yosys
+from eskin.rtl.verilog import Config, rtlil, verilog
 
 READ = {"gold": "read_rtlil gold.il", "gate": "read_verilog gate.v"}
 NETS = (

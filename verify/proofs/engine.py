@@ -11,9 +11,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from rtl import yosys
-from verify.proofs.bench import TOP, design, exposing, netlist
-from verify.proofs.checker import Checker
+from eskin.rtl import yosys
+from eskin.verify.proofs.bench import TOP, design, exposing, netlist
+from eskin.verify.proofs.checker import Checker
 
 TO_GATES = (
     "read_rtlil readout.il; {expose}hierarchy -check -top {top}; proc; flatten; opt_clean; async2sync; "

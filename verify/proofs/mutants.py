@@ -10,9 +10,9 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from rtl import yosys
-from verify.proofs.bench import netlist
-from verify.proofs.checker import Checker
+from eskin.rtl import yosys
+from eskin.verify.proofs.bench import netlist
+from eskin.verify.proofs.checker import Checker
 
 PREPARE = "read_rtlil readout.il; hierarchy -check -top {top}; proc; opt_clean; "
 """Registers and multiplexers become cells, whose pins can be mutated."""

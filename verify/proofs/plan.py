@@ -5,22 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from model.config import ReadoutConfig
-from model.encoders import registry
-from model.frame_config import FrameConfig
-from model.tiles.config import TilesConfig
-from verify.proofs.blocks.arbiter import ArbiterChecker
-from verify.proofs.blocks.frame import FrameChecker
-from verify.proofs.blocks.link import LinkChecker
-from verify.proofs.blocks.merge import MergeChecker
-from verify.proofs.blocks.pattern import PatternChecker
-from verify.proofs.blocks.readout import ReadoutChecker
-from verify.proofs.blocks.registers import RegistersChecker
-from verify.proofs.blocks.relay import RelayChecker
-from verify.proofs.blocks.spi import NarrowSpiChecker
-from verify.proofs.blocks.taxel import TaxelChecker
-from verify.proofs.blocks.window import WindowChecker
-from verify.proofs.checker import Checker
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.frame_config import FrameConfig
+from eskin.model.tiles.config import TilesConfig
+from eskin.verify.proofs.blocks.arbiter import ArbiterChecker
+from eskin.verify.proofs.blocks.frame import FrameChecker
+from eskin.verify.proofs.blocks.link import LinkChecker
+from eskin.verify.proofs.blocks.merge import MergeChecker
+from eskin.verify.proofs.blocks.pattern import PatternChecker
+from eskin.verify.proofs.blocks.readout import ReadoutChecker
+from eskin.verify.proofs.blocks.registers import RegistersChecker
+from eskin.verify.proofs.blocks.relay import RelayChecker
+from eskin.verify.proofs.blocks.spi import NarrowSpiChecker
+from eskin.verify.proofs.blocks.taxel import TaxelChecker
+from eskin.verify.proofs.blocks.window import WindowChecker
+from eskin.verify.proofs.checker import Checker
 
 
 @dataclass(frozen=True)

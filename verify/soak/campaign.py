@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from base.files import atomic_write, make_folder, origin, write_json
-from cocotb_tests.bench.draw import Draw
-from cocotb_tests.runner.build_cache import SOURCES
-from cocotb_tests.runner.cocotb_runners import Simulator
-from cocotb_tests.runner.process import MismatchFound
-from verify.soak.play import Failure, failure, failure_of, play, shrink
+from eskin.base.files import atomic_write, make_folder, origin, write_json
+from eskin.cocotb_tests.bench.draw import Draw
+from eskin.cocotb_tests.runner.build_cache import SOURCES
+from eskin.cocotb_tests.runner.cocotb_runners import Simulator
+from eskin.cocotb_tests.runner.process import MismatchFound
+from eskin.verify.soak.play import Failure, failure, failure_of, play, shrink
 
 MOST_SAMPLES = 4_000_000
 """Samples of a run, of all its taxels."""

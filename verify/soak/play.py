@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from base.errors import InputError
-from cocotb_tests.bench.draw import MOST_TAXELS, Draw
-from cocotb_tests.bench.readout import Prepared, StimulusDriver
-from cocotb_tests.runner.build_cache import BUILD, scratch_folder
-from cocotb_tests.runner.cocotb_runners import Simulator
-from cocotb_tests.runner.player import Job
-from cocotb_tests.runner.process import MismatchFound, Tally, run_job
-from cocotb_tests.runner.simulator import build
-from model.readout import simulate
+from eskin.base.errors import InputError
+from eskin.cocotb_tests.bench.draw import MOST_TAXELS, Draw
+from eskin.cocotb_tests.bench.readout import Prepared, StimulusDriver
+from eskin.cocotb_tests.runner.build_cache import BUILD, scratch_folder
+from eskin.cocotb_tests.runner.cocotb_runners import Simulator
+from eskin.cocotb_tests.runner.player import Job
+from eskin.cocotb_tests.runner.process import MismatchFound, Tally, run_job
+from eskin.cocotb_tests.runner.simulator import build
+from eskin.model.readout import simulate
 
 
 def command(draw: Draw, simulator: Simulator) -> str:

@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.cli import printable
-from app.commands.signals.recordings import OwnData
-from app.options import with_config
-from base.errors import InputError
-from base.progress import watched
-from model.config import ReadoutConfig
+from eskin.app.cli import printable
+from eskin.app.commands.signals.recordings import OwnData
+from eskin.app.options import with_config
+from eskin.base.errors import InputError
+from eskin.base.progress import watched
+from eskin.model.config import ReadoutConfig
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from board.live import View
-    from board.records import Record
+    from eskin.board.live import View
+    from eskin.board.records import Record
 
 BAUD = 2_000_000
 Port = Annotated[str, typer.Option(help="serial port of the board, as /dev/ttyUSB0")]
@@ -50,11 +50,11 @@ def play(
 
     The weights are loaded first. Exit code 1 where the board and the model differ.
     """
-    from board import session
-    from board.config import BoardConfig
-    from board.live import View
-    from board.stimulus import codes_to_play
-    from model.classifier.file import IntegerWeights
+    from eskin.board import session
+    from eskin.board.config import BoardConfig
+    from eskin.board.live import View
+    from eskin.board.stimulus import codes_to_play
+    from eskin.model.classifier.file import IntegerWeights
 
     if sum(one is not None for one in (samples, data, dataset)) > 1:
         raise InputError("--samples, --data and --dataset each say what is played; give one of them")
@@ -94,8 +94,8 @@ def listen(
 
     Addresses are {polarity, row, column}; times are in clocks of the board. Ctrl-C ends the recording and keeps it.
     """
-    from board import session
-    from board.live import View
+    from eskin.board import session
+    from eskin.board.live import View
 
     addresses = 1 << config.event_bits
     received = session.Received(session.foreign_events(config), keep=False)
@@ -120,8 +120,8 @@ def load(
     patience: Patience = 3.0,
 ) -> None:
     """Load weights into a board, and see that all of them arrived."""
-    from board import session
-    from model.classifier.file import IntegerWeights
+    from eskin.board import session
+    from eskin.model.classifier.file import IntegerWeights
 
     network = IntegerWeights.load(weights)
     with _link(port, lambda records: None, baud, patience) as link:
@@ -132,14 +132,14 @@ def load(
 
 def rescue(journal: Annotated[Path, typer.Argument(metavar="FILE.npz.part", help="what a recording left")]) -> None:
     """Make an event file of what a recording that was killed has left."""
-    from board.journal import convert
+    from eskin.board.journal import convert
 
     recording = convert(journal)
     print(printable(f"{len(recording.events)} events; {journal.with_suffix('')}"))
 
 
 def _link(port: str, sink: Callable[[list[Record]], object], baud: int, patience: float) -> Any:
-    from board.link import Link
+    from eskin.board.link import Link
 
     return Link(port, sink, baud, patience)
 
@@ -147,7 +147,7 @@ def _link(port: str, sink: Callable[[list[Record]], object], baud: int, patience
 @contextmanager
 def _shown(view: View, page: int | None) -> Iterator[Callable[[list[Record]], object]]:
     """Give what takes records to be looked at: in the terminal, where there is one, and in a browser if asked for."""
-    from board.live import serve
+    from eskin.board.live import serve
 
     server = None if page is None else serve(view, page)
     if server:

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from base.progress import progress_of, watched
+from eskin.base.progress import progress_of, watched
 
 if TYPE_CHECKING:
-    from snn.experiments.sweep import PointRun
+    from eskin.snn.experiments.sweep import PointRun
 
 
 @contextmanager

@@ -9,8 +9,8 @@ import typer
 
 def cache(clear: Annotated[bool, typer.Option("--clear", help="remove all recorded scans")] = False) -> None:
     """Show how many recorded scans are kept for later runs, and where; with --clear remove them."""
-    from snn import cache as place
-    from snn.data import cache as scans
+    from eskin.snn import cache as place
+    from eskin.snn.data import cache as scans
 
     if clear:
         print(f"removed {scans.clear()} recorded scans from {place.folder()}")

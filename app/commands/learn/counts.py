@@ -8,14 +8,14 @@ from typing import Annotated, Any
 
 import typer
 
-from app.cli import printable
-from app.commands.learn.options import BinSeconds, DatasetName, Preset, Tau
-from app.commands.learn.sweep import command_line
-from base.errors import InputError
-from base.files import origin, write_json
-from base.progress import bar
-from model.config import ReadoutConfig
-from model.encoders import registry
+from eskin.app.cli import printable
+from eskin.app.commands.learn.options import BinSeconds, DatasetName, Preset, Tau
+from eskin.app.commands.learn.sweep import command_line
+from eskin.base.errors import InputError
+from eskin.base.files import origin, write_json
+from eskin.base.progress import bar
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
 
 
 def counts(
@@ -28,10 +28,10 @@ def counts(
     out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE", help="numbers as JSON")] = None,
 ) -> None:
     """Compare the event counts of one encoder's resolutions on the same scans: empty bins, correlation, ratio."""
-    from snn.data.bins import BinConfig
-    from snn.data.counts import empty_bins, likeness
-    from snn.experiments.experiment import Experiment
-    from snn.experiments.settings import parse_points
+    from eskin.snn.data.bins import BinConfig
+    from eskin.snn.data.counts import empty_bins, likeness
+    from eskin.snn.experiments.experiment import Experiment
+    from eskin.snn.experiments.settings import parse_points
 
     chosen = parse_points(points)
     if unfit := [readout for readout, _ in chosen if readout not in registry.NAMES]:

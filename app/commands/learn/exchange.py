@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from app.cli import printable
-from base.errors import InputError
-from base.files import check_writable
-from base.progress import bar
+from eskin.app.cli import printable
+from eskin.base.errors import InputError
+from eskin.base.files import check_writable
+from eskin.base.progress import bar
 
 if TYPE_CHECKING:
-    from snn.exchange.weights import Weights
+    from eskin.snn.exchange.weights import Weights
 
 
 def export(
@@ -28,8 +28,8 @@ def export(
     if eight_bits and out.suffix == ".nir":
         raise InputError("NIR has no 8-bit weights; write an .npz, or leave --eight-bits out")
     check_writable(out)
-    from snn.exchange.nir_network import save_nir
-    from snn.exchange.weights import load_weights, save_weights
+    from eskin.snn.exchange.nir_network import save_nir
+    from eskin.snn.exchange.weights import load_weights, save_weights
 
     loaded = load_weights(weights)
     if out.suffix == ".nir":
@@ -45,8 +45,8 @@ def export(
 
 def _tell_lacks(path: Path, weights: Weights) -> None:
     """Print what snnTorch and Norse lack of a network, and what that costs on its test images."""
-    from snn.exchange.portable import lacks
-    from snn.exchange.weights import config_of
+    from eskin.snn.exchange.portable import lacks
+    from eskin.snn.exchange.weights import config_of
 
     if (scale := config_of(weights.network).input_scale) != 1:
         print(f"input scale {scale:.4g}: in the weights of hidden_in, since snnTorch and Norse know no Scale")
@@ -57,7 +57,7 @@ def _tell_lacks(path: Path, weights: Weights) -> None:
     for lack in found:
         print(lack.text)
     print("eskin train --recipe portable makes networks without these")
-    from snn.experiments.trained import accuracies_on_test
+    from eskin.snn.experiments.trained import accuracies_on_test
 
     networks = {"here": weights.network} | {f"without {lack.name}": lack.network for lack in found}
     try:
@@ -82,8 +82,8 @@ def import_(
     if out.suffix != ".npz":
         raise InputError(f"weight files end in .npz, {out.name} does not; rename the output")
     check_writable(out)
-    from snn.exchange.nir_network import load_nir
-    from snn.exchange.weights import config_of, save_weights
+    from eskin.snn.exchange.nir_network import load_nir
+    from eskin.snn.exchange.weights import config_of, save_weights
 
     loaded = load_nir(graph, step, None if classes is None else classes.split(","))
     save_weights(out, loaded)
@@ -110,8 +110,8 @@ def convert(
     if unit not in (None, "us", "clocks"):
         raise InputError(f"--unit must be us or clocks, not {unit!r}")
     check_writable(out)
-    from snn.data.bins import BinConfig
-    from snn.exchange.nir_events import load_recording, save_events, save_nir_data
+    from eskin.snn.data.bins import BinConfig
+    from eskin.snn.exchange.nir_events import load_recording, save_events, save_nir_data
 
     recording = load_recording(source)
     if out.suffix == ".nir":
@@ -145,10 +145,10 @@ def quantise(
     if out.suffix != ".npz":
         raise InputError(f"integer networks end in .npz, {out.name} does not; rename the output")
     check_writable(out)
-    from model.classifier.file import write_images
-    from snn.exchange.integer import Precision, quantise, summary
-    from snn.exchange.weights import load_weights
-    from snn.experiments.trained import said_of_training
+    from eskin.model.classifier.file import write_images
+    from eskin.snn.exchange.integer import Precision, quantise, summary
+    from eskin.snn.exchange.weights import load_weights
+    from eskin.snn.experiments.trained import said_of_training
 
     given = {"in_bits": in_bits, "rec_bits": rec_bits, "out_bits": out_bits}
     precision = Precision(
@@ -164,7 +164,7 @@ def quantise(
     made = dataclasses.replace(made, notes=made.notes | {"training": said_of_training(weights, trained)})
     lines = summary(made)
     if accuracy:
-        from snn.experiments.evaluate import compare_integer
+        from eskin.snn.experiments.evaluate import compare_integer
 
         lines.append(compare_integer(weights, made))
     made.save(out)

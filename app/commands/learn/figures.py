@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from app.cli import asked_for, printable
-from app.commands.signals.options import DataOutOption, OutOption
-from base.errors import InputError
-from base.figures.files import DEFAULT_OUT, write_results
+from eskin.app.cli import asked_for, printable
+from eskin.app.commands.signals.options import DataOutOption, OutOption
+from eskin.base.errors import InputError
+from eskin.base.figures.files import DEFAULT_OUT, write_results
 
 
 def fig9(
@@ -26,11 +26,11 @@ def fig9(
     data_out: DataOutOption = None,
 ) -> None:
     """Draw figure 9, accuracy against data rate beside the published points; confusion matrices; equal rates."""
-    from snn.experiments.points import READINGS, load_sweep
-    from snn.figures.confusion import confusion_data, plot_confusion
-    from snn.figures.fig9 import fig9_data, kept_rates, load_sweeps
-    from snn.figures.fig9_plot import plot_fig9
-    from snn.figures.fig9_rates import plot_rates, rates_data
+    from eskin.snn.experiments.points import READINGS, load_sweep
+    from eskin.snn.figures.confusion import confusion_data, plot_confusion
+    from eskin.snn.figures.fig9 import fig9_data, kept_rates, load_sweeps
+    from eskin.snn.figures.fig9_plot import plot_fig9
+    from eskin.snn.figures.fig9_rates import plot_rates, rates_data
 
     if reading not in READINGS:
         raise InputError(f"reading must be one of {', '.join(READINGS)}, not {reading!r}")
@@ -68,8 +68,8 @@ def fig8(
     data_out: DataOutOption = None,
 ) -> None:
     """Draw figure 8: one scan from the texture over events and hidden spikes to the evidence for each class."""
-    from skin.figures.scan_to_class import plot_scan
-    from snn.figures.fig8_play import Places, play
+    from eskin.skin.figures.scan_to_class import plot_scan
+    from eskin.snn.figures.fig8_play import Places, play
 
     if dataset is not None and data is not None:
         raise InputError("--dataset is for textures, --data for your own recordings; give one of the two")

@@ -11,17 +11,25 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.commands.signals.recordings import PREPARATION, OwnData, events_of, option_named
-from app.options import CONFIG_FILE, LEAKY, build_config, check_leaks, field_options, parse_fields, replace_parameters
-from base.errors import InputError
-from base.files import check_writable
-from model.config import ReadoutConfig
-from skin.recordings.options import Preparation
-from snn.data.frame_steps import FRAMES
-from snn.experiments.recipes import RECIPES
+from eskin.app.commands.signals.recordings import PREPARATION, OwnData, events_of, option_named
+from eskin.app.options import (
+    CONFIG_FILE,
+    LEAKY,
+    build_config,
+    check_leaks,
+    field_options,
+    parse_fields,
+    replace_parameters,
+)
+from eskin.base.errors import InputError
+from eskin.base.files import check_writable
+from eskin.model.config import ReadoutConfig
+from eskin.skin.recordings.options import Preparation
+from eskin.snn.data.frame_steps import FRAMES
+from eskin.snn.experiments.recipes import RECIPES
 
 if TYPE_CHECKING:
-    from snn.experiments.experiment import Experiment
+    from eskin.snn.experiments.experiment import Experiment
 
 Preset = Annotated[str | None, typer.Option(metavar="paper|physical", help="constants of the texture scan [physical]")]
 Tau = Annotated[
@@ -119,7 +127,7 @@ def with_experiment(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def _made(values: dict[str, Any]) -> dict[str, Any]:
     """Return the experiment of a command for one network; a setting that this network does not have is refused."""
-    from snn.experiments.settings import idle_settings
+    from eskin.snn.experiments.settings import idle_settings
 
     made = build_experiment(values)
     kind, idle = idle_settings(made, values["settings"])
@@ -141,8 +149,8 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
     InputError
         If an option has no meaning, or fits no other.
     """
-    from snn.data.bins import BinConfig
-    from snn.experiments.settings import experiment_of, parse_grid, parse_settings
+    from eskin.snn.data.bins import BinConfig
+    from eskin.snn.experiments.settings import experiment_of, parse_grid, parse_settings
 
     if options["recipe"] not in RECIPES:
         raise InputError(f"recipe must be one of {', '.join(RECIPES)}, not {options['recipe']!r}")
@@ -185,9 +193,9 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
 
 def _bin_of(folder: Path) -> float | None:
     """Return a sample period of own recordings where it is longer than the default bin: shorter ones would be empty."""
-    from model.events.recording import Recording
-    from snn.data.bins import BinConfig
-    from snn.data.recordings import event_files
+    from eskin.model.events.recording import Recording
+    from eskin.snn.data.bins import BinConfig
+    from eskin.snn.data.recordings import event_files
 
     period_s = 1 / Recording.load(event_files([folder])[0].path).config.sample_rate_hz
     if period_s <= BinConfig().bin_s:

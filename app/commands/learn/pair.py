@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from app.cli import printable
-from base.errors import InputError
-from base.files import write_json
+from eskin.app.cli import printable
+from eskin.base.errors import InputError
+from eskin.base.files import write_json
 
 POINT = "SWEEP:POINT, as rates-cnn:lcs-4; SWEEP is one of the project or a file"
 
@@ -22,10 +22,10 @@ def pair(
     out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE", help="numbers as JSON")] = None,
 ) -> None:
     """Compare two points of sweeps image by image: McNemar's exact test, and the difference with its interval."""
-    from snn.experiments.pairs import find_point
-    from snn.experiments.pairs import pair as compare
-    from snn.experiments.points import READINGS
-    from snn.figures.fig9 import KEPT
+    from eskin.snn.experiments.pairs import find_point
+    from eskin.snn.experiments.pairs import pair as compare
+    from eskin.snn.experiments.points import READINGS
+    from eskin.snn.figures.fig9 import KEPT
 
     if reading not in READINGS:
         raise InputError(f"reading must be one of {', '.join(READINGS)}, not {reading!r}")

@@ -10,19 +10,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from app.cli import printable
-from app.commands.signals.recordings import events_of
-from base.errors import InputError
-from base.files import check_writable, write_json
-from base.progress import bar
+from eskin.app.cli import printable
+from eskin.app.commands.signals.recordings import events_of
+from eskin.base.errors import InputError
+from eskin.base.files import check_writable, write_json
+from eskin.base.progress import bar
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from model.events.recording import Recording
-    from snn.experiments.evaluate import Check, Score
-    from snn.experiments.trained import Trained
+    from eskin.model.events.recording import Recording
+    from eskin.snn.experiments.evaluate import Check, Score
+    from eskin.snn.experiments.trained import Trained
 
 MOST_LINES = 20
 """Recordings that are listed one by one; of more, only those without a class."""
@@ -54,9 +54,9 @@ def predict(
     """Classify recordings with a trained network; with --check-model RTL and model must agree bit for bit."""
     import torch
 
-    from snn.data.recordings import event_files, read_recordings
-    from snn.experiments import evaluate as work
-    from snn.experiments.trained import load_trained
+    from eskin.snn.data.recordings import event_files, read_recordings
+    from eskin.snn.experiments import evaluate as work
+    from eskin.snn.experiments.trained import load_trained
 
     torch.set_num_threads(1)
     if events and data is not None and not check_model:
@@ -91,7 +91,7 @@ def predict(
 
 def _own_events(trained: Trained, data: Path | None, check_model: bool) -> Path:
     """Return the event files of own recordings, taken as those of the training were."""
-    from skin.recordings.trained_on import EVERY_FIELD
+    from eskin.skin.recordings.trained_on import EVERY_FIELD
 
     if data is None:
         raise InputError("what shall be classified? give --events DIR, or --data DIR with your own recordings")
@@ -107,7 +107,7 @@ def _own_events(trained: Trained, data: Path | None, check_model: bool) -> Path:
 
 def _print_check(check: Check, recordings: Sequence[Recording], again: str) -> None:
     """Print how many recordings of the RTL are those of the model; leave with 1 if one differs or none was compared."""
-    from snn.experiments.evaluate import LEVELS
+    from eskin.snn.experiments.evaluate import LEVELS
 
     names = [recording.metadata["name"] for recording in recordings]
     noun = "images" if len(set(names)) == len(names) else "recordings"
@@ -128,7 +128,7 @@ def _print_check(check: Check, recordings: Sequence[Recording], again: str) -> N
 
 def _print_recordings(recordings: Sequence[Recording], logits: NDArray[np.float32], trained: Trained) -> None:
     """Print name, class and prediction of a few recordings, or of those that have no class."""
-    from snn.data.recordings import class_of
+    from eskin.snn.data.recordings import class_of
 
     for recording, row in zip(recordings, logits, strict=True):
         if len(recordings) <= MOST_LINES or class_of(recording) is None:
@@ -138,7 +138,7 @@ def _print_recordings(recordings: Sequence[Recording], logits: NDArray[np.float3
 
 def _print_scores(scores: dict[str, Score], trained: Trained) -> None:
     """Print the accuracy of each part, and the confusion of the part that is a result."""
-    from snn.experiments.trained import OTHER, TEST, TRAINING
+    from eskin.snn.experiments.trained import OTHER, TEST, TRAINING
 
     words = {
         TEST: "test images of the fold",

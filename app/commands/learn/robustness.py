@@ -8,12 +8,12 @@ from typing import Annotated, Any
 
 import typer
 
-from app.cli import EXIT_INTERRUPTED, printable
-from app.commands.learn.options import check_device
-from app.commands.learn.sweep import command_line
-from base.errors import InputError
-from base.files import check_writable, origin, write_json
-from base.progress import bar
+from eskin.app.cli import EXIT_INTERRUPTED, printable
+from eskin.app.commands.learn.options import check_device
+from eskin.app.commands.learn.sweep import command_line
+from eskin.base.errors import InputError
+from eskin.base.files import check_writable, origin, write_json
+from eskin.base.progress import bar
 
 Trainings = Annotated[
     list[Path] | None,
@@ -32,9 +32,9 @@ def robustness(
     ),
 ) -> None:
     """Test trained networks under noise, mismatch, faults and other movements; stopped, it goes on where it was."""
-    from snn.data.disturb import DISTURBANCES
-    from snn.experiments.robustness import Subject, cases, run_cells, summarise
-    from snn.figures.robustness import plot_robustness
+    from eskin.snn.data.disturb import DISTURBANCES
+    from eskin.snn.experiments.robustness import Subject, cases, run_cells, summarise
+    from eskin.snn.figures.robustness import plot_robustness
 
     chosen = cases(list(DISTURBANCES) if only is None else [name.strip() for name in only.split(",")])
     check_device("cpu", 1)

@@ -8,14 +8,14 @@ from typing import Annotated, Any
 
 import typer
 
-from app.cli import printable
-from app.commands.learn.options import DatasetName, check_device
-from app.commands.learn.robustness import Trainings, trained_files
-from app.commands.learn.sweep import command_line
-from app.tables import new_table, show
-from base.errors import InputError
-from base.files import check_writable, origin, read_json, write_json
-from base.progress import bar
+from eskin.app.cli import printable
+from eskin.app.commands.learn.options import DatasetName, check_device
+from eskin.app.commands.learn.robustness import Trainings, trained_files
+from eskin.app.commands.learn.sweep import command_line
+from eskin.app.tables import new_table, show
+from eskin.base.errors import InputError
+from eskin.base.files import check_writable, origin, read_json, write_json
+from eskin.base.progress import bar
 
 NOISES_MV = "0.1,1,3,10,20"
 VARIANTS = "8,7,6,5,4,3,2,8:t6,8:t4,4:t6,4:t4,4:m16,4:m13,4:m11"
@@ -36,10 +36,10 @@ def noise_power(
     ),
 ) -> None:
     """Accuracy, event rate and power of trained networks at one AFE noise, in both modes of the power model."""
-    from snn.experiments.robustness import Subject
-    from snn.figures.noise_power import plot_noise_power
-    from snn.studies.noise import MODES, points_of, under_noise
-    from snn.studies.paired import paired
+    from eskin.snn.experiments.robustness import Subject
+    from eskin.snn.figures.noise_power import plot_noise_power
+    from eskin.snn.studies.noise import MODES, points_of, under_noise
+    from eskin.snn.studies.paired import paired
 
     noises_v = [1e-3 * number for number in _numbers(noises)]
     check_device("cpu", 1)
@@ -81,7 +81,7 @@ def _numbers(text: str) -> list[float]:
 
 
 def _print_noise(points: list[dict[str, Any]], mode: str) -> None:
-    from base.units import with_unit
+    from eskin.base.units import with_unit
 
     table = new_table(("network", "v_n", "accuracy", "95 % interval", "events/s", "power"), f"mode {mode}", left=(0,))
     for point in points:
@@ -110,12 +110,12 @@ def merits(
     out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="merits.json and .png")] = Path("out/merits"),
 ) -> None:
     """What events and frames are good for: latency of the answer, bits at rest, noise, and timing precision."""
-    from model.config import ReadoutConfig
-    from skin.textures.dataset import open_dataset
-    from snn.data.frame_steps import FrameSteps
-    from snn.figures.merits import plot_merits
-    from snn.studies.rest import bits_per_second
-    from snn.studies.timing import timing_points
+    from eskin.model.config import ReadoutConfig
+    from eskin.skin.textures.dataset import open_dataset
+    from eskin.snn.data.frame_steps import FrameSteps
+    from eskin.snn.figures.merits import plot_merits
+    from eskin.snn.studies.rest import bits_per_second
+    from eskin.snn.studies.timing import timing_points
 
     out.mkdir(parents=True, exist_ok=True)
     for name in ("merits.json", "merits.png"):
@@ -147,9 +147,9 @@ def _latency(weights: list[Path], pair: str | None) -> tuple[list[dict[str, Any]
         if pair is not None:
             raise InputError("--pair compares trained networks; name their folders")
         return [], []
-    from snn.experiments.robustness import Subject
-    from snn.studies.latency import latency_points
-    from snn.studies.paired import paired
+    from eskin.snn.experiments.robustness import Subject
+    from eskin.snn.studies.latency import latency_points
+    from eskin.snn.studies.paired import paired
 
     check_device("cpu", 1)
     subjects = [Subject.load(path, scenes=False) for path in trained_files(weights)]
@@ -185,9 +185,9 @@ def precision(
     ),
 ) -> None:
     """Accuracy of trained networks as whole numbers of few bits, by the integer model of the hardware."""
-    from snn.experiments.robustness import Subject
-    from snn.figures.precision import plot_precision
-    from snn.studies.precision import in_precisions, parse_variants, points_of, tests_of
+    from eskin.snn.experiments.robustness import Subject
+    from eskin.snn.figures.precision import plot_precision
+    from eskin.snn.studies.precision import in_precisions, parse_variants, points_of, tests_of
 
     asked = parse_variants(variants)
     check_device("cpu", 1)

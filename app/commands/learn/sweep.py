@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
-from app.cli import EXIT_INTERRUPTED, printable
-from app.commands.learn.bars import cell_bar
-from app.commands.learn.options import (
+from eskin.app.cli import EXIT_INTERRUPTED, printable
+from eskin.app.commands.learn.bars import cell_bar
+from eskin.app.commands.learn.options import (
     NOT_OF_A_SWEEP,
     Folds,
     Seeds,
@@ -19,16 +19,16 @@ from app.commands.learn.options import (
     build_experiment,
     with_experiment,
 )
-from app.options import LEAKY
-from app.tables import new_table, show
-from app.worker_options import Scheduler, open_pool
-from base.errors import InputError
-from snn.data.frame_steps import FRAMES, FrameKind, FrameSteps
-from snn.experiments.recipes import BASELINES
+from eskin.app.options import LEAKY
+from eskin.app.tables import new_table, show
+from eskin.app.worker_options import Scheduler, open_pool
+from eskin.base.errors import InputError
+from eskin.snn.data.frame_steps import FRAMES, FrameKind, FrameSteps
+from eskin.snn.experiments.recipes import BASELINES
 
 if TYPE_CHECKING:
-    from snn.experiments.points import PointSummary
-    from snn.experiments.sweep import SweepPoint
+    from eskin.snn.experiments.points import PointSummary
+    from eskin.snn.experiments.sweep import SweepPoint
 
 DEFAULT_POINTS = "lcs:2,lcs:4,lcs:6,lcs:8,nlcs:4,nlcs:6,nlcs:8,nlcs:10"
 
@@ -63,7 +63,7 @@ def sweep(
     """Cross-validate many operating points at once; stopped, it goes on with the cells that are missing."""
     if events and points != DEFAULT_POINTS:
         raise InputError("--points says what is recorded from textures, --events what is recorded already; give one")
-    from snn.experiments.settings import parse_points
+    from eskin.snn.experiments.settings import parse_points
 
     chosen = [] if events else parse_points(points)
     if not events and options["tau"] is not None and not {readout for readout, _ in chosen} & set(LEAKY):
@@ -74,8 +74,8 @@ def sweep(
     made = [_point(readout, number, options) for readout, number in chosen]
     made += [_recorded_point(folder, options) for folder in events or ()]
     _tell_idle(made, options["settings"])
-    from base.workers.cluster import Needs
-    from snn.experiments.sweep import sweep as run
+    from eskin.base.workers.cluster import Needs
+    from eskin.snn.experiments.sweep import sweep as run
 
     needs = Needs(("base", "model", "skin", "snn"), ("torch", "numpy"))
     try:
@@ -93,7 +93,7 @@ def sweep(
 
 def _tell_idle(points: list[SweepPoint], settings: list[str] | None) -> None:
     """Say which settings mean nothing to some of the points; refuse one that means nothing to any."""
-    from snn.experiments.settings import idle_settings
+    from eskin.snn.experiments.settings import idle_settings
 
     idle: dict[str, list[str]] = {}
     for point in points:
@@ -107,7 +107,7 @@ def _tell_idle(points: list[SweepPoint], settings: list[str] | None) -> None:
 
 def _point(readout: str, numbers: str, options: dict[str, Any]) -> SweepPoint:
     """Return the point, which takes all other options of the command."""
-    from snn.experiments.sweep import SweepPoint
+    from eskin.snn.experiments.sweep import SweepPoint
 
     options = options | UNSAID
     try:
@@ -130,7 +130,7 @@ def _point(readout: str, numbers: str, options: dict[str, Any]) -> SweepPoint:
 
 def _recorded_point(folder: Path, options: dict[str, Any]) -> SweepPoint:
     """Return the point of a folder of event files, called as the folder."""
-    from snn.experiments.sweep import SweepPoint
+    from eskin.snn.experiments.sweep import SweepPoint
 
     made = build_experiment(options | UNSAID | {"events": folder})
     whole = folder.resolve()

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.cli import printable
-from app.commands.learn.bars import epoch_bar
-from app.commands.learn.options import Folds, Seeds, Workers, check_device, output_folder, with_experiment
-from base.errors import InputError
-from base.progress import bar
+from eskin.app.cli import printable
+from eskin.app.commands.learn.bars import epoch_bar
+from eskin.app.commands.learn.options import Folds, Seeds, Workers, check_device, output_folder, with_experiment
+from eskin.base.errors import InputError
+from eskin.base.progress import bar
 
 if TYPE_CHECKING:
-    from snn.data.scans import ScanData
-    from snn.experiments.experiment import Experiment
-    from snn.training import Epoch
+    from eskin.snn.data.scans import ScanData
+    from eskin.snn.experiments.experiment import Experiment
+    from eskin.snn.training import Epoch
 
 
 @with_experiment
@@ -44,8 +44,8 @@ def train(
     output_folder(out, "checkpoint.pt", "result.json", "weights.npz")
     with bar("recording scans") as step:
         data = made.data(step)
-    from snn.experiments.single import Fold, train_fold
-    from snn.kernels import cpu as kernel
+    from eskin.snn.experiments.single import Fold, train_fold
+    from eskin.snn.kernels import cpu as kernel
 
     chosen = Fold.choose(data, fold, folds)
     print(f"data: {printable(data.source)}")
@@ -101,7 +101,7 @@ def crossval(
     output_folder(out, "result.json")
     with bar("recording scans") as step:
         data = made.data(step)
-    from snn.experiments.sweep import cross_validate
+    from eskin.snn.experiments.sweep import cross_validate
 
     with bar("cells", folds * seeds) as step:
         report = cross_validate(

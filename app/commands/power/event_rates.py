@@ -7,12 +7,12 @@ from typing import Annotated
 
 import typer
 
-from app.options import with_config
-from app.worker_options import Scheduler, Workers, open_pool
-from base.progress import bar
-from model.config import ReadoutConfig
-from power.rates import measure_table, tables_text
-from skin.textures.presets import preset
+from eskin.app.options import with_config
+from eskin.app.worker_options import Scheduler, Workers, open_pool
+from eskin.base.progress import bar
+from eskin.model.config import ReadoutConfig
+from eskin.power.rates import measure_table, tables_text
+from eskin.skin.textures.presets import preset
 
 
 @with_config(fields=("rows", "columns"), file=False)
@@ -31,8 +31,8 @@ def event_rates(
     scheduler: Scheduler = None,
 ) -> None:
     """Measure the event rates of every taxel, N = 1..10, for the power model (docs/guide/power.md)."""
-    from base.files import atomic_write, check_writable
-    from skin.textures.dataset import EMBEDDED, open_dataset
+    from eskin.base.files import atomic_write, check_writable
+    from eskin.skin.textures.dataset import EMBEDDED, open_dataset
 
     check_writable(out)
     presets = ("paper", "physical") if preset_name == "both" else (preset_name,)

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from app.cli import asked_for, printable
-from app.commands.signals.options import (
+from eskin.app.cli import asked_for, printable
+from eskin.app.commands.signals.options import (
     DatasetOption,
     JsonOption,
     OutOption,
@@ -18,17 +18,17 @@ from app.commands.signals.options import (
     SettingsOption,
     SynthesisOption,
 )
-from app.options import with_fields
-from app.tables import new_table, show
-from base.errors import InputError
-from base.figures.files import DEFAULT_OUT, write_results
-from base.progress import bar
-from power.build import build_model, rate_table
-from power.equations import CORRECTIONS, PowerModel, RateSource
-from power.explore import GivenRates, explore_data
-from power.parameters import PowerParameters
-from power.readouts import READOUT_NAMES, READOUTS
-from power.study import RESOLUTIONS
+from eskin.app.options import with_fields
+from eskin.app.tables import new_table, show
+from eskin.base.errors import InputError
+from eskin.base.figures.files import DEFAULT_OUT, write_results
+from eskin.base.progress import bar
+from eskin.power.build import build_model, rate_table
+from eskin.power.equations import CORRECTIONS, PowerModel, RateSource
+from eskin.power.explore import GivenRates, explore_data
+from eskin.power.parameters import PowerParameters
+from eskin.power.readouts import READOUT_NAMES, READOUTS
+from eskin.power.study import RESOLUTIONS
 
 SENSOR = ("rows", "columns", "signal_bandwidth_hz", "supply_v", "pads_voltage_v", "pads_toggle")
 """Parameters of the power model that have an option of their own; ``--set`` takes the others."""
@@ -63,7 +63,7 @@ def explore(
     as_json: JsonOption = False,
 ) -> None:
     """Show which readout and resolution cost least for your sensor."""
-    from power.figures.plots import plot_explore
+    from eskin.power.figures.plots import plot_explore
 
     own = list(settings or [])
     if (bandwidth := sensor.get("signal_bandwidth_hz")) is not None:  # said by the user, so not that of the textures
@@ -98,7 +98,7 @@ def _print(data: dict[str, Any]) -> None:
     """Print the study as a table, the cheapest of every resolution marked, and the answer."""
     from rich.text import Text
 
-    from base.units import with_unit
+    from eskin.base.units import with_unit
 
     sensor = data["sensor"]
     title = (

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.cli import asked_for, printable
-from app.commands.signals.options import (
+from eskin.app.cli import asked_for, printable
+from eskin.app.commands.signals.options import (
     DataOutOption,
     DatasetOption,
     JsonOption,
@@ -20,16 +20,16 @@ from app.commands.signals.options import (
     SettingsOption,
     SynthesisOption,
 )
-from app.tables import new_table, show
-from base.errors import InputError
-from base.figures.files import DEFAULT_OUT, write_results
-from base.progress import bar
-from power.build import MEASURED, both_modes, build_model, chosen_corrections, rate_table
-from power.parameters import PowerParameters
-from power.study import crossover_text
+from eskin.app.tables import new_table, show
+from eskin.base.errors import InputError
+from eskin.base.figures.files import DEFAULT_OUT, write_results
+from eskin.base.progress import bar
+from eskin.power.build import MEASURED, both_modes, build_model, chosen_corrections, rate_table
+from eskin.power.parameters import PowerParameters
+from eskin.power.study import crossover_text
 
 if TYPE_CHECKING:
-    from power.equations import PowerModel
+    from eskin.power.equations import PowerModel
 
 
 # -- power -------------------------------------------------------------------------------------------
@@ -61,8 +61,8 @@ def power(
     if parameters:
         _print_parameters(PowerParameters().with_settings(settings or []), as_json)
         return
-    from power.equations import PowerModel
-    from power.study import RESOLUTIONS, TAUS_S, breakdowns, crossovers, winning_sides
+    from eskin.power.equations import PowerModel
+    from eskin.power.study import RESOLUTIONS, TAUS_S, breakdowns, crossovers, winning_sides
 
     corrections = chosen_corrections(mode, correct, without)
     given = {"--rates": rates, "--dataset": dataset, "--preset": preset_name}
@@ -91,7 +91,7 @@ def power(
 
 
 def _mode_text(model: PowerModel) -> str:
-    from power.equations import CORRECTIONS
+    from eskin.power.equations import CORRECTIONS
 
     if not model.corrections:
         return "paper"
@@ -102,8 +102,8 @@ def _mode_text(model: PowerModel) -> str:
 
 def _print_breakdown(data: dict[str, Any], model: PowerModel, title: str) -> None:
     """Print breakdowns as a table, a column for each readout."""
-    from base.units import with_unit
-    from power.readouts import READOUT_NAMES, READOUTS
+    from eskin.base.units import with_unit
+    from eskin.power.readouts import READOUT_NAMES, READOUTS
 
     table = new_table(("power", *(READOUT_NAMES[readout] for readout in READOUTS)), f"{title}, {_mode_text(model)}")
     parts = list(dict.fromkeys(part for readout in READOUTS for part in data[readout]["converter_parts"]))
@@ -124,7 +124,7 @@ def _print_breakdown(data: dict[str, Any], model: PowerModel, title: str) -> Non
 
 def _print_crossovers(data: dict[str, Any], sides: dict[str, Any], model: PowerModel) -> None:
     """Print crossovers as a table, a line for each resolution."""
-    from power.study import RESOLUTIONS
+    from eskin.power.study import RESOLUTIONS
 
     lines = [(f"N-LCS {float(tau):g} s", data["nlcs"][tau], sides["nlcs"][tau]) for tau in data["nlcs"]]
     lines.append(("LCS", data["lcs"], sides["lcs"]))
@@ -146,7 +146,7 @@ def _side_text(noise_v_rms: float | None, side: str) -> str:
 
 def _print_parameters(parameters: PowerParameters, as_json: bool) -> None:
     """Print every parameter with unit, meaning and source, and the corrections."""
-    from power.equations import CORRECTIONS
+    from eskin.power.equations import CORRECTIONS
 
     shown = ("unit", "source", "meaning")
     fields = dataclasses.fields(parameters)
@@ -180,8 +180,8 @@ def fig6(
     rates: RatesOption = None,
 ) -> None:
     """Draw figure 6 in both modes: power at three noise targets."""
-    from power.figures.plots import plot_fig6
-    from power.study import FIG_RESOLUTION, FIG_TAU_S, fig6_data
+    from eskin.power.figures.plots import plot_fig6
+    from eskin.power.study import FIG_RESOLUTION, FIG_TAU_S, fig6_data
 
     source = partial(rate_table, dataset, preset_name, rates, [FIG_RESOLUTION], [FIG_TAU_S], watch=bar)
     data = fig6_data(both_modes(settings, synthesis, source))
@@ -198,8 +198,8 @@ def fig7(
     rates: RatesOption = None,
 ) -> None:
     """Draw figure 7 in both modes: crossover noise by resolution."""
-    from power.figures.plots import plot_fig7
-    from power.study import RESOLUTIONS, TAUS_S, fig7_data
+    from eskin.power.figures.plots import plot_fig7
+    from eskin.power.study import RESOLUTIONS, TAUS_S, fig7_data
 
     source = partial(rate_table, dataset, preset_name, rates, list(RESOLUTIONS), list(TAUS_S), watch=bar)
     data = fig7_data(both_modes(settings, synthesis, source))
@@ -214,10 +214,10 @@ def sensitivity(
     as_json: JsonOption = False,
 ) -> None:
     """Show what each correction does to spiking / frame power."""
-    from power.equations import CORRECTIONS
-    from power.figures.plots import plot_sensitivity
-    from power.rates import load_tables, stored_table
-    from power.study import sensitivity_data, sensitivity_models
+    from eskin.power.equations import CORRECTIONS
+    from eskin.power.figures.plots import plot_sensitivity
+    from eskin.power.rates import load_tables, stored_table
+    from eskin.power.study import sensitivity_data, sensitivity_models
 
     model = build_model(frozenset(CORRECTIONS), settings, synthesis, stored_table)
     used = (model.measured.dataset, model.measured.preset)  # type: ignore[union-attr]
@@ -233,7 +233,7 @@ def sensitivity(
 
 def _print_sensitivity(data: dict[str, Any]) -> None:
     """Print the study as a table."""
-    from power.readouts import READOUT_NAMES, SPIKING
+    from eskin.power.readouts import READOUT_NAMES, SPIKING
 
     title = (
         f"spiking / frame power, N = {data['resolution']}, tau {data['tau_s']:g} s, at AFE noise in mV rms; "

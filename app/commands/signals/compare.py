@@ -8,9 +8,9 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from app.tables import new_table, show
-from model.events.compare import count_per_taxel, covering_config, first_difference
-from model.events.recording import Recording
+from eskin.app.tables import new_table, show
+from eskin.model.events.compare import count_per_taxel, covering_config, first_difference
+from eskin.model.events.recording import Recording
 
 _MOST_LINES = 32  # differing taxels listed
 
@@ -22,8 +22,8 @@ def compare(
 ) -> None:
     """Compare two event files, event by event: exit code 0 if equal, 1 if not."""
     if plot is not None:
-        from base.figures.style import check_picture_path
-        from skin.figures.raster import plot_comparison
+        from eskin.base.figures.style import check_picture_path
+        from eskin.skin.figures.raster import plot_comparison
 
         check_picture_path(plot)
     first, second = Recording.load(a), Recording.load(b)

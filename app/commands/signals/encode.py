@@ -10,22 +10,22 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from app.cli import printable
-from app.commands.signals.recordings import PREPARATION, print_notes, print_set, quality_text, warn
-from app.options import with_config, with_fields
-from app.worker_options import Scheduler, Workers, open_pool
-from base.errors import InputError
-from base.files import check_writable
-from base.progress import bar
-from model.config import ReadoutConfig
-from model.events.compare import count_per_taxel
-from model.events.recording import Recording, check_event_path
-from skin.encode import IMAGE_SUFFIXES, Encoded, Model, encode_image, encode_samples
-from skin.recordings.options import Preparation
-from skin.samples import ARRAY_SUFFIXES, check_samples_path, write_samples
+from eskin.app.cli import printable
+from eskin.app.commands.signals.recordings import PREPARATION, print_notes, print_set, quality_text, warn
+from eskin.app.options import with_config, with_fields
+from eskin.app.worker_options import Scheduler, Workers, open_pool
+from eskin.base.errors import InputError
+from eskin.base.files import check_writable
+from eskin.base.progress import bar
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.compare import count_per_taxel
+from eskin.model.events.recording import Recording, check_event_path
+from eskin.skin.encode import IMAGE_SUFFIXES, Encoded, Model, encode_image, encode_samples
+from eskin.skin.recordings.options import Preparation
+from eskin.skin.samples import ARRAY_SUFFIXES, check_samples_path, write_samples
 
 if TYPE_CHECKING:
-    from base.workers.pool import WorkerPool
+    from eskin.base.workers.pool import WorkerPool
 
 # -- encode ------------------------------------------------------------------------------------------
 
@@ -103,7 +103,7 @@ def _encode_folder(
     source: Path, out: Path, options: Preparation, config: ReadoutConfig, given: frozenset[str], pool: WorkerPool
 ) -> None:
     """Write an event file for every recording of a folder of class folders, and say how well they render it."""
-    from skin.recordings.folder import read_set, write_folder
+    from eskin.skin.recordings.folder import read_set, write_folder
 
     if out.exists() and not out.is_dir():
         raise InputError(f"cannot write {out}: it is a file; give a folder for the event files")
@@ -148,12 +148,12 @@ def decode(
     plot: Annotated[Path | None, typer.Option(help="picture of signals and events", metavar="FILE")] = None,
 ) -> None:
     """Rebuild the signals of all taxels from an event file alone."""
-    from skin.recordings.quality import decode_recording
+    from eskin.skin.recordings.quality import decode_recording
 
     check_samples_path(out)
     if plot is not None:
-        from base.figures.style import check_picture_path
-        from skin.figures.raster import plot_signals
+        from eskin.base.figures.style import check_picture_path
+        from eskin.skin.figures.raster import plot_signals
 
         check_picture_path(plot)
     recording = Recording.load(source)

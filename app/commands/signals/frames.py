@@ -8,18 +8,18 @@ from typing import Annotated, Any
 
 import typer
 
-from app.options import LEAKY, with_config, with_fields
-from app.tables import new_table, show
-from app.worker_options import Scheduler, Workers, open_pool
-from base.errors import InputError
-from base.progress import bar
-from model.config import ReadoutConfig
-from model.encoders import registry
-from model.frame_config import FrameConfig
-from skin.textures.dataset import open_dataset
-from skin.textures.presets import preset
-from skin.textures.rates import PAPER_TAU_S
-from skin.textures.traffic import compare_traffic
+from eskin.app.options import LEAKY, with_config, with_fields
+from eskin.app.tables import new_table, show
+from eskin.app.worker_options import Scheduler, Workers, open_pool
+from eskin.base.errors import InputError
+from eskin.base.progress import bar
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.frame_config import FrameConfig
+from eskin.skin.textures.dataset import open_dataset
+from eskin.skin.textures.presets import preset
+from eskin.skin.textures.rates import PAPER_TAU_S
+from eskin.skin.textures.traffic import compare_traffic
 
 
 @with_config(fields=("resolution", "rows", "columns"))

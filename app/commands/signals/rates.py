@@ -8,14 +8,14 @@ from typing import Annotated, Any
 
 import typer
 
-from app.options import LEAKY, with_config
-from app.tables import show_facts
-from app.worker_options import Scheduler, Workers, open_pool
-from base.progress import bar
-from model.config import ReadoutConfig
-from skin.textures.dataset import open_dataset
-from skin.textures.presets import preset
-from skin.textures.rates import PAPER_TAU_S, measure_rates, published_rate_hz
+from eskin.app.options import LEAKY, with_config
+from eskin.app.tables import show_facts
+from eskin.app.worker_options import Scheduler, Workers, open_pool
+from eskin.base.progress import bar
+from eskin.model.config import ReadoutConfig
+from eskin.skin.textures.dataset import open_dataset
+from eskin.skin.textures.presets import preset
+from eskin.skin.textures.rates import PAPER_TAU_S, measure_rates, published_rate_hz
 
 
 @with_config(fields=("encoding", "resolution", "rows", "columns"))

@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.cli import printable
-from app.options import with_fields
-from base.errors import InputError
-from base.progress import bar
-from model.config import ReadoutConfig, option_of
-from skin.recordings.options import Preparation
+from eskin.app.cli import printable
+from eskin.app.options import with_fields
+from eskin.base.errors import InputError
+from eskin.base.progress import bar
+from eskin.model.config import ReadoutConfig, option_of
+from eskin.skin.recordings.options import Preparation
 
 if TYPE_CHECKING:
-    from skin.recordings.folder import RecordingSet
-    from skin.recordings.quality import Quality
+    from eskin.skin.recordings.folder import RecordingSet
+    from eskin.skin.recordings.quality import Quality
 
 PREPARATION = tuple(field.name for field in dataclasses.fields(Preparation))
 """Fields of Preparation, all of which are options."""
@@ -57,7 +57,7 @@ def own_recordings(
     place: Path, prepared: Mapping[str, Any], config: ReadoutConfig, given: Collection[str], again: bool = False
 ) -> RecordingSet:
     """Return a user's recordings with the configuration that suits them, and say what they are, but not ``again``."""
-    from skin.recordings.folder import read_set
+    from eskin.skin.recordings.folder import read_set
 
     if not place.exists():
         raise InputError(f"{place} does not exist; give a folder of class folders, or a recording")
@@ -75,8 +75,8 @@ def events_of(
 
     ``flat`` takes recordings without a class too: a file, or a folder of files.
     """
-    from base.workers.pool import Local
-    from skin.recordings.event_files import kept_events
+    from eskin.base.workers.pool import Local
+    from eskin.skin.recordings.event_files import kept_events
 
     if not place.is_dir() and not (flat and place.is_file()):
         raise InputError(f"{place} is not a folder; give one with a folder for each class")

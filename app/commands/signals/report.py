@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from app.cli import printable
-from app.commands.signals.options import SynthesisOption
-from app.report.page import ACCURACY, BENCHMARKS, REPLAY, SIM, page, runs_in
-from base.errors import InputError
+from eskin.app.cli import printable
+from eskin.app.commands.signals.options import SynthesisOption
+from eskin.app.report.page import ACCURACY, BENCHMARKS, REPLAY, SIM, page, runs_in
+from eskin.base.errors import InputError
 
 
 def report(
@@ -30,8 +30,8 @@ def report(
     synthesis: SynthesisOption = None,
 ) -> None:
     """Write all figures of the project into one HTML file that needs no server and no network."""
-    from app.report.data import report_data
-    from base.files import atomic_write, check_writable
+    from eskin.app.report.data import report_data
+    from eskin.base.files import atomic_write, check_writable
 
     if out.is_dir() and out.suffix.lower() not in (".html", ".htm"):
         found = runs_in(out)

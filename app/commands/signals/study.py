@@ -8,14 +8,14 @@ from typing import Annotated, Any
 
 import typer
 
-from app.cli import asked_for, printable
-from app.commands.signals.options import JsonOption, OutOption
-from app.tables import new_table, show
-from app.worker_options import Scheduler, Workers, open_pool
-from base.errors import InputError
-from base.figures.files import DEFAULT_OUT, write_results
-from base.progress import bar
-from model.encoders import registry
+from eskin.app.cli import asked_for, printable
+from eskin.app.commands.signals.options import JsonOption, OutOption
+from eskin.app.tables import new_table, show
+from eskin.app.worker_options import Scheduler, Workers, open_pool
+from eskin.base.errors import InputError
+from eskin.base.figures.files import DEFAULT_OUT, write_results
+from eskin.base.progress import bar
+from eskin.model.encoders import registry
 
 _WIDTH = 92  # of the table
 
@@ -30,8 +30,8 @@ def study(
     as_json: JsonOption = False,
 ) -> None:
     """Show SNR at what data rate each encoder gives on slow signals, beside uniform sampling at the same rate."""
-    from skin.figures.study import plot_study
-    from skin.recordings.study import RESOLUTIONS, study_data
+    from eskin.skin.figures.study import plot_study
+    from eskin.skin.recordings.study import RESOLUTIONS, study_data
 
     if data is not None and not data.exists():
         raise InputError(f"{data} does not exist; give a folder of class folders, or leave --data out")

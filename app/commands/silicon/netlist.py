@@ -7,12 +7,12 @@ from typing import Annotated, Any
 
 import typer
 
-from app.commands.outcome import check_name, conclude
-from app.options import with_config, with_fields
-from base.errors import InputError
-from flow.wire import FARAD_PER_UM, OHM_PER_UM, PITCH_UM, Wire, check_pitch
-from model.config import ReadoutConfig
-from model.frame_config import OWN_FIELDS, FrameConfig
+from eskin.app.commands.outcome import check_name, conclude
+from eskin.app.options import with_config, with_fields
+from eskin.base.errors import InputError
+from eskin.flow.wire import FARAD_PER_UM, OHM_PER_UM, PITCH_UM, Wire, check_pitch
+from eskin.model.config import ReadoutConfig
+from eskin.model.frame_config import OWN_FIELDS, FrameConfig
 
 SIZES = "4x4,8x8,12x16,16x16,32x32,64x64"
 
@@ -31,9 +31,9 @@ def gatesim(
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for netlist, pictures, events")] = Path("out/gates"),
 ) -> None:
     """Hold the gated netlist to the model, as make sim does the RTL; exit code 1 if they differ or reset leaves X."""
-    from cocotb_tests.runner import sim as session
-    from cocotb_tests.runner.process import MismatchFound
-    from flow.gatesim.sim import play, prepare
+    from eskin.cocotb_tests.runner import sim as session
+    from eskin.cocotb_tests.runner.process import MismatchFound
+    from eskin.flow.gatesim.sim import play, prepare
 
     plan = session.plan(simulator, waves, seed, textures, only, ticks, dataset, out)
     gates = prepare(config, lib, out)
@@ -73,8 +73,8 @@ def asic(
 
     OUT/NAME gets the netlist, its constraints (.sdc) and report.json.
     """
-    from flow import report
-    from flow.power.measure import APART
+    from eskin.flow import report
+    from eskin.flow.power.measure import APART
 
     if readout not in ("spiking", "frame"):
         raise InputError(f"--readout must be one of spiking, frame, not {readout!r}")
@@ -106,9 +106,9 @@ def asic_scale(
     out: Annotated[Path, typer.Option("-o", "--out", help="file for the results, JSON")] = Path("out/asic/scale.json"),
 ) -> None:
     """Estimate area and highest clock as the array grows, with wires of its size and repeaters in them."""
-    from app.tables import new_table, show
-    from flow.liberty.library import read
-    from flow.scale.measure import designs_of, measure
+    from eskin.app.tables import new_table, show
+    from eskin.flow.liberty.library import read
+    from eskin.flow.scale.measure import designs_of, measure
 
     check_pitch(pitch_um)
     chosen, wire, library = designs_of(config, sizes, tiles, relays), Wire(ohm, farad), read(lib)
@@ -138,12 +138,12 @@ def gatepower(
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for the results, JSON")] = Path("out/gatepower"),
 ) -> None:
     """Power of gated netlists from what they do in simulation, without and with wires, computed in two ways."""
-    from app.tables import new_table, show
-    from base.files import origin
-    from cocotb_tests.runner.reproduce import variables
-    from flow.power.event_bench import Mismatch
-    from flow.power.measure import Disagreement
-    from flow.power.results import designs, write
+    from eskin.app.tables import new_table, show
+    from eskin.base.files import origin
+    from eskin.cocotb_tests.runner.reproduce import variables
+    from eskin.flow.power.event_bench import Mismatch
+    from eskin.flow.power.measure import Disagreement
+    from eskin.flow.power.results import designs, write
 
     chosen: dict[str, ReadoutConfig | FrameConfig] = {str(config.encoding): config}
     if three:

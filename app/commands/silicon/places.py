@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from app.commands.outcome import check_name, conclude
-from app.options import with_config
-from base.errors import InputError
-from model.config import ReadoutConfig
+from eskin.app.commands.outcome import check_name, conclude
+from eskin.app.options import with_config
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig
 
 
 @with_config
@@ -24,9 +24,9 @@ def layout(
 
     OUT/NAME gets GDS, DEF, a picture and report.json. Needs KLayout and the packages that make layout installs.
     """
-    from flow.layout import report, run
-    from flow.layout.cells import WrongCell
-    from flow.layout.environment import Crashed
+    from eskin.flow.layout import report, run
+    from eskin.flow.layout.cells import WrongCell
+    from eskin.flow.layout.environment import Crashed
 
     check_name(name)
     try:
@@ -58,9 +58,9 @@ def fpga(
 
     OUT/BOARD gets eskin_board.bit and report.json. The same design gives the same bytes.
     """
-    from base.files import origin
-    from board.bitstream import report
-    from board.bitstream.build import build, build_classifier, design_of
+    from eskin.base.files import origin
+    from eskin.board.bitstream import report
+    from eskin.board.bitstream.build import build, build_classifier, design_of
 
     if sum((receiver, weights is not None, alone is not None)) > 1:
         raise InputError("--weights, --receiver and --alone each say what is built; give one of them")

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.options import with_config, with_fields
-from app.tables import new_table, show
-from base.errors import InputError
-from model.config import ReadoutConfig
-from model.encoders import registry
-from model.frame_config import OWN_FIELDS, FrameConfig
-from model.tiles.config import MergeConfig, skin_of
+from eskin.app.options import with_config, with_fields
+from eskin.app.tables import new_table, show
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.frame_config import OWN_FIELDS, FrameConfig
+from eskin.model.tiles.config import MergeConfig, skin_of
 
 if TYPE_CHECKING:
-    from rtl.verilog import Config
+    from eskin.rtl.verilog import Config
 
 READOUTS = ("spiking", "frame")
 
@@ -73,8 +73,8 @@ def verilog(
     if chip and classifier is None:
         raise InputError("--chip needs the classifier's weights; add --classifier INTEGER.npz")
     if classifier is not None:
-        from model.classifier.chip_config import ChipConfig
-        from model.classifier.file import IntegerWeights
+        from eskin.model.classifier.chip_config import ChipConfig
+        from eskin.model.classifier.file import IntegerWeights
 
         useless = {*own} if chip else {*given, *own} - {"reset"}
         if idle := sorted(useless) or ["readout"] * (readout != "spiking"):
@@ -95,10 +95,10 @@ def verilog(
 
 def _deliver(config: Config, out: Path, prove: bool, report: Path | None = None) -> None:
     """Write a design and its datasheet into a folder and name the files; prove the Verilog first if so asked."""
-    from flow.datasheet.page import deliver
+    from eskin.flow.datasheet.page import deliver
 
     if prove:
-        from verify.proofs.delivered import prove_config
+        from eskin.verify.proofs.delivered import prove_config
 
         points = prove_config(config)
         print(f"proved equal to the RTLIL: {sum(points.values())} points of {len(points)} modules")
@@ -121,7 +121,7 @@ def gates(
     """Count gates and flops of both readouts, synthesised for the same array, or of a classifier."""
     import json
 
-    from flow.gate_count import count_gates
+    from eskin.flow.gate_count import count_gates
 
     if classifier is not None:
         if given:
@@ -157,8 +157,8 @@ def _count_classifier(path: Path, liberty: Path | None, as_json: bool) -> None:
     """Count gates and flops of the classifier of a file, and print them."""
     import json
 
-    from flow.gate_count import count_gates
-    from model.classifier.file import IntegerWeights
+    from eskin.flow.gate_count import count_gates
+    from eskin.model.classifier.file import IntegerWeights
 
     config = IntegerWeights.load(path).network.config
     found = count_gates(config, 1, liberty)

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.cli import asked_for, printable
-from app.commands.signals.recordings import OwnData, check_alone, own_recordings, with_preparation
-from app.options import with_config
-from app.worker_options import Scheduler, Workers, open_pool
-from base.files import origin, read_json, write_json
-from base.progress import bars
-from model.config import ReadoutConfig
+from eskin.app.cli import asked_for, printable
+from eskin.app.commands.signals.recordings import OwnData, check_alone, own_recordings, with_preparation
+from eskin.app.options import with_config
+from eskin.app.worker_options import Scheduler, Workers, open_pool
+from eskin.base.files import origin, read_json, write_json
+from eskin.base.progress import bars
+from eskin.model.config import ReadoutConfig
 
 if TYPE_CHECKING:
-    from cocotb_tests.runner.replay import Plan
+    from eskin.cocotb_tests.runner.replay import Plan
 
 
 @with_config
@@ -44,8 +44,8 @@ def replay(
 
     Can be stopped and started again: what has its events already, for the same configuration, is done.
     """
-    from cocotb_tests.runner import replay as session
-    from cocotb_tests.runner.process import MismatchFound
+    from eskin.cocotb_tests.runner import replay as session
+    from eskin.cocotb_tests.runner.process import MismatchFound
 
     check_alone(data, prepared, {"--dataset": dataset, "--preset": preset, "--start-row": start_row})
     with open_pool(workers, scheduler, session.NEEDS, threads=True) as pool, bars() as show:
@@ -76,9 +76,9 @@ def _plan_own(
     out: Path,
 ) -> Plan:
     """Return the plan for a user's own recordings."""
-    from cocotb_tests.runner.inputs import Own, chosen
-    from cocotb_tests.runner.replay import Plan
-    from cocotb_tests.runner.simulator import require_programs
+    from eskin.cocotb_tests.runner.inputs import Own, chosen
+    from eskin.cocotb_tests.runner.replay import Plan
+    from eskin.cocotb_tests.runner.simulator import require_programs
 
     require_programs("verilator")
     material = Own(own_recordings(place, prepared, config, given), place)
@@ -87,7 +87,7 @@ def _plan_own(
 
 def _conclude(plan: Plan, played: int, now: dict[str, Any], keep: Path | None) -> None:
     """Write and print what all recordings hold together; fail where some are missing or none has an event."""
-    from cocotb_tests.runner.replay import summarise
+    from eskin.cocotb_tests.runner.replay import summarise
 
     summary, count = summarise(plan), len(plan.names)
     if (absent := summary.pop("missing")) or not summary["events"]:

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.cli import asked_for, printable
-from app.commands.signals.recordings import OwnData, check_alone, own_recordings, with_preparation
-from app.options import with_config
-from base.errors import InputError
-from base.files import origin, write_json
-from base.progress import bar, bars
-from model.config import ReadoutConfig
-from model.encoders import registry
+from eskin.app.cli import asked_for, printable
+from eskin.app.commands.signals.recordings import OwnData, check_alone, own_recordings, with_preparation
+from eskin.app.options import with_config
+from eskin.base.errors import InputError
+from eskin.base.files import origin, write_json
+from eskin.base.progress import bar, bars
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
 
 if TYPE_CHECKING:
-    from cocotb_tests.runner.process import Tally
+    from eskin.cocotb_tests.runner.process import Tally
 
 
 @with_config
@@ -42,7 +42,7 @@ def sim(
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for pictures and event files")] = Path("out/sim"),
 ) -> None:
     """Hold the RTL to the model on scenarios and texture scans, or your recordings; exit code 1 if they differ."""
-    from cocotb_tests.runner.process import Tally
+    from eskin.cocotb_tests.runner.process import Tally
 
     check_alone(data, prepared, {"--dataset": dataset, "--netlist": netlist, "--cells": cells})
     if (netlist is None) != (cells is None):
@@ -74,8 +74,8 @@ def _play_textures(
     total: Tally,
 ) -> None:
     """Play scenarios and scans with each encoding, on the RTL or on a netlist and its cells."""
-    from cocotb_tests.runner import sim as session
-    from cocotb_tests.runner.process import MismatchFound
+    from eskin.cocotb_tests.runner import sim as session
+    from eskin.cocotb_tests.runner.process import MismatchFound
 
     plan = session.plan(*asked)
     if gates[0] is not None and gates[1] is not None:
@@ -108,9 +108,9 @@ def _play_own(
     total: Tally,
 ) -> None:
     """Play a user's own recordings through RTL and model."""
-    from cocotb_tests.runner import recordings as session
-    from cocotb_tests.runner.inputs import Own, named
-    from cocotb_tests.runner.process import MismatchFound
+    from eskin.cocotb_tests.runner import recordings as session
+    from eskin.cocotb_tests.runner.inputs import Own, named
+    from eskin.cocotb_tests.runner.process import MismatchFound
 
     simulator, waves, count, only, ticks, out = asked
     session.check(simulator, count, ticks)

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.cli import printable
-from app.commands.signals.recordings import OwnData, check_alone
-from app.worker_options import Scheduler, Workers, open_pool
-from base.files import atomic_write, origin
-from base.progress import bars
-from skin.textures.dataset import EMBEDDED
+from eskin.app.cli import printable
+from eskin.app.commands.signals.recordings import OwnData, check_alone
+from eskin.app.worker_options import Scheduler, Workers, open_pool
+from eskin.base.files import atomic_write, origin
+from eskin.base.progress import bars
+from eskin.skin.textures.dataset import EMBEDDED
 
 if TYPE_CHECKING:
-    from cocotb_tests.touch.plan import Plan
+    from eskin.cocotb_tests.touch.plan import Plan
 
 
 def touch(
@@ -38,9 +38,9 @@ def touch(
 
     Every image goes through the network that has not learned it. Can be stopped and started again.
     """
-    from cocotb_tests.runner import replay
-    from cocotb_tests.runner.process import MismatchFound
-    from cocotb_tests.touch import plan as session
+    from eskin.cocotb_tests.runner import replay
+    from eskin.cocotb_tests.runner.process import MismatchFound
+    from eskin.cocotb_tests.touch import plan as session
 
     check_alone(data, {}, {"--dataset": dataset})
     plan = session.plan(weights, data, dataset or EMBEDDED, limit, only, out)
@@ -60,8 +60,8 @@ def touch(
 
 def _conclude(plan: Plan, now: dict[str, Any]) -> None:
     """Write and print what all results say together; fail where some are missing or none has an event."""
-    from cocotb_tests.touch.picture import draw
-    from cocotb_tests.touch.plan import summarise
+    from eskin.cocotb_tests.touch.picture import draw
+    from eskin.cocotb_tests.touch.plan import summarise
 
     summary = summarise(plan)
     if summary["missing"] or not summary["events"]:

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from app.options import with_config
-from base.errors import InputError
-from base.files import Pieces, atomic_write, pieces_of
-from model.config import ReadoutConfig
+from eskin.app.options import with_config
+from eskin.base.errors import InputError
+from eskin.base.files import Pieces, atomic_write, pieces_of
+from eskin.model.config import ReadoutConfig
 
 if TYPE_CHECKING:
-    from verify.proofs.plan import Proof
+    from eskin.verify.proofs.plan import Proof
 
 
 def formal(
@@ -34,9 +34,9 @@ def formal(
     With --mutants and --out the search of mutants goes on where it was stopped. With --block the file keeps its
     results of other blocks.
     """
-    from verify.proofs.engine import solve
-    from verify.proofs.report import YOSYS, write
-    from verify.proofs.run import Hunt, closing_line, hunts, judge, mutants_line, outcomes
+    from eskin.verify.proofs.engine import solve
+    from eskin.verify.proofs.report import YOSYS, write
+    from eskin.verify.proofs.run import Hunt, closing_line, hunts, judge, mutants_line, outcomes
 
     chosen, verdicts = _chosen(block, small), []
     for proof in chosen:
@@ -73,7 +73,7 @@ def faults(
 
     Exit code 1 if more breaks than is stated.
     """
-    from verify.faults.run import campaign, closing_line, write
+    from eskin.verify.faults.run import campaign, closing_line, write
 
     done = campaign(small, out, lambda line: print(line, flush=True))
     for problem in done.problems:
@@ -91,9 +91,9 @@ def coverage(
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for what is found")] = Path("out/coverage"),
 ) -> None:
     """Count what runs that are held to the models reach, of Verilog and specification; goes on where it was stopped."""
-    from verify.coverage.plan import runs
-    from verify.coverage.run import closing_line, judge, play, write
-    from verify.coverage.waivers import waivers
+    from eskin.verify.coverage.plan import runs
+    from eskin.verify.coverage.run import closing_line, judge, play, write
+    from eskin.verify.coverage.waivers import waivers
 
     chosen = [run for run in runs() if (run.small or not small) and run.name.startswith(only)]
     if not chosen:
@@ -119,7 +119,7 @@ def properties(
     out: Annotated[Path, typer.Option("-o", "--out", help="folder to write to, made if need be")],
 ) -> None:
     """Write eskin_readout_properties.sv: the properties as assertions, bound to the modules of eskin_readout.v."""
-    from verify.proofs.bind import properties as text
+    from eskin.verify.proofs.bind import properties as text
 
     out.mkdir(parents=True, exist_ok=True)
     path = out / "eskin_readout_properties.sv"
@@ -138,8 +138,8 @@ def crosscheck(
     """Play the delivered Verilog in CXXRTL, a third simulator, against the model, and lint all texts with slang."""
     from dataclasses import asdict
 
-    from base.files import origin, write_json
-    from verify.crosscheck.check import Mismatch, play, texts
+    from eskin.base.files import origin, write_json
+    from eskin.verify.crosscheck.check import Mismatch, play, texts
 
     try:
         played = play(config, texture, ticks)
@@ -170,7 +170,7 @@ def crossproof(
 
     With --out it goes on where it was stopped.
     """
-    from verify.crosscheck.prove import campaign, closing_line, write
+    from eskin.verify.crosscheck.prove import campaign, closing_line, write
 
     chosen, found = _chosen(block, small), []
     grounds = [proof for proof in _chosen(block, False) if proof.hunts] if mutants else []
@@ -189,7 +189,7 @@ def crossproof(
 
 def _chosen(block: str, small: bool) -> list[Proof]:
     """Return the proofs of a block, or of all, without those of large configurations if so asked."""
-    from verify.proofs.plan import proofs
+    from eskin.verify.proofs.plan import proofs
 
     known = sorted({proof.block for proof in proofs()})
     if block and block not in known:

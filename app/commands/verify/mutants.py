@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from app.worker_options import Scheduler, Workers, open_pool
-from base.errors import InputError
+from eskin.app.worker_options import Scheduler, Workers, open_pool
+from eskin.base.errors import InputError
 
 if TYPE_CHECKING:
-    from verify.mutants.campaign import Finding
+    from eskin.verify.mutants.campaign import Finding
 
 
 def mutants(
@@ -29,8 +29,8 @@ def mutants(
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for what is found")] = Path("out/mutants"),
 ) -> None:
     """Mutate the source, and see which mutants the tests and proofs kill; goes on where it was stopped."""
-    from verify.mutants.campaign import MODEL, NEEDS, OF_MODEL, RTL, Plan, closing_line, run, write
-    from verify.mutants.questions import mutated_files
+    from eskin.verify.mutants.campaign import MODEL, NEEDS, OF_MODEL, RTL, Plan, closing_line, run, write
+    from eskin.verify.mutants.questions import mutated_files
 
     packages = MODEL if model else RTL
     share = share if share is not None else 0.07 if model else 0.3

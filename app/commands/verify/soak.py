@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from base.errors import InputError
+from eskin.base.errors import InputError
 
 
 def soak(
@@ -31,8 +31,8 @@ def soak(
 
     Several may run side by side with the same --out.
     """
-    from cocotb_tests.runner.simulator import require_programs
-    from verify.soak import campaign
+    from eskin.cocotb_tests.runner.simulator import require_programs
+    from eskin.verify.soak import campaign
 
     require_programs(simulator)  # type: ignore[arg-type]
     if min(seed, run, only or 0) < 0 or clocks < 1 or not 0 <= hours < 10_000:
@@ -52,7 +52,7 @@ def soak(
         raise typer.Exit(1) from None
     found = campaign.summary(out)
     if keep is not None:
-        from base.files import origin, write_json
+        from eskin.base.files import origin, write_json
 
         spent = found["seconds"] / 3600  # in all, however often it was stopped
         begun = f" SEED={seed}" if seed else ""
@@ -71,7 +71,7 @@ def _tell(piece: dict[str, Any]) -> None:
 
 def _parts(words: list[str]) -> dict[str, Any]:
     """Return the parts that are set, whole numbers as such."""
-    from cocotb_tests.bench.draw import FIELDS, PARTS
+    from eskin.cocotb_tests.bench.draw import FIELDS, PARTS
 
     parts: dict[str, Any] = {}
     for word in words:
@@ -86,9 +86,9 @@ def _parts(words: list[str]) -> dict[str, Any]:
 
 def _one(seed: int, run: int, clocks: int, parts: dict[str, Any], simulator: Any) -> None:
     """Play one run, and say what came of it."""
-    from cocotb_tests.bench.draw import Draw
-    from cocotb_tests.runner.process import MismatchFound
-    from verify.soak.play import play
+    from eskin.cocotb_tests.bench.draw import Draw
+    from eskin.cocotb_tests.runner.process import MismatchFound
+    from eskin.verify.soak.play import play
 
     try:
         tally = play([Draw(seed, clocks, run, parts)], simulator)

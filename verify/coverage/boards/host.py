@@ -9,10 +9,10 @@ from typing import Any
 import cocotb
 from cocotb.triggers import FallingEdge, RisingEdge, Timer
 
-from board.config import ADDRESS_BITS, DESIGNS, BoardConfig
-from board.records import VERSION, Ack, Class, Event, Lost, Record, RecordReader, Refused, Tag, Words
-from board.serial_frames import Damaged, Frame, FrameReader, Kind
-from cocotb_tests.bench.line import CLOCK_NS
+from eskin.board.config import ADDRESS_BITS, DESIGNS, BoardConfig
+from eskin.board.records import VERSION, Ack, Class, Event, Lost, Record, RecordReader, Refused, Tag, Words
+from eskin.board.serial_frames import Damaged, Frame, FrameReader, Kind
+from eskin.cocotb_tests.bench.line import CLOCK_NS
 
 JOB = "ESKIN_BOARD_COVERAGE"
 RUN_CLOCKS = (0, 1, 255, 4000)

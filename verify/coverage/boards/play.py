@@ -12,23 +12,23 @@ import numpy as np
 from amaranth.back import rtlil
 from numpy.typing import NDArray
 
-from board.config import BoardConfig, SerialConfig
-from board.gateware.recorder import hello_values
-from board.gateware.top import TOP, Board
-from board.session import weight_frames
-from cocotb_tests.bench.chip import network_of
-from cocotb_tests.runner import simulator
-from model.classifier.chip import channels_of, simulate_chip
-from model.classifier.chip_config import ChipConfig
-from model.classifier.config import ClassifierConfig
-from model.classifier.file import IntegerWeights
-from model.classifier.network import IntegerNetwork
-from model.config import ReadoutConfig
-from rtl import yosys
-from rtl.verilog import YOSYS_SCRIPT
-from verify.coverage.boards.host import JOB, RUN_CLOCKS
-from verify.coverage.constructs import with_points
-from verify.coverage.points.board import board as points
+from eskin.board.config import BoardConfig, SerialConfig
+from eskin.board.gateware.recorder import hello_values
+from eskin.board.gateware.top import TOP, Board
+from eskin.board.session import weight_frames
+from eskin.cocotb_tests.bench.chip import network_of
+from eskin.cocotb_tests.runner import simulator
+from eskin.model.classifier.chip import channels_of, simulate_chip
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.classifier.file import IntegerWeights
+from eskin.model.classifier.network import IntegerNetwork
+from eskin.model.config import ReadoutConfig
+from eskin.rtl import yosys
+from eskin.rtl.verilog import YOSYS_SCRIPT
+from eskin.verify.coverage.boards.host import JOB, RUN_CLOCKS
+from eskin.verify.coverage.constructs import with_points
+from eskin.verify.coverage.points.board import board as points
 
 
 def text(config: BoardConfig) -> str:
@@ -78,7 +78,7 @@ def board(config: BoardConfig, folder: Path) -> None:
         np.savez(paths["scans"], **scans)  # type: ignore[arg-type]
         job |= {"chip": config.chip.to_dict(), **{name: str(path) for name, path in paths.items()}}
     (folder / "job.json").write_text(json.dumps(job))
-    program.test("verify.coverage.boards.script", folder, None, {JOB: str(folder / "job.json")})
+    program.test("eskin.verify.coverage.boards.script", folder, None, {JOB: str(folder / "job.json")})
     for name, samples in scans.items():
         assert config.chip is not None
         hold(config.chip, network, samples, json.loads((folder / f"{name}.json").read_text()), name)

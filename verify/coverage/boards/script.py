@@ -15,12 +15,12 @@ from cocotb.clock import Clock
 from cocotb.triggers import Timer
 from cocotb.utils import get_sim_time
 
-from board.config import ADDRESS_BITS, BoardConfig, SerialConfig
-from board.records import Class, Event, Refused, Words
-from board.serial_frames import ESCAPE, FLAG, MOST_PAYLOAD, Frame, Kind
-from cocotb_tests.bench.line import CLOCK_NS
-from model.classifier.chip_config import ChipConfig
-from verify.coverage.boards.host import JOB, QUIET_BITS, RUN_CLOCKS, Host, Mismatch, damaged
+from eskin.board.config import ADDRESS_BITS, BoardConfig, SerialConfig
+from eskin.board.records import Class, Event, Refused, Words
+from eskin.board.serial_frames import ESCAPE, FLAG, MOST_PAYLOAD, Frame, Kind
+from eskin.cocotb_tests.bench.line import CLOCK_NS
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.verify.coverage.boards.host import JOB, QUIET_BITS, RUN_CLOCKS, Host, Mismatch, damaged
 
 LONGEST_RUN = (1 << 32) - 1
 MOST_SAMPLES = MOST_PAYLOAD // 2 * 2

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from board.config import BoardConfig
-from model.classifier.chip_config import ChipConfig
-from model.classifier.config import ClassifierConfig
-from model.config import ReadoutConfig
-from model.frame_config import FrameConfig
-from model.tiles.config import MergeConfig, TilesConfig
-from rtl.verilog import Config
-from verify.coverage.points.blocks import frames, lines, merge
-from verify.coverage.points.board import board
-from verify.coverage.points.classifier import chip, classifier
-from verify.coverage.points.point import Point
-from verify.coverage.points.readout import readout
-from verify.coverage.points.registers import registers
+from eskin.board.config import BoardConfig
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.config import ReadoutConfig
+from eskin.model.frame_config import FrameConfig
+from eskin.model.tiles.config import MergeConfig, TilesConfig
+from eskin.rtl.verilog import Config
+from eskin.verify.coverage.points.blocks import frames, lines, merge
+from eskin.verify.coverage.points.board import board
+from eskin.verify.coverage.points.classifier import chip, classifier
+from eskin.verify.coverage.points.point import Point
+from eskin.verify.coverage.points.readout import readout
+from eskin.verify.coverage.points.registers import registers
 
 
 def points(config: Config | BoardConfig) -> list[Point]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 
-from model.frame_config import FrameConfig
-from model.frame_words import bit_positions
-from model.tiles.config import TilesConfig
-from verify.coverage.points.point import Named, Point, began
+from eskin.model.frame_config import FrameConfig
+from eskin.model.frame_words import bit_positions
+from eskin.model.tiles.config import TilesConfig
+from eskin.verify.coverage.points.point import Named, Point, began
 
 
 def frames(config: FrameConfig) -> Iterator[Point]:

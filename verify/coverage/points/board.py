@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from board.config import BoardConfig
-from board.records import Reason
-from board.serial_frames import MOST_PAYLOAD
-from verify.coverage.points.classifier import loads
-from verify.coverage.points.point import Named, Point, began
+from eskin.board.config import BoardConfig
+from eskin.board.records import Reason
+from eskin.board.serial_frames import MOST_PAYLOAD
+from eskin.verify.coverage.points.classifier import loads
+from eskin.verify.coverage.points.point import Named, Point, began
 
 
 def board(config: BoardConfig) -> Iterator[Point]:

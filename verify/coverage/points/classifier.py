@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from model.classifier.chip_config import ChipConfig
-from model.classifier.config import ClassifierConfig, highest, lowest
-from verify.coverage.points.point import Named, Point, began
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.config import ClassifierConfig, highest, lowest
+from eskin.verify.coverage.points.point import Named, Point, began
 
 STATES = (
     "at rest",

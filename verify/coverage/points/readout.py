@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from model.config import ReadoutConfig
-from verify.coverage.points.point import Named, Point, any_of, began
+from eskin.model.config import ReadoutConfig
+from eskin.verify.coverage.points.point import Named, Point, any_of, began
 
 
 def readout(config: ReadoutConfig) -> Iterator[Point]:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from model.config import ReadoutConfig
-from model.registers import description
-from model.registers.description import Field, Register
-from verify.coverage.points.point import Named, Point, any_of, began
+from eskin.model.config import ReadoutConfig
+from eskin.model.registers import description
+from eskin.model.registers.description import Field, Register
+from eskin.verify.coverage.points.point import Named, Point, any_of, began
 
 
 def registers(config: ReadoutConfig) -> Iterator[Point]:

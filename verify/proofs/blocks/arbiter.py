@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 from amaranth.hdl import Cat, Const, Module, Signal
 from amaranth.lib.wiring import In
 
-from model.config import ReadoutConfig
-from rtl.arbiter import Arbiter
-from verify.proofs.checker import Checker, Property, at_most_one, before, bit_of, cyclic, implies, within
+from eskin.model.config import ReadoutConfig
+from eskin.rtl.arbiter import Arbiter
+from eskin.verify.proofs.checker import Checker, Property, at_most_one, before, bit_of, cyclic, implies, within
 
 
 class ArbiterChecker(Checker[ReadoutConfig]):

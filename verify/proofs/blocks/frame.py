@@ -7,9 +7,9 @@ from typing import Any
 from amaranth.hdl import Array, Cat, Const, Module, Mux, Signal
 from amaranth.lib.wiring import In
 
-from model.frame_config import FrameConfig
-from rtl.frame import FrameReadout
-from verify.proofs.checker import Checker, Property, before, implies
+from eskin.model.frame_config import FrameConfig
+from eskin.rtl.frame import FrameReadout
+from eskin.verify.proofs.checker import Checker, Property, before, implies
 
 
 class FrameChecker(Checker[FrameConfig]):

@@ -6,9 +6,9 @@ from typing import Any, ClassVar
 
 from amaranth.hdl import Cat, Const, Module, Signal
 
-from model.config import ReadoutConfig
-from rtl.link import FourPhaseLink
-from verify.proofs.checker import Checker, Property, before, implies
+from eskin.model.config import ReadoutConfig
+from eskin.rtl.link import FourPhaseLink
+from eskin.verify.proofs.checker import Checker, Property, before, implies
 
 
 class LinkChecker(Checker[ReadoutConfig]):

@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 from amaranth.hdl import Array, Cat, Const, Module, Mux, Signal
 from amaranth.lib.wiring import In
 
-from model.tiles.config import TilesConfig
-from rtl.tiles.merge import Merge
-from verify.proofs.checker import Checker, Property, at_most_one, before, bit_of, cyclic, implies, within
+from eskin.model.tiles.config import TilesConfig
+from eskin.rtl.tiles.merge import Merge
+from eskin.verify.proofs.checker import Checker, Property, at_most_one, before, bit_of, cyclic, implies, within
 
 DEPTH = 2
 """Events that a merge holds at most."""

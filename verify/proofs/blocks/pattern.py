@@ -8,11 +8,11 @@ from typing import Any
 from amaranth.hdl import Cat, Const, Module, Mux, Signal
 from amaranth.lib.wiring import In
 
-from model.config import ReadoutConfig
-from model.registers.pattern import ALL
-from rtl.logic import encode
-from rtl.registers.pattern import TestPattern, fields
-from verify.proofs.checker import Checker, Property, at_most_one, before, implies
+from eskin.model.config import ReadoutConfig
+from eskin.model.registers.pattern import ALL
+from eskin.rtl.logic import encode
+from eskin.rtl.registers.pattern import TestPattern, fields
+from eskin.verify.proofs.checker import Checker, Property, at_most_one, before, implies
 
 
 class PatternChecker(Checker[ReadoutConfig]):

@@ -7,9 +7,9 @@ from typing import Any
 from amaranth.hdl import Array, Cat, Const, Module, Signal, signed
 from amaranth.lib.wiring import In
 
-from model.config import ReadoutConfig
-from rtl.readout import Readout
-from verify.proofs.checker import Checker, Property, before, implies
+from eskin.model.config import ReadoutConfig
+from eskin.rtl.readout import Readout
+from eskin.verify.proofs.checker import Checker, Property, before, implies
 
 
 class ReadoutChecker(Checker[ReadoutConfig]):

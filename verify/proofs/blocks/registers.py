@@ -7,11 +7,11 @@ from typing import Any
 from amaranth.hdl import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib.wiring import In
 
-from model.config import ReadoutConfig
-from model.registers.description import WORD_BITS, Register, registers
-from rtl.logic import or_tree
-from rtl.registers.file import COUNTS, WRITTEN, RegisterFile
-from verify.proofs.checker import Checker, Property, before, implies
+from eskin.model.config import ReadoutConfig
+from eskin.model.registers.description import WORD_BITS, Register, registers
+from eskin.rtl.logic import or_tree
+from eskin.rtl.registers.file import COUNTS, WRITTEN, RegisterFile
+from eskin.verify.proofs.checker import Checker, Property, before, implies
 
 
 class RegistersChecker(Checker[ReadoutConfig]):

@@ -6,9 +6,9 @@ from typing import Any
 
 from amaranth.hdl import Cat, Const, Module, Signal
 
-from model.tiles.config import TilesConfig
-from rtl.tiles.relay import Relay
-from verify.proofs.checker import Checker, Property, before, implies
+from eskin.model.tiles.config import TilesConfig
+from eskin.rtl.tiles.relay import Relay
+from eskin.verify.proofs.checker import Checker, Property, before, implies
 
 DEPTH = 2
 """Events that a station holds at most."""

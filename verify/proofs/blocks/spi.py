@@ -6,10 +6,10 @@ from typing import Any, ClassVar
 
 from amaranth.hdl import Cat, Const, Module, Mux, Signal, Value
 
-from model.config import ReadoutConfig
-from model.registers.description import WORD_BYTES
-from rtl.registers.spi import NarrowSlave, SpiSlave
-from verify.proofs.checker import Checker, Property, before, implies
+from eskin.model.config import ReadoutConfig
+from eskin.model.registers.description import WORD_BYTES
+from eskin.rtl.registers.spi import NarrowSlave, SpiSlave
+from eskin.verify.proofs.checker import Checker, Property, before, implies
 
 
 class SpiChecker(Checker[ReadoutConfig]):

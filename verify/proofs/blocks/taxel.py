@@ -8,9 +8,9 @@ from typing import Any
 from amaranth.hdl import Const, Module, Mux, Signal, Value, signed
 from amaranth.lib.wiring import In
 
-from model.config import ReadoutConfig
-from rtl.taxel import Taxel
-from verify.proofs.checker import Checker, Property, before, implies
+from eskin.model.config import ReadoutConfig
+from eskin.rtl.taxel import Taxel
+from eskin.verify.proofs.checker import Checker, Property, before, implies
 
 
 def _digital(config: ReadoutConfig) -> bool:

@@ -6,9 +6,9 @@ from typing import Any
 
 from amaranth.hdl import Module, Mux, Signal
 
-from model.config import ReadoutConfig
-from rtl.window import ClosingWindow
-from verify.proofs.checker import Checker, Property, before, implies
+from eskin.model.config import ReadoutConfig
+from eskin.rtl.window import ClosingWindow
+from eskin.verify.proofs.checker import Checker, Property, before, implies
 
 
 class WindowChecker(Checker[ReadoutConfig]):

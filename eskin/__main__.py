@@ -1,0 +1,5 @@
+"""``python -m eskin``."""
+
+from eskin.app.__main__ import main
+
+main()
