@@ -24,7 +24,7 @@ CONFIGS = [
     BASE.replace(encoding="cw-lcs", window_period=9, frontend="analog"),
     BASE.replace(encoding="nlcs", frontend="analog", rows=2, columns=2, leak_period=9, decide_every="sample"),
     BASE.replace(rows=1, columns=1, encoding="nlcs", leak_period=7, leak_shift=3),
-    BASE.replace(rows=5, columns=9, encoding="cw-lcs", window_period=5, resolution=9),
+    BASE.replace(rows=5, columns=9, encoding="cw-lcs", window_period=5, resolution=8),
 ]
 
 

@@ -93,6 +93,9 @@ class Draw:
         }
         if "registers" not in self.set and registry.named(encoding).leaks and fields["leak_period"] < rows:
             fields["registers"] = "none"  # they can stagger no leak that is shorter than the rows
+        if fields["registers"] == "spi" and registry.named(encoding).windowed and "closing_shift" not in self.set:
+            room = fields["sample_bits"] - 2 - fields["resolution"]
+            fields["closing_shift"] = min(fields["closing_shift"], room)  # of every resolution that a host sets
         config = ReadoutConfig.from_dict(fields)
         levels = np.arange(config.encoder.lowest(config), config.full_scale, config.grid)
         at_zero = np.zeros(len(levels), np.int64)

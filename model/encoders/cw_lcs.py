@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from eskin.base.errors import InputError
 from eskin.model import window
 from eskin.model.encoders.encoder import Encoder, log2, steps_up_to
 
@@ -43,6 +44,19 @@ class CwLcs(Encoder):
     def grid(self, config: ReadoutConfig) -> int:
         """Return the closing step: every half-width is a multiple of it."""
         return config.closing_step
+
+    def check(self, config: ReadoutConfig) -> None:
+        """Refuse registers where D has too few codes for all closing steps.
+
+        Then a coarser D, which a host may set, would have more closing steps than the window was built for.
+        """
+        most = config.sample_bits - 2 - config.resolution
+        if config.registers != "none" and config.closing_shift > most:
+            raise InputError(
+                f"closing_shift must be in 0..{most} = sample_bits - 2 - resolution with registers={config.registers}, "
+                f"not {config.closing_shift}; otherwise a coarser resolution set at run time has no room for its "
+                f"window: lower closing_shift, or raise sample_bits to {config.resolution + 2 + config.closing_shift}"
+            )
 
     def rule(self, config: ReadoutConfig) -> CwLcsRule:
         """Return the rule of a configuration."""

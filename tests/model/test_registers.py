@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import random
 import re
 import shutil
@@ -9,6 +10,7 @@ import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +18,8 @@ import pytest
 from eskin.base.errors import InputError
 from eskin.model import window
 from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from eskin.model.readout import Stimulus, simulate
 from eskin.model.registers import settings
 from eskin.model.registers.description import WORD_BITS, registers
 from eskin.model.registers.driver import Registers
@@ -215,3 +219,40 @@ def test_settings_are_those_of_a_host_from_clock_0_on_or_one_sentence() -> None:
             settings.check(config, given([0], coarser))
     with pytest.raises(InputError, match="settings need registers; build the readout with registers=spi"):
         settings.check(config.replace(registers="none"), given([0]))
+
+
+@pytest.mark.parametrize("encoding", registry.NAMES)
+@pytest.mark.parametrize("pace", ["clock", "sample"])
+def test_a_resolution_that_a_host_sets_gives_the_events_of_a_readout_built_with_it(encoding: Any, pace: Any) -> None:
+    """The window too closes as that of a readout built with the coarser resolution, as far as D goes."""
+    rng = np.random.default_rng(11)
+    for bits, built, steps in [(12, 8, 2), (12, 10, 0), (10, 4, 4), (6, 3, 1)]:
+        shape = {"rows": 2, "columns": 2, "sample_bits": bits, "window_period": 2, "closing_shift": steps}
+        config = ReadoutConfig(**shape, encoding=encoding, decide_every=pace, resolution=built, clocks_per_sample=8)
+        walk = np.cumsum(rng.integers(-3, 4, (300, 4)), axis=0) * config.full_scale // 64
+        walk = walk.clip(-config.full_scale, config.full_scale - 1)
+        for resolution in range(1, built + 1):
+            coarse = config.replace(resolution=resolution)
+            made = Stimulus.from_samples(config, walk)
+            given = np.zeros(1, settings.SETTING_DTYPE)
+            for name in ("leak_shift", "leak_period", "window_period"):
+                given[name] = getattr(config, name)
+            given["coarser"] = built - resolution
+            told = simulate(config.replace(registers="spi"), dataclasses.replace(made, settings=given))
+            assert len(told) > 8 or resolution < built
+            assert np.array_equal(told, simulate(coarse, made)), (bits, built, steps, resolution)
+
+
+def test_a_window_without_room_for_all_settings_is_refused() -> None:
+    """Each had events of its own at a coarser resolution: it closed less, or never."""
+    for resolution, closing, most in ((10, 2, 0), (8, 4, 2), (9, 2, 1)):
+        sentence = (
+            f"closing_shift must be in 0..{most} = sample_bits - 2 - resolution with registers=spi, not {closing}; "
+            f"otherwise a coarser resolution set at run time has no room for its window: lower closing_shift, "
+            f"or raise sample_bits to {resolution + 2 + closing}"
+        )
+        fields = {"encoding": "cw-lcs", "resolution": resolution, "closing_shift": closing}
+        with pytest.raises(InputError, match=f"^{re.escape(sentence)}$"):
+            ReadoutConfig.from_dict(fields | {"registers": "spi"})
+        ReadoutConfig.from_dict(fields | {"registers": "spi", "sample_bits": resolution + 2 + closing})
+        ReadoutConfig.from_dict(fields)
