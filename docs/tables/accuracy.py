@@ -245,15 +245,15 @@ def headline() -> None:
     (best,) = sweep("tuned-2ms")
     replays, chip = replayed(), read("docs/data/touch.json")
     rows = [
-        filled("events equal in RTL and model, {images} scans, three encoders |  | {events:,}", replays),
-        filled("accuracy, the paper's network, LCS 6 b | {published:100*.2f} % | {last:%}", paper),
-        filled("accuracy, a leaky network, LCS 3 b at {normalised_rate:r} of 640 kb/s |  | {last:%}", best),
+        filled("events equal in RTL and model ({images} scans, three encoders) |  | {events:,}", replays),
+        filled("accuracy: the paper's network, LCS 6 b | {published:100*.2f} % | {last:%}", paper),
+        filled("accuracy: a leaky network, LCS 3 b, {normalised_rate:r} times 640 kb/s |  | {last:%}", best),
     ]
-    for kind, text in (("rnn", "ReLU units"), ("cnn", "convolutions")):
+    for kind, text in (("rnn", "the paper's ReLU network"), ("cnn", "a convolutional network")):
         point = frame_points()[kind]
-        rows.append([f"accuracy, frames at 5 times 640 kb/s, {text}", point["theirs"], filled("{last:%}", point)])
-    rows.append(filled("touch to class in the RTL, weights of {classifier_rec_bits} b", chip["chip"]) + " |  | ")
-    rows[-1] += filled("{right} of {labelled} right, {mismatches} mismatches.", chip)
+        rows.append([f"accuracy: {text} on frames, 5 times 640 kb/s", point["theirs"], filled("{last:%}", point)])
+    rows.append(filled("textures classified by the RTL, weights of {classifier_rec_bits} b", chip["chip"]) + " |  | ")
+    rows[-1] += filled("{right} of {labelled} right, {mismatches} mismatches with the model", chip)
     rows += power_rows()[:2]
     table(" | published | here", rows)
 
@@ -270,7 +270,7 @@ def results() -> None:
     ]
     network = "six textures, the paper's network, {readout:E} {resolution} b | {published:100*.2f} % | {last:%}"
     rows += [filled(network, points[key]) for key in (("lcs", 6), ("lcs", 8), ("nlcs", 8))]
-    leaky = "six textures, a leaky network, LCS 3 b at {normalised_rate:r} of 640 kb/s |  | {last:%}"
+    leaky = "six textures, a leaky network, LCS 3 b, {normalised_rate:r} times 640 kb/s |  | {last:%}"
     rows.append(filled(leaky, best))
     for kind, text in (("rnn", "ReLU units"), ("cnn", "convolutions")):
         rows.append([f"six textures from frames, {text}", frames[kind]["theirs"], filled("{last:%}", frames[kind])])

@@ -133,20 +133,20 @@ def power_measured() -> None:
 def power_rows() -> list[list[str]]:
     """Return the outcome: spikes by frames, and the noise at which spikes cost less."""
     rows = []
-    for mode, text in (("paper", "in the paper's model"), ("consistent", "with seven corrections")):
+    for mode, text in (("paper", "the paper's model"), ("consistent", "seven corrections")):
         ratio = read("docs/data/fig7.json")["modes"][mode]["ratio"]
         value = f"{digits(ratio['lcs'][5], 3)} (LCS), {digits(ratio['nlcs']['0.2'][5], 3)} (N-LCS)"
-        rows.append([f"power of spikes / power of frames, 6 b, 1 mV of noise, {text}", "", value])
+        rows.append([f"power of spikes / power of frames (6 b, 1 mV of noise): {text}", "", value])
     for library, cells in measured_libraries().items():
         value = f"{by_frames('lcs', library)} (LCS), {by_frames('nlcs', library)} (N-LCS)"
-        rows.append([f"the same, the logic of all three measured on netlists in {cells} cells", "", value])
-    for case, text in (("none (paper)", "in the paper's model"), ("all (consistent)", "with seven corrections")):
+        rows.append([f"power ratio as above: seven corrections, logic from netlists in {cells} cells", "", value])
+    for case, text in (("none (paper)", "the paper's model"), ("all (consistent)", "seven corrections")):
         ends = []
         for readout in sorted(SPIKING):
             wins = sensitivity(case)["crossover"][readout]
             noise = "" if wins["noise_v_rms"] is None else f" {1e3 * wins['noise_v_rms']:.2f} mV"
             ends.append(f"{wins['spikes_win']}{noise} ({READOUT_NAMES[readout]})")
-        rows.append([f"noise at which spikes take less power than frames, 6 b, {text}", "", ", ".join(ends)])
+        rows.append([f"noise at which spikes take less power than frames (6 b): {text}", "", ", ".join(ends)])
     return rows
 
 
