@@ -9,18 +9,18 @@
 # %% [markdown]
 # # Tutorial: from a sine to the class of a texture
 #
-# A quarter of an hour, every step with its result. One taxel sees a sine; its events are rebuilt into the signal;
-# the hardware sends the same events; a waveform shows why; then 64 taxels slide over brick, grass and gravel, and
-# a network says which it was.
+# This tutorial takes a quarter of an hour and shows the result of every step. First, one taxel samples a sine. A
+# decoder rebuilds the signal from its events, and the hardware sends the same events. Then 64 taxels slide over brick,
+# grass and gravel, and a network classifies the textures.
 #
-# Run it from the top of the project with `.venv/bin/python` (after `make setup`), cell by cell or whole:
-# `docs/tutorial.py` is the source of this page and of a notebook.
+# Run `docs/tutorial.py` from the top of the project with `.venv/bin/python` (after `make setup`), cell by cell or
+# whole. This page and a notebook are generated from that file.
 
 # %% [markdown]
 # ## One sine, and its events
 #
 # `ReadoutConfig` holds every parameter of a readout. Here one taxel samples a signal at 20 kHz with 12 bits. At a
-# resolution of 4 bits an LSB is 2^-4 of full scale, and the encoder steps by half of that: 64 codes.
+# resolution of 4 bits an LSB is 2^-4 of full scale. The encoder steps by half an LSB: 64 codes.
 
 # %%
 import matplotlib.pyplot as plt
@@ -35,9 +35,9 @@ samples = signal[:, None]  # (sample ticks, taxels)
 print(f"step D = {config.step} codes of {config.full_scale}, clock {config.clock_hz:,.0f} Hz")
 
 # %% [markdown]
-# Level crossing: whenever the signal is a step above the reference the taxel sends an ON event and the reference
-# follows by that step; below it an OFF event. Where the sine is steep events are close, at its turns there are
-# none.
+# The encoder uses level crossing. When the signal is one step above the reference, the taxel sends an ON event and the
+# reference rises by one step. When the signal is one step below, the taxel sends an OFF event and the reference falls.
+# So events are dense where the sine is steep, and absent at its peaks.
 
 # %%
 from eskin.model.taxel import decode, encode_timed, error_bound, uncontended_events
@@ -51,8 +51,8 @@ for t, x, y, p in events[:3].tolist():
 # %% [markdown]
 # ## The decoder and its bound
 #
-# The events are enough to rebuild the reference, exactly. It stays within a step of the signal, and that is a
-# promise: `error_bound` says how far off a reconstruction may be, as long as the signal is not too steep.
+# The decoder rebuilds the reference exactly from the events. The reference stays within one step of the signal, unless
+# the signal is too steep. `error_bound` returns the guaranteed limits of the difference.
 
 # %%
 rebuilt = decode(config, counts, late)[:, 0]
@@ -74,9 +74,10 @@ below.axhline(high, color="C3", lw=0.8)
 _ = below.set(xlabel="time / ms", ylabel="error, codes")
 
 # %% [markdown]
-# The other encoders are a word in the configuration. CW-LCS closes its window while nothing happens, as at
-# the turns of the sine, and so sees smaller changes; N-LCS is one comparator whose threshold leaks, a leaky
-# neuron, and sends no OFF events; bipolar N-LCS sends both. [Encoders](reference/encoders.md) has their rules.
+# To use another encoder, change one word of the configuration. CW-LCS closes its window while the taxel sends no event,
+# as at the peaks of the sine, and therefore detects smaller changes. N-LCS has one comparator with a leaking threshold,
+# like a leaky neuron, and sends no OFF events. Bipolar N-LCS sends both. [Encoders](reference/encoders.md) describes
+# the rules.
 
 # %%
 from eskin.model.encoders import registry
@@ -88,9 +89,9 @@ for encoding in registry.NAMES:
 # %% [markdown]
 # ## Clock by clock
 #
-# So far every event left at once. `simulate` is the whole readout, with arbiter and link, clock by clock: three
-# clocks from a sample to its first event. For a lone taxel the two models agree; four taxels that see the same
-# sine have to share the link, and wait for each other.
+# So far every event left immediately. `simulate` models the whole readout clock by clock, with arbiter and link. The
+# first event leaves three clocks after its sample. For a single taxel the two models agree. Four taxels that sample the
+# same sine must share the link and wait for each other.
 
 # %%
 from eskin.model.readout import Stimulus, simulate
@@ -102,10 +103,11 @@ four = config.replace(columns=4)
 print(simulate(four, Stimulus.from_samples(four, samples.repeat(4, axis=1)))[:5])
 
 # %% [markdown]
-# ## The same through the RTL
+# ## The same signal through the RTL
 #
-# The hardware is written in Amaranth, which brings a simulator. This plays the same samples into `eskin_readout`
-# and notes three of its ports in every clock: `event_valid` with `event_ready` is the transfer of an event.
+# The hardware is written in Amaranth, which includes a simulator. The next cell plays the samples into
+# `eskin_readout` and records three ports in every clock. An event is transferred when `event_valid` and `event_ready`
+# are both high.
 
 # %%
 from amaranth.sim import Simulator
@@ -140,9 +142,9 @@ print(f"RTL and model: {len(event_clocks)} events, the same clocks, the same pol
 # %% [markdown]
 # ## A waveform
 #
-# The clocks around the first event. The sample that crosses the threshold is taken where `sample_valid` is high;
-# the taxel decides, the arbiter grants, and in the third clock after it `event_valid` is high.
-# [Microarchitecture](design/microarchitecture.md) has the whole table.
+# The plot shows the clocks around the first event. The readout takes a sample while `sample_valid` is high. Then the
+# taxel decides and the arbiter grants. `event_valid` rises in the third clock after the sample.
+# [Microarchitecture](design/microarchitecture.md) has the full timing table.
 
 # %%
 first = event_clocks[0][0]
@@ -156,8 +158,8 @@ for axis, name, column in zip(axes, ("sample_valid", "event_valid", "event_polar
 _ = axes[-1].set(xlabel="clock", xticks=window)
 
 # %% [markdown]
-# That was Amaranth's simulator. What is delivered is Verilog, and `make sim` holds that to the model in Icarus or
-# Verilator, over many stimuli, and leaves a waveform for GTKWave:
+# That was Amaranth's simulator. `make sim` compares the delivered Verilog with the model, in Icarus or Verilator and
+# over many stimuli. It also writes a waveform for GTKWave:
 
 # %%
 import subprocess
@@ -175,10 +177,10 @@ done = subprocess.run(
 print(done.stdout.replace(folder, "out/sim"))
 
 # %% [markdown]
-# ## A texture's class
+# ## The class of a texture
 #
-# Now 8 x 8 taxels slide over photographs of brick, grass and gravel at 65 mm/s. `record` is one image through
-# scan, sensor model and readout.
+# Now 8 x 8 taxels slide over photographs of brick, grass and gravel at 65 mm/s. `record` passes one image through scan,
+# sensor model and readout.
 
 # %%
 from eskin.skin.textures.dataset import open_dataset
@@ -200,10 +202,10 @@ raster.scatter(
 _ = raster.set(xlabel="time / ms", ylabel="taxel", title="address events, ON green, OFF red")
 
 # %% [markdown]
-# A network does not see single events but their counts in bins, here of 2 ms: 128 channels, one for each taxel
-# and polarity. All 48 images are recorded; 36 are learned and 12 kept for the test. Neurons that leak, outputs
-# that do not fire. Twenty epochs take seconds and are enough to see that it works;
-# [Classifier](guide/classifier.md) has the real trainings, with six textures and a protocol.
+# The network takes event counts in bins, here of 2 ms, not single events. It has 128 input channels: one for each taxel
+# and polarity. We record all 48 images, train on 36 and test on 12. The hidden neurons leak, and the outputs do not
+# fire. Twenty epochs take seconds and show that the network learns. [Classifier](guide/classifier.md) describes full
+# trainings with six textures and a test protocol.
 
 # %%
 from eskin.snn.data.bins import BinConfig
@@ -223,8 +225,8 @@ right = predicted_classes(training.network, data, test) == data.image_labels[tes
 print(f"{right.sum()} of {len(test)} test images are read right")
 
 # %% [markdown]
-# How much of a scan does it need? The same network on the first few bins of one test image, then on more and more
-# of them:
+# How much of a scan does the network need? The next cell gives the network the first bins of one test image, then more
+# and more of them:
 
 # %%
 import torch
@@ -242,9 +244,9 @@ _ = axis.set(xlabel="time / ms", ylabel="SoftMax", ylim=(-0.05, 1.05), title=dat
 # %% [markdown]
 # ## Your own sensor
 #
-# A slow piezoresistive skin: 16 taxels, 35 samples a second, raw counts on a baseline of thousands, a time stamp in
-# the first column, a folder for each class. Here it is generated; yours may have decimal commas, other columns and
-# stamps that jitter.
+# This example is a slow piezoresistive skin: 16 taxels, 35 samples per second, and raw counts on a baseline of several
+# thousand. The first column is a time stamp, and each class has a folder. The cell generates the files. Your own files
+# may have decimal commas, other columns and irregular time stamps.
 
 # %%
 import os
@@ -267,9 +269,9 @@ for kind, starts in {"press": (1.0,), "tap": (0.5, 1.5, 2.5, 3.5), "rub": (0.8, 
         (skin / kind / f"{number}.csv").write_text("\n".join([header, *lines]) + "\n")
 
 # %% [markdown]
-# Two commands lead from there to classes and through the RTL: `make train DATA=my_skin/` and
-# `make sim DATA=my_skin/`. Time stamps, rate, baseline, scale and clock are found; warnings name the option that
-# mends what they warn of.
+# Two commands classify these recordings and play them through the RTL: `make train DATA=my_skin/` and
+# `make sim DATA=my_skin/`. They detect time stamps, rate, baseline, scale and clock. Each warning names the option
+# that fixes the problem.
 
 
 # %%
@@ -285,11 +287,11 @@ played = run("sim", "--data", "my_skin", "--encoding", "lcs", "--sim", "icarus",
 print(played.stdout)
 
 # %% [markdown]
-# ## Where to go on
+# ## Next steps
 #
-# - Your own recordings: all that is found and can be said, `make replay`, `make predict`, `make study`,
+# - Read all options for recordings, and `make replay`, `make predict`, `make study`:
 #   [Your own recordings](guide/recordings.md).
-# - Verilog for your flow: `make verilog ROWS=12 COLUMNS=16`, [Verilog](guide/verilog.md).
-# - A whole dataset through the RTL, and its spikes through a trained network: `make replay`, `make train`,
-#   `make predict`, [Classifier](guide/classifier.md).
-# - What it all costs in power: [Power](guide/power.md).
+# - Get Verilog for your flow with `make verilog ROWS=12 COLUMNS=16`: [Verilog](guide/verilog.md).
+# - Play a whole dataset through the RTL and classify its spikes with `make replay`, `make train`, `make predict`:
+#   [Classifier](guide/classifier.md).
+# - Compare the power of the readouts: [Power](guide/power.md).
