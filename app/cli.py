@@ -14,6 +14,7 @@ import typer
 import typer.core
 
 from eskin.app.catalogue import COMMANDS, MODULES, summary
+from eskin.app.options import checking_outputs
 from eskin.base.errors import InputError
 from eskin.base.workers.garbage import collect_seldom
 
@@ -42,7 +43,7 @@ class Commands(Mapping[str, typer.core.TyperCommand]):
     def __getitem__(self, name: str) -> typer.core.TyperCommand:
         module, function = importlib.import_module(MODULES[name]), name.replace("-", "_")
         alone = _new_app()
-        alone.command(name)(getattr(module, function, None) or getattr(module, f"{function}_"))
+        alone.command(name)(checking_outputs(getattr(module, function, None) or getattr(module, f"{function}_")))
         return cast(typer.core.TyperCommand, typer.main.get_command(alone))
 
 

@@ -15,12 +15,76 @@ from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
 
+from eskin.base import outputs
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig, option_of
 from eskin.model.encoders import registry
 from eskin.model.frame_config import OWN_FIELDS
 
 Command = Callable[..., Any]
+
+
+# -- paths that a command writes ---------------------------------------------------------------------
+
+
+@dataclasses.dataclass(frozen=True)
+class Writes:
+    """Mark of an option that names where a command writes: ``Annotated[Path, typer.Option(...), WRITES_FILE]``.
+
+    Attributes
+    ----------
+    folder : bool or callable
+        Whether it is a folder; a callable takes the arguments of the command by name.
+    """
+
+    folder: bool | Callable[[Mapping[str, Any]], bool] = False
+
+    def path(self, path: Path, given: Mapping[str, Any], inputs: Iterable[Path]) -> Path:
+        """Return where to write: the path, or what it leads to through links.
+
+        Raises
+        ------
+        InputError
+            If it cannot be written, is one of the inputs, or lies inside one.
+        """
+        if self.folder(given) if callable(self.folder) else self.folder:
+            outputs.check_folder(path)
+        else:
+            path = outputs.file_of(path)
+        real = path.resolve()
+        for place in inputs:
+            own = place.resolve()
+            if own.is_dir() and own in (real, *real.parents):
+                raise InputError(f"cannot write to {path}: it is inside the input {place}; choose a place beside that")
+            if own == real and own.is_file():
+                raise InputError(f"cannot write {path}: it is the input; choose another name")
+        return path
+
+
+WRITES_FILE, WRITES_FOLDER = Writes(), Writes(folder=True)
+
+
+def checking_outputs(command: Command) -> Command:
+    """Return a command that refuses wrong output paths before its work, and gets those behind links."""
+    signature = inspect.signature(command, eval_str=True)
+    parameters = signature.parameters
+    marks = {n: mark for n, p in parameters.items() for mark in get_args(p.annotation) if isinstance(mark, Writes)}
+
+    @functools.wraps(command)
+    def wrapper(**arguments: Any) -> Any:
+        given = {name: value for name, value in arguments.items() if name not in marks}
+        values = [one for value in given.values() for one in (value if isinstance(value, list) else [value])]
+        inputs = [one for one in values if isinstance(one, Path)]
+        if isinstance(given.get("dataset"), str):
+            inputs.append(Path(given["dataset"]))
+        for name, mark in marks.items():
+            if arguments[name] is not None:
+                arguments[name] = mark.path(arguments[name], arguments, inputs)
+        return command(**arguments)
+
+    wrapper.__signature__ = signature  # type: ignore[attr-defined]
+    wrapper.__annotations__ = {name: parameter.annotation for name, parameter in parameters.items()}
+    return wrapper if marks else command
 
 
 # -- fields of any dataclass -------------------------------------------------------------------------

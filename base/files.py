@@ -17,12 +17,10 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from eskin.base.errors import InputError
+from eskin.base.outputs import check_file, in_out, is_stream, new_part
 
 if TYPE_CHECKING:  # the launcher of make runs where NumPy is not installed yet
     from numpy.typing import NDArray
-
-OUT = Path("out")
-"""Folder of what commands write unless told otherwise."""
 
 PROBE_BYTES = 2**17
 """What can be written to a disk that is not full."""
@@ -33,19 +31,26 @@ def atomic_write(path: Path) -> Iterator[IO[bytes]]:
     """Open a binary file that takes the name ``path`` only when everything has been written.
 
     The bytes go to a temporary file in the same folder, which replaces ``path`` at the end and is removed if
-    anything fails, so an interrupted command leaves the old file, or none.
+    anything fails, so an interrupted command leaves the old file, or none. A device or FIFO gets all bytes at the end.
+    A link is replaced: commands resolve those that a user named (``base.outputs.file_of``), and whoever
+    planted one in a folder of the program's own does not choose what is overwritten.
 
     Raises
     ------
     InputError
         If the folder does not exist or the file cannot be written.
     """
-    folder = path.parent
-    check_writable(path)
+    check_file(path)
+    if is_stream(path):
+        yield from _into_stream(path)
+        return
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=folder)
+        if in_out(path.parent):
+            path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = new_part(path)
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror}") from None
+    lock = os.dup(handle)
     try:
         with os.fdopen(handle, "wb") as file:
             yield file
@@ -57,6 +62,19 @@ def atomic_write(path: Path) -> Iterator[IO[bytes]]:
     except BaseException:
         os.unlink(name)
         raise
+    finally:
+        os.close(lock)
+
+
+def _into_stream(path: Path) -> Iterator[IO[bytes]]:
+    """Give a file in memory, and write what it holds to a device or FIFO."""
+    with io.BytesIO() as file:
+        yield file
+        try:
+            with path.open("wb") as stream:
+                stream.write(file.getvalue())
+        except OSError as error:
+            raise InputError(f"cannot write {path}: {error.strerror}") from None
 
 
 def make_folder(root: Path, inside: str | Path, empty: bool = False) -> Path:
@@ -103,22 +121,6 @@ def refusing_a_full_disk(folder: Path) -> Iterator[None]:
         raise
 
 
-def check_writable(path: Path) -> None:
-    """Refuse an output path whose folder does not exist, or that is a folder: before any work is done.
-
-    The folder ``out`` of the current one is the place of all defaults, and is made.
-    """
-    if path.parent == OUT:
-        try:
-            OUT.mkdir(exist_ok=True)
-        except OSError as error:
-            raise InputError(f"cannot make the folder {OUT}: {error.strerror}; choose another --out") from None
-    if not path.parent.is_dir():
-        raise InputError(f"cannot write {path}: the folder {path.parent} does not exist; create it first")
-    if path.is_dir():
-        raise InputError(f"cannot write {path}: it is a folder; give the name of a file")
-
-
 def write_json(path: Path, content: dict[str, Any]) -> None:
     """Write a JSON file, whole or not at all; floats that are no finite numbers become texts."""
     with atomic_write(path) as file:
@@ -156,7 +158,7 @@ class Pieces:
     def __init__(self, out: Path | None, code: str) -> None:
         self.path, self.code = out and pieces_of(out), code
         if out:
-            check_writable(out)
+            check_file(out)
         lines = kept_lines(self.path) if self.path else ()
         self._known = {piece["name"]: piece for piece in lines if piece["code"] == code}
 

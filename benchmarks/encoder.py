@@ -31,7 +31,8 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt
 
 from eskin.base.errors import InputError
-from eskin.base.files import atomic_write, check_writable, origin
+from eskin.base.files import atomic_write, origin
+from eskin.base.outputs import check_file
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders.encoder import Encoder
 from eskin.model.encoders.registry import ENCODERS
@@ -179,7 +180,7 @@ def writable(path: Path | None) -> Path | None:
     """Return the path, or refuse it before any time is spent."""
     if path is not None:
         try:
-            check_writable(path)
+            check_file(path)
         except InputError as error:
             raise typer.BadParameter(str(error)) from None
     return path

@@ -35,7 +35,8 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from eskin.base.errors import InputError
-from eskin.base.files import atomic_write, check_writable, origin
+from eskin.base.files import atomic_write, origin
+from eskin.base.outputs import check_file
 from eskin.snn.kernels import cpu as kernel
 from eskin.snn.kernels.layer import layer
 from eskin.snn.kernels.reference import layer_reference
@@ -404,7 +405,7 @@ def main(
         return
     if json_file is not None:
         try:
-            check_writable(json_file)
+            check_file(json_file)
         except InputError as error:
             raise typer.BadParameter(str(error)) from None
     if not kernel.available():

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.base.files import atomic_write, check_writable
+from eskin.base.files import atomic_write
+from eskin.base.outputs import check_file
 from eskin.model.config import MAX_SIDE
 
 ARRAY_SUFFIXES = (".npy", ".npz", ".csv")
@@ -186,7 +187,7 @@ def check_samples_path(path: Path) -> None:
     """Refuse an output of unknown kind, or in a folder that does not exist, before any work is done."""
     if path.suffix.lower() not in ARRAY_SUFFIXES:
         raise InputError(f"signals are written as {', '.join(ARRAY_SUFFIXES)}, not {path.name}; rename the output")
-    check_writable(path)
+    check_file(path)
 
 
 def write_samples(path: Path, values: NDArray[np.float64], rate_hz: float) -> None:

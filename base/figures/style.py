@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eskin.base.errors import InputError
-from eskin.base.files import atomic_write, check_writable
+from eskin.base.files import atomic_write
+from eskin.base.outputs import check_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,7 +40,7 @@ def check_picture_path(path: Path) -> None:
     """Refuse a picture of unknown format, or in a folder that does not exist, before any work is done."""
     if path.suffix.lower() not in FORMATS:
         raise InputError(f"pictures end in {', '.join(FORMATS)}, {path.name} does not; rename the output")
-    check_writable(path)
+    check_file(path)
 
 
 def new_figure(width_in: float, height_in: float, title: str) -> Figure:

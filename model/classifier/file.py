@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.base.files import atomic_write, check_writable, read_arrays, write_arrays
+from eskin.base.files import atomic_write, read_arrays, write_arrays
+from eskin.base.outputs import check_file
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.network import IntegerNetwork
 
@@ -135,7 +136,7 @@ def write_images(network: IntegerNetwork, folder: Path, name: str) -> list[Path]
     }
     for kind, (image, bits) in images.items():
         paths.append(folder / f"{name}.{kind}.hex")
-        check_writable(paths[-1])
+        check_file(paths[-1])
         digits = -(-bits // 4)
         with atomic_write(paths[-1]) as file:
             file.write("".join(f"{word:0{digits}x}\n" for word in image).encode())

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from eskin.base.errors import InputError
-from eskin.base.files import check_writable, write_json
+from eskin.base.files import write_json
+from eskin.base.outputs import check_file
 from eskin.base.workers.pool import Local, Shared, WorkerPool, next_landed, sentence
 from eskin.snn.checkpoint import digest
 from eskin.snn.data.folds import check_folds
@@ -113,7 +114,7 @@ class PointRun:
         for cell, (key, _) in self._found.items():
             check_same(self.paths[cell], key, self._key)
         folder.mkdir(parents=True, exist_ok=True)
-        check_writable(folder / "result.json")
+        check_file(folder / "result.json")
 
     @property
     def ready(self) -> bool:
@@ -364,7 +365,7 @@ def sweep(
     if twice := [name for name in names if names.count(name) > 1]:
         raise InputError(f"point {twice[0]} is there twice; leave one out")
     runs = [PointRun(point, folder / point.name, folds, seeds, fold_seed) for point in points]
-    check_writable(folder / "sweep.json")
+    check_file(folder / "sweep.json")
 
     def note(run: PointRun, result: dict[str, Any] | None) -> None:
         if run.ready:

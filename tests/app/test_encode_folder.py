@@ -77,7 +77,7 @@ def test_a_single_file_with_time_stamps_is_read_as_one(call: Any, folder: Path) 
     [
         ("encode none -o e.npz", "none is of unknown kind"),
         ("encode empty -o e", "empty holds no recordings; give a folder with one folder for each class"),
-        ("encode skin -o taken", "cannot write taken: it is a file; give a folder for the event files"),
+        ("encode skin -o taken", "cannot write to taken: it is a file; give the name of a folder"),
         ("encode skin -o e --class a", "--class belongs to one input"),
         ("encode skin -o e --model functional", "--model functional belongs to one input"),
         ("encode skin -o e --scale p", "--scale takes a percentile as p99.9"),

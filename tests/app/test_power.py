@@ -294,7 +294,7 @@ def test_the_same_data_give_the_same_picture(call, folder):
 
 def test_a_folder_that_cannot_be_made_is_one_sentence(call, folder):
     (folder / "file").touch()
-    assert call("fig6 --out file") == (2, "", "error: cannot make the folder file: File exists; choose another --out\n")
+    assert call("fig6 --out file") == (2, "", "error: cannot write to file: it is a file; give the name of a folder\n")
 
 
 # -- explore -----------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ import typer
 
 from eskin.app.cli import printable
 from eskin.app.commands.signals.recordings import OwnData
-from eskin.app.options import with_config
+from eskin.app.options import WRITES_FILE, with_config
 from eskin.base.errors import InputError
 from eskin.base.progress import watched
 from eskin.model.config import ReadoutConfig
@@ -44,7 +44,7 @@ def play(
     page: Page = None,
     baud: Baud = BAUD,
     patience: Patience = 3.0,
-    out: Annotated[Path, typer.Option("-o", "--out", help="file for the events")] = Path("out/played.npz"),
+    out: Annotated[Path, typer.Option("-o", "--out", help="file for the events"), WRITES_FILE] = Path("out/played.npz"),
 ) -> None:
     """Play a texture, a recording or codes through the readout and classifier of a board.
 
@@ -88,7 +88,7 @@ def listen(
     page: Page = None,
     baud: Baud = BAUD,
     patience: Patience = 3.0,
-    out: Annotated[Path, typer.Option("-o", "--out", help="file for the events")] = Path("out/heard.npz"),
+    out: Annotated[Path, typer.Option("-o", "--out", help="file for the events"), WRITES_FILE] = Path("out/heard.npz"),
 ) -> None:
     """Record what a foreign chip sends over four-phase AER: its array is said by --rows, --columns, --encoding.
 

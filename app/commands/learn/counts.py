@@ -11,6 +11,7 @@ import typer
 from eskin.app.cli import printable
 from eskin.app.commands.learn.options import BinSeconds, DatasetName, Preset, Tau
 from eskin.app.commands.learn.sweep import command_line
+from eskin.app.options import WRITES_FILE
 from eskin.base.errors import InputError
 from eskin.base.files import origin, write_json
 from eskin.base.progress import bar
@@ -25,7 +26,9 @@ def counts(
     tau: Tau = None,
     dataset: DatasetName = None,
     bin_s: BinSeconds = None,
-    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE", help="numbers as JSON")] = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="FILE", help="numbers as JSON"), WRITES_FILE
+    ] = None,
 ) -> None:
     """Compare the event counts of one encoder's resolutions on the same scans: empty bins, correlation, ratio."""
     from eskin.snn.data.bins import BinConfig

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from eskin.app.cli import printable
+from eskin.app.options import WRITES_FILE
 from eskin.base.errors import InputError
-from eskin.base.files import check_writable
 from eskin.base.progress import bar
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def export(
     weights: Annotated[Path, typer.Argument(metavar="WEIGHTS.npz", help="trained network")],
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="graph .nir, or archive .npz")],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="graph .nir, or archive .npz"), WRITES_FILE],
     eight_bits: Annotated[bool, typer.Option("--eight-bits", help=".npz: matrices in 8 bits")] = False,
 ) -> None:
     """Write a trained network for other programs: NIR graph, or plain NumPy archive."""
@@ -27,7 +27,6 @@ def export(
         raise InputError(f"networks are written as .nir or .npz, not {out.name}; rename the output")
     if eight_bits and out.suffix == ".nir":
         raise InputError("NIR has no 8-bit weights; write an .npz, or leave --eight-bits out")
-    check_writable(out)
     from eskin.snn.exchange.nir_network import save_nir
     from eskin.snn.exchange.weights import load_weights, save_weights
 
@@ -72,7 +71,7 @@ def _tell_lacks(path: Path, weights: Weights) -> None:
 
 def import_(
     graph: Annotated[Path, typer.Argument(metavar="GRAPH.nir", help="NIR graph of a network of this form")],
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="WEIGHTS.npz", help="archive to write")],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="WEIGHTS.npz", help="archive to write"), WRITES_FILE],
     step: Annotated[float | None, typer.Option(metavar="SECONDS", help="time step, where the file has none")] = None,
     classes: Annotated[
         str | None, typer.Option(metavar="A,B,...", help="names of the outputs [those in the file, or numbers]")
@@ -81,7 +80,6 @@ def import_(
     """Read a network from a NIR graph."""
     if out.suffix != ".npz":
         raise InputError(f"weight files end in .npz, {out.name} does not; rename the output")
-    check_writable(out)
     from eskin.snn.exchange.nir_network import load_nir
     from eskin.snn.exchange.weights import config_of, save_weights
 
@@ -94,7 +92,9 @@ def import_(
 
 def convert(
     source: Annotated[Path, typer.Argument(metavar="EVENTS", help="event file .npz, or NIRData .nir")],
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="NIRData .nir, array .npy, event file .npz")],
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="FILE", help="NIRData .nir, array .npy, event file .npz"), WRITES_FILE
+    ],
     bin_s: Annotated[
         float | None, typer.Option("--bin", metavar="SECONDS", help=".nir: counts per time bin instead of events")
     ] = None,
@@ -109,7 +109,6 @@ def convert(
         raise InputError(f"--unit belongs to .npy, not to {out.name}; leave it out")
     if unit not in (None, "us", "clocks"):
         raise InputError(f"--unit must be us or clocks, not {unit!r}")
-    check_writable(out)
     from eskin.snn.data.bins import BinConfig
     from eskin.snn.exchange.nir_events import load_recording, save_events, save_nir_data
 
@@ -125,7 +124,9 @@ def convert(
 
 def quantise(
     weights: Annotated[Path, typer.Argument(metavar="WEIGHTS.npz", help="trained network")],
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="INTEGER.npz", help="file to write; images beside it")],
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="INTEGER.npz", help="file to write; images beside it"), WRITES_FILE
+    ],
     bits: Annotated[int, typer.Option(min=2, max=8, help="bits of all weights")] = 8,
     in_bits: Annotated[int | None, typer.Option(metavar="2..8", help="bits of the input weights")] = None,
     rec_bits: Annotated[int | None, typer.Option(metavar="2..8", help="bits of the recurrent weights")] = None,
@@ -144,7 +145,6 @@ def quantise(
     """Write a trained network as whole numbers for the classifier in hardware, with images of its memories."""
     if out.suffix != ".npz":
         raise InputError(f"integer networks end in .npz, {out.name} does not; rename the output")
-    check_writable(out)
     from eskin.model.classifier.file import write_images
     from eskin.snn.exchange.integer import Precision, quantise, summary
     from eskin.snn.exchange.weights import load_weights

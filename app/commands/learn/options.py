@@ -22,7 +22,7 @@ from eskin.app.options import (
     replace_parameters,
 )
 from eskin.base.errors import InputError
-from eskin.base.files import check_writable
+from eskin.base.outputs import check_file
 from eskin.model.config import ReadoutConfig
 from eskin.skin.recordings.options import Preparation
 from eskin.snn.data.frame_steps import FRAMES
@@ -219,6 +219,6 @@ def output_folder(folder: Path, *names: str) -> None:
     """Make a folder, and refuse one in which these files cannot be written, before any work is done."""
     folder.mkdir(parents=True, exist_ok=True)
     for name in names:
-        check_writable(folder / name)
+        check_file(folder / name)
     if not os.access(folder, os.W_OK):
         raise InputError(f"cannot write into {folder}; choose another folder with --out")

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from eskin.app.cli import printable
+from eskin.app.options import WRITES_FILE
 from eskin.base.errors import InputError
 from eskin.base.files import write_json
 
@@ -19,7 +20,9 @@ def pair(
     first: Annotated[str, typer.Argument(metavar="A", help=POINT)],
     second: Annotated[str, typer.Argument(metavar="B", help="likewise")],
     reading: Annotated[str, typer.Option(metavar="last|selected", help="epoch that counts")] = "last",
-    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE", help="numbers as JSON")] = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="FILE", help="numbers as JSON"), WRITES_FILE
+    ] = None,
 ) -> None:
     """Compare two points of sweeps image by image: McNemar's exact test, and the difference with its interval."""
     from eskin.snn.experiments.pairs import find_point

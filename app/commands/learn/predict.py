@@ -12,8 +12,9 @@ import typer
 
 from eskin.app.cli import printable
 from eskin.app.commands.signals.recordings import events_of
+from eskin.app.options import WRITES_FILE
 from eskin.base.errors import InputError
-from eskin.base.files import check_writable, write_json
+from eskin.base.files import write_json
 from eskin.base.progress import bar
 
 if TYPE_CHECKING:
@@ -47,9 +48,9 @@ def predict(
         str | None,
         typer.Option(metavar="DIR|embedded", help="their textures [$ESKIN_DATA, data/kylberg; else embedded]"),
     ] = None,
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="predictions of all recordings")] = Path(
-        "out/predictions.json"
-    ),
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="FILE", help="predictions of all recordings"), WRITES_FILE
+    ] = Path("out/predictions.json"),
 ) -> None:
     """Classify recordings with a trained network; with --check-model RTL and model must agree bit for bit."""
     import torch
@@ -67,7 +68,6 @@ def predict(
         recordings = read_recordings(files, trained.weights.class_names, step)
     if not events:
         recordings = [work.without_unknown_class(recording, trained) for recording in recordings]
-    check_writable(out)
     counts = work.bin_recordings(recordings, trained)
     logits = work.logits_of(trained.weights.network, counts)
     scores = work.scores(recordings, counts, logits, trained)

@@ -11,8 +11,9 @@ import typer
 from eskin.app.cli import EXIT_INTERRUPTED, printable
 from eskin.app.commands.learn.options import check_device
 from eskin.app.commands.learn.sweep import command_line
+from eskin.app.options import WRITES_FOLDER
 from eskin.base.errors import InputError
-from eskin.base.files import check_writable, origin, write_json
+from eskin.base.files import origin, write_json
 from eskin.base.progress import bar
 
 Trainings = Annotated[
@@ -27,9 +28,9 @@ def robustness(
     only: Annotated[
         str | None, typer.Option(metavar="NAME[=STRENGTH],...", help="disturbances [all, at all strengths]")
     ] = None,
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="cells, robustness.json and .png")] = Path(
-        "out/robustness"
-    ),
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="DIR", help="cells, robustness.json and .png"), WRITES_FOLDER
+    ] = Path("out/robustness"),
 ) -> None:
     """Test trained networks under noise, mismatch, faults and other movements; stopped, it goes on where it was."""
     from eskin.snn.data.disturb import DISTURBANCES
@@ -44,8 +45,6 @@ def robustness(
         network, fold, seed = twice[0]
         raise InputError(f"network {network!r} comes twice with fold {fold} and seed {seed}; rename a folder")
     out.mkdir(parents=True, exist_ok=True)
-    for name in ("robustness.json", "robustness.png"):
-        check_writable(out / name)
     try:
         with bar("cells", len(subjects) * len(chosen)) as step:
             cells = run_cells(subjects, chosen, out, step)

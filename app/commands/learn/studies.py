@@ -12,9 +12,10 @@ from eskin.app.cli import printable
 from eskin.app.commands.learn.options import DatasetName, check_device
 from eskin.app.commands.learn.robustness import Trainings, trained_files
 from eskin.app.commands.learn.sweep import command_line
+from eskin.app.options import WRITES_FOLDER
 from eskin.app.tables import new_table, show
 from eskin.base.errors import InputError
-from eskin.base.files import check_writable, origin, read_json, write_json
+from eskin.base.files import origin, read_json, write_json
 from eskin.base.progress import bar
 
 NOISES_MV = "0.1,1,3,10,20"
@@ -31,9 +32,9 @@ def noise_power(
     weights: Trainings = None,
     noises: Annotated[str, typer.Option(metavar="MV,...", help="AFE output noise v_n, mV rms of 1 V")] = NOISES_MV,
     pair: Pair = None,
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="cells, noise_power.json and .png")] = Path(
-        "out/noise-power"
-    ),
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="DIR", help="cells, noise_power.json and .png"), WRITES_FOLDER
+    ] = Path("out/noise-power"),
 ) -> None:
     """Accuracy, event rate and power of trained networks at one AFE noise, in both modes of the power model."""
     from eskin.snn.experiments.robustness import Subject
@@ -46,8 +47,6 @@ def noise_power(
     subjects = [Subject.load(path, scenes=False) for path in trained_files(weights or [Path("out/train")])]
     names = two_of(pair, {subject.network for subject in subjects})
     out.mkdir(parents=True, exist_ok=True)
-    for name in ("noise_power.json", "noise_power.png"):
-        check_writable(out / name)
     with bar("scans", sum(len(subject.images) for subject in subjects)) as step:
         cells = under_noise(subjects, noises_v, out, step)
     points = points_of(subjects, cells)
@@ -107,7 +106,9 @@ def merits(
     noise: Annotated[Path | None, typer.Option(metavar="FILE", help="noise_power.json, to be drawn beside")] = None,
     dataset: DatasetName = None,
     limit: Annotated[int, typer.Option(min=1, help="textures, evenly spread, of rest and timing")] = 24,
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="merits.json and .png")] = Path("out/merits"),
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="merits.json and .png"), WRITES_FOLDER] = Path(
+        "out/merits"
+    ),
 ) -> None:
     """What events and frames are good for: latency of the answer, bits at rest, noise, and timing precision."""
     from eskin.model.config import ReadoutConfig
@@ -118,8 +119,6 @@ def merits(
     from eskin.snn.studies.timing import timing_points
 
     out.mkdir(parents=True, exist_ok=True)
-    for name in ("merits.json", "merits.png"):
-        check_writable(out / name)
     result: dict[str, Any] = dict(origin(command_line(context)))
     result["latency"], result["latency_pairs"] = _latency(weights or [], pair)
     textures = open_dataset(dataset).limit(limit)
@@ -180,9 +179,9 @@ def precision(
         str,
         typer.Option(metavar="BITS[:tN][:mN],...", help="bits of weights, of the threshold, of a hidden potential"),
     ] = VARIANTS,
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="cells, precision.json and .png")] = Path(
-        "out/precision"
-    ),
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="DIR", help="cells, precision.json and .png"), WRITES_FOLDER
+    ] = Path("out/precision"),
 ) -> None:
     """Accuracy of trained networks as whole numbers of few bits, by the integer model of the hardware."""
     from eskin.snn.experiments.robustness import Subject
@@ -193,8 +192,6 @@ def precision(
     check_device("cpu", 1)
     subjects = [Subject.load(path, scenes=False) for path in trained_files(weights or [Path("out/train")])]
     out.mkdir(parents=True, exist_ok=True)
-    for name in ("precision.json", "precision.png"):
-        check_writable(out / name)
     with bar("networks", len(subjects)) as step:
         cells = in_precisions(subjects, asked, out, step)
     points = points_of(cells)

@@ -19,7 +19,7 @@ from eskin.app.commands.learn.options import (
     build_experiment,
     with_experiment,
 )
-from eskin.app.options import LEAKY
+from eskin.app.options import LEAKY, WRITES_FOLDER
 from eskin.app.tables import new_table, show
 from eskin.app.worker_options import Scheduler, open_pool
 from eskin.base.errors import InputError
@@ -56,9 +56,9 @@ def sweep(
     seeds: Seeds = 3,
     workers: Workers = None,
     scheduler: Scheduler = None,
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="a folder per point, and sweep.json")] = Path(
-        "out/sweep"
-    ),
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="DIR", help="a folder per point, and sweep.json"), WRITES_FOLDER
+    ] = Path("out/sweep"),
 ) -> None:
     """Cross-validate many operating points at once; stopped, it goes on with the cells that are missing."""
     if events and points != DEFAULT_POINTS:

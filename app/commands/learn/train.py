@@ -12,6 +12,7 @@ import typer
 from eskin.app.cli import printable
 from eskin.app.commands.learn.bars import epoch_bar
 from eskin.app.commands.learn.options import Folds, Seeds, Workers, check_device, output_folder, with_experiment
+from eskin.app.options import WRITES_FOLDER
 from eskin.base.errors import InputError
 from eskin.base.progress import bar
 
@@ -33,7 +34,9 @@ def train(
     watch_test: Annotated[
         bool, typer.Option("--watch-test", help="also note the test accuracy of every epoch; it selects nothing")
     ] = False,
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="checkpoint and result")] = Path("out/train"),
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="DIR", help="checkpoint and result"), WRITES_FOLDER
+    ] = Path("out/train"),
 ) -> None:
     """Train one network on one fold; stopped, it goes on from its checkpoint when called again."""
     check_device(device, threads)
@@ -92,9 +95,9 @@ def crossval(
     folds: Folds = 6,
     seeds: Seeds = 3,
     workers: Workers = None,
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="one file per cell, and the report")] = Path(
-        "out/crossval"
-    ),
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="DIR", help="one file per cell, and the report"), WRITES_FOLDER
+    ] = Path("out/crossval"),
 ) -> None:
     """Cross-validate a network: folds x seeds; stopped, it goes on with the cells that are missing."""
     check_device("cpu", 1)

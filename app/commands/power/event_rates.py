@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from eskin.app.options import with_config
+from eskin.app.options import WRITES_FILE, with_config
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.progress import bar
 from eskin.model.config import ReadoutConfig
@@ -18,7 +18,7 @@ from eskin.skin.textures.presets import preset
 @with_config(fields=("rows", "columns"), file=False)
 def event_rates(
     config: ReadoutConfig,
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="JSON file to write")],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="JSON file to write"), WRITES_FILE],
     dataset: Annotated[
         list[str] | None,
         typer.Option(metavar="DIR|embedded", help="textures, repeatable [$ESKIN_DATA, data/kylberg, else embedded]"),
@@ -31,10 +31,9 @@ def event_rates(
     scheduler: Scheduler = None,
 ) -> None:
     """Measure the event rates of every taxel, N = 1..10, for the power model (docs/guide/power.md)."""
-    from eskin.base.files import atomic_write, check_writable
+    from eskin.base.files import atomic_write
     from eskin.skin.textures.dataset import EMBEDDED, open_dataset
 
-    check_writable(out)
     presets = ("paper", "physical") if preset_name == "both" else (preset_name,)
     scans = [preset(name) for name in presets]
     tables = []

@@ -8,6 +8,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from eskin.app.options import WRITES_FILE
 from eskin.app.tables import new_table, show
 from eskin.model.events.compare import count_per_taxel, covering_config, first_difference
 from eskin.model.events.recording import Recording
@@ -18,7 +19,7 @@ _MOST_LINES = 32  # differing taxels listed
 def compare(
     a: Annotated[Path, typer.Argument(metavar="A", help="event file")],
     b: Annotated[Path, typer.Argument(metavar="B", help="event file")],
-    plot: Annotated[Path | None, typer.Option(help="raster picture of both", metavar="FILE")] = None,
+    plot: Annotated[Path | None, typer.Option(help="raster picture of both", metavar="FILE"), WRITES_FILE] = None,
 ) -> None:
     """Compare two event files, event by event: exit code 0 if equal, 1 if not."""
     if plot is not None:

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from eskin.app.cli import printable
 from eskin.app.commands.signals.recordings import PREPARATION, print_notes, print_set, quality_text, warn
-from eskin.app.options import with_config, with_fields
+from eskin.app.options import WRITES_FILE, Writes, with_config, with_fields
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.errors import InputError
-from eskin.base.files import check_writable
 from eskin.base.progress import bar
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.compare import count_per_taxel
@@ -41,7 +40,9 @@ def encode(
         typer.Argument(metavar="INPUT", help="image, samples as .npy, .npz, .csv, or folder of class folders"),
     ],
     out: Annotated[
-        Path, typer.Option("-o", "--out", help="event file to write, .npz; of a folder, a folder", metavar="OUT")
+        Path,
+        typer.Option("-o", "--out", help="event file to write, .npz; of a folder, a folder", metavar="OUT"),
+        Writes(folder=lambda given: given["source"].is_dir()),
     ],
     preset: Annotated[str | None, typer.Option(help="scan of an image [physical]", metavar="physical|paper")] = None,
     start_row: Annotated[
@@ -72,7 +73,6 @@ def encode(
         option = "--workers" if scheduler is None else "--scheduler"
         raise InputError(f"{option} is for the recordings of a folder; {source} is one input, leave it out")
     check_event_path(out)
-    check_writable(out)
     kind = source.suffix.lower()
     if kind in IMAGE_SUFFIXES:
         if prepared:
@@ -105,8 +105,6 @@ def _encode_folder(
     """Write an event file for every recording of a folder of class folders, and say how well they render it."""
     from eskin.skin.recordings.folder import read_set, write_folder
 
-    if out.exists() and not out.is_dir():
-        raise InputError(f"cannot write {out}: it is a file; give a folder for the event files")
     with bar("reading recordings") as progress:
         recordings = read_set(source, options, config, given, progress)
     with bar("encoding recordings", len(recordings.sources)) as progress:
@@ -144,8 +142,10 @@ def _at(counts: NDArray[np.int64], index: int) -> str:
 
 def decode(
     source: Annotated[Path, typer.Argument(metavar="EVENTS", help="event file")],
-    out: Annotated[Path, typer.Option("-o", "--out", help="signals: .npz, .npy or .csv", metavar="FILE")],
-    plot: Annotated[Path | None, typer.Option(help="picture of signals and events", metavar="FILE")] = None,
+    out: Annotated[Path, typer.Option("-o", "--out", help="signals: .npz, .npy or .csv", metavar="FILE"), WRITES_FILE],
+    plot: Annotated[
+        Path | None, typer.Option(help="picture of signals and events", metavar="FILE"), WRITES_FILE
+    ] = None,
 ) -> None:
     """Rebuild the signals of all taxels from an event file alone."""
     from eskin.skin.recordings.quality import decode_recording

@@ -7,9 +7,15 @@ from typing import Annotated
 
 import typer
 
-OutOption = Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="folder for data and picture")]
+from eskin.app.options import WRITES_FOLDER
+
+OutOption = Annotated[
+    Path, typer.Option("-o", "--out", metavar="DIR", help="folder for data and picture"), WRITES_FOLDER
+]
 DataOutOption = Annotated[
-    Path | None, typer.Option("--data-out", metavar="DIR", help="folder for the data, if another", show_default=False)
+    Path | None,
+    typer.Option("--data-out", metavar="DIR", help="folder for the data, if another", show_default=False),
+    WRITES_FOLDER,
 ]
 SettingsOption = Annotated[
     list[str] | None, typer.Option("--set", metavar="NAME=NUMBER", help="change a parameter, repeatable")

@@ -9,13 +9,20 @@ import typer
 
 from eskin.app.cli import printable
 from eskin.app.commands.signals.options import SynthesisOption
+from eskin.app.options import Writes
 from eskin.app.report.page import ACCURACY, BENCHMARKS, REPLAY, SIM, page, runs_in
 from eskin.base.errors import InputError
 
 
+def _is_page(path: Path) -> bool:
+    return path.suffix.lower() in (".html", ".htm")
+
+
 def report(
     out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="FILE", help="page to write, .html, or the folder of runs and page")
+        Path,
+        typer.Option("-o", "--out", metavar="FILE", help="page to write, .html, or the folder of runs and page"),
+        Writes(folder=lambda given: given["out"].is_dir() and not _is_page(given["out"])),
     ] = Path("out/report.html"),
     sim: Annotated[
         Path | None, typer.Option(metavar="DIR", help="runs of make sim: event files of RTL and model [out/sim]")
@@ -31,19 +38,18 @@ def report(
 ) -> None:
     """Write all figures of the project into one HTML file that needs no server and no network."""
     from eskin.app.report.data import report_data
-    from eskin.base.files import atomic_write, check_writable
+    from eskin.base.files import atomic_write
 
-    if out.is_dir() and out.suffix.lower() not in (".html", ".htm"):
+    if out.is_dir() and not _is_page(out):
         found = runs_in(out)
         sim, replay, out = sim or found[0], replay or found[1], out / "report.html"
-    if out.suffix.lower() not in (".html", ".htm"):
+    if not _is_page(out):
         raise InputError(f"the report is a page; its name ends in .html, {out.name} does not; rename the output")
     for folder in (sim, replay, benchmarks):
         if folder is not None and not folder.is_dir():
             raise InputError(f"{folder} is not a folder; give one, or leave the option out")
     if accuracy is not None and not accuracy.is_file():
         raise InputError(f"cannot read the accuracy results {accuracy}: there is no such file")
-    check_writable(out)
     data, runs = report_data(
         sim or SIM, replay or REPLAY, benchmarks or BENCHMARKS, accuracy or ACCURACY, list(synthesis or [])
     )

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from eskin.app.commands.outcome import check_name, conclude
-from eskin.app.options import with_config, with_fields
+from eskin.app.options import WRITES_FILE, WRITES_FOLDER, with_config, with_fields
 from eskin.base.errors import InputError
 from eskin.flow.wire import FARAD_PER_UM, OHM_PER_UM, PITCH_UM, Wire, check_pitch
 from eskin.model.config import ReadoutConfig
@@ -28,7 +28,9 @@ def gatesim(
     only: Annotated[str | None, typer.Option(help="one texture, by its name, and no scenarios")] = None,
     ticks: Annotated[int | None, typer.Option(help="sample ticks of a scan at most [all]")] = None,
     dataset: Annotated[str | None, typer.Option(help="texture folder, or 'embedded'")] = None,
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder for netlist, pictures, events")] = Path("out/gates"),
+    out: Annotated[
+        Path, typer.Option("-o", "--out", help="folder for netlist, pictures, events"), WRITES_FOLDER
+    ] = Path("out/gates"),
 ) -> None:
     """Hold the gated netlist to the model, as make sim does the RTL; exit code 1 if they differ or reset leaves X."""
     from eskin.cocotb_tests.runner import sim as session
@@ -67,7 +69,9 @@ def asic(
     readout: Annotated[str, typer.Option(metavar="spiking|frame", help="which readout")] = "spiking",
     name: Annotated[str, typer.Option(help="of the run and its folder [made of the configuration]")] = "",
     power: Annotated[bool, typer.Option(help="idle power and energies too, by simulation of the netlist")] = True,
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder of the run's folder")] = Path("out/asic"),
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder of the run's folder"), WRITES_FOLDER] = Path(
+        "out/asic"
+    ),
 ) -> None:
     """Make a gated netlist of a cell library, prove and check it, and say what it costs; exit code 1 if a check fails.
 
@@ -103,7 +107,9 @@ def asic_scale(
     pitch_um: Annotated[float, typer.Option("--pitch", metavar="UM", help="of the taxels")] = PITCH_UM,
     ohm: Annotated[float, typer.Option(metavar="PER_UM", help="resistance of a wire")] = OHM_PER_UM,
     farad: Annotated[float, typer.Option(metavar="PER_UM", help="capacitance of a wire")] = FARAD_PER_UM,
-    out: Annotated[Path, typer.Option("-o", "--out", help="file for the results, JSON")] = Path("out/asic/scale.json"),
+    out: Annotated[Path, typer.Option("-o", "--out", help="file for the results, JSON"), WRITES_FILE] = Path(
+        "out/asic/scale.json"
+    ),
 ) -> None:
     """Estimate area and highest clock as the array grows, with wires of its size and repeaters in them."""
     from eskin.app.tables import new_table, show
@@ -135,7 +141,9 @@ def gatepower(
     config: ReadoutConfig,
     lib: Annotated[list[Path], typer.Option(help="cell library (.lib), once for each")],
     three: Annotated[bool, typer.Option("--three", help="analog LCS, N-LCS and frames of this array instead")] = False,
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder for the results, JSON")] = Path("out/gatepower"),
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder for the results, JSON"), WRITES_FOLDER] = Path(
+        "out/gatepower"
+    ),
 ) -> None:
     """Power of gated netlists from what they do in simulation, without and with wires, computed in two ways."""
     from eskin.app.tables import new_table, show

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from eskin.app.commands.outcome import check_name, conclude
-from eskin.app.options import with_config
+from eskin.app.options import WRITES_FOLDER, with_config
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 
@@ -18,7 +18,9 @@ def layout(
     config: ReadoutConfig,
     name: Annotated[str, typer.Option(help="of the run and its folder [made of the configuration]")] = "",
     compare: Annotated[bool, typer.Option(help="compare the netlist in the layout with the cells' too")] = True,
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder of the run's folder")] = Path("out/layout"),
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder of the run's folder"), WRITES_FOLDER] = Path(
+        "out/layout"
+    ),
 ) -> None:
     """Lay a readout out in SkyWater 130 nm rules and check it; exit code 1 if a check fails.
 
@@ -52,7 +54,9 @@ def fpga(
             metavar="BITS", min=2, max=8, help="only the classifier 128-256-6, weights of BITS, on an ECP5-25"
         ),
     ] = None,
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder of the board's folder")] = Path("out/fpga"),
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder of the board's folder"), WRITES_FOLDER] = Path(
+        "out/fpga"
+    ),
 ) -> None:
     """Make a bitstream for a board, and say what it takes and how fast it is; exit code 1 below 50 MHz.
 

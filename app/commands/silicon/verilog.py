@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eskin.app.options import with_config, with_fields
+from eskin.app.options import WRITES_FOLDER, with_config, with_fields
 from eskin.app.tables import new_table, show
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
@@ -28,7 +28,7 @@ def verilog(
     given: frozenset[str],
     own: dict[str, Any],
     stored: dict[str, Any],
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder to write to, made if need be")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder to write to, made if need be"), WRITES_FOLDER],
     readout: Annotated[str, typer.Option(metavar="|".join(READOUTS), help="which readout")] = "spiking",
     classifier: Annotated[
         Path | None, typer.Option(metavar="INTEGER.npz", help="the classifier of such a file instead, eskin_classifier")

@@ -11,7 +11,7 @@ import typer
 
 from eskin.app.cli import asked_for, printable
 from eskin.app.commands.signals.recordings import OwnData, check_alone, own_recordings, with_preparation
-from eskin.app.options import with_config
+from eskin.app.options import WRITES_FILE, WRITES_FOLDER, with_config
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.files import origin, read_json, write_json
 from eskin.base.progress import bars
@@ -37,8 +37,12 @@ def replay(
     only: Annotated[str | None, typer.Option(help="only one texture or recording, by its name")] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
-    keep: Annotated[Path | None, typer.Option(help="file of JSON that gets the sums, beside other encoders'")] = None,
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder for the event files")] = Path("out/replay"),
+    keep: Annotated[
+        Path | None, typer.Option(help="file of JSON that gets the sums, beside other encoders'"), WRITES_FILE
+    ] = None,
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder for the event files"), WRITES_FOLDER] = Path(
+        "out/replay"
+    ),
 ) -> None:
     """Drive a whole dataset, or your recordings, through RTL and model, compare every event, keep the RTL's events.
 

@@ -9,7 +9,7 @@ import typer
 
 from eskin.app.cli import asked_for, printable
 from eskin.app.commands.signals.recordings import OwnData, check_alone, own_recordings, with_preparation
-from eskin.app.options import with_config
+from eskin.app.options import WRITES_FILE, WRITES_FOLDER, with_config
 from eskin.base.errors import InputError
 from eskin.base.files import origin, write_json
 from eskin.base.progress import bar, bars
@@ -38,8 +38,10 @@ def sim(
         Path | None, typer.Option(help="Verilog netlist to hold to the model instead of the RTL")
     ] = None,
     cells: Annotated[Path | None, typer.Option(help="Verilog of the cells of the netlist")] = None,
-    keep: Annotated[Path | None, typer.Option(help="file for the sums, JSON")] = None,
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder for pictures and event files")] = Path("out/sim"),
+    keep: Annotated[Path | None, typer.Option(help="file for the sums, JSON"), WRITES_FILE] = None,
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder for pictures and event files"), WRITES_FOLDER] = Path(
+        "out/sim"
+    ),
 ) -> None:
     """Hold the RTL to the model on scenarios and texture scans, or your recordings; exit code 1 if they differ."""
     from eskin.cocotb_tests.runner.process import Tally

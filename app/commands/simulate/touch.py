@@ -12,6 +12,7 @@ import typer
 
 from eskin.app.cli import printable
 from eskin.app.commands.signals.recordings import OwnData, check_alone
+from eskin.app.options import WRITES_FOLDER
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.files import atomic_write, origin
 from eskin.base.progress import bars
@@ -32,7 +33,9 @@ def touch(
     only: Annotated[str | None, typer.Option(help="only one texture or recording, by its name")] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder for results and picture")] = Path("out/touch"),
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder for results and picture"), WRITES_FOLDER] = Path(
+        "out/touch"
+    ),
 ) -> None:
     """Play textures, or your recordings, through readout and classifier as one chip, and hold it to the models.
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from eskin.app.options import with_config
+from eskin.app.options import WRITES_FILE, WRITES_FOLDER, with_config
 from eskin.base.errors import InputError
 from eskin.base.files import Pieces, atomic_write, pieces_of
 from eskin.model.config import ReadoutConfig
@@ -27,7 +27,7 @@ def formal(
     small: Annotated[bool, typer.Option(help="only one small configuration of each block")] = False,
     mutants: Annotated[bool, typer.Option(help="search generated mutants too, and see the properties fail")] = False,
     limit: Annotated[int, typer.Option(min=1, metavar="SECONDS", help="most that one proof may take")] = 300,
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON")] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON"), WRITES_FILE] = None,
 ) -> None:
     """Prove the properties of every block; the last line reports how many hold.
 
@@ -67,7 +67,7 @@ def formal(
 
 def faults(
     small: Annotated[bool, typer.Option(help="only a few readouts, and few upsets of each flop")] = False,
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON")] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON"), WRITES_FILE] = None,
 ) -> None:
     """Turn every flop over, one at a time, and meet hostile surroundings; with --out it goes on where it was stopped.
 
@@ -88,7 +88,9 @@ def faults(
 def coverage(
     small: Annotated[bool, typer.Option(help="only a few runs")] = False,
     only: Annotated[str, typer.Option(help="runs whose names begin so")] = "",
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder for what is found")] = Path("out/coverage"),
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder for what is found"), WRITES_FOLDER] = Path(
+        "out/coverage"
+    ),
 ) -> None:
     """Count what runs that are held to the models reach, of Verilog and specification; goes on where it was stopped."""
     from eskin.verify.coverage.plan import runs
@@ -116,7 +118,7 @@ def coverage(
 @with_config
 def properties(
     config: ReadoutConfig,
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder to write to, made if need be")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder to write to, made if need be"), WRITES_FOLDER],
 ) -> None:
     """Write eskin_readout_properties.sv: the properties as assertions, bound to the modules of eskin_readout.v."""
     from eskin.verify.proofs.bind import properties as text
@@ -133,7 +135,7 @@ def crosscheck(
     config: ReadoutConfig,
     texture: Annotated[int, typer.Option(min=0, help="number of the embedded texture")] = 0,
     ticks: Annotated[int | None, typer.Option(min=1, help="sample ticks of the scan at most [all]")] = None,
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON")] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON"), WRITES_FILE] = None,
 ) -> None:
     """Play the delivered Verilog in CXXRTL, a third simulator, against the model, and lint all texts with slang."""
     from dataclasses import asdict
@@ -164,7 +166,7 @@ def crossproof(
     block: Annotated[str, typer.Option(help="only this block, as of make formal")] = "",
     small: Annotated[bool, typer.Option(help="only one small configuration of each block")] = False,
     mutants: Annotated[bool, typer.Option(help="compare generated mutants too")] = False,
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON")] = None,
+    out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON"), WRITES_FILE] = None,
 ) -> None:
     """Search with z3 what make formal proved: each first clock, of failures too, must be that of the first solver.
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from eskin.app.options import WRITES_FOLDER
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.errors import InputError
 
@@ -26,7 +27,9 @@ def mutants(
     judging: Annotated[bool, typer.Option("--judge/--no-judge", help="judge, or report what was found")] = True,
     workers: Workers = None,
     scheduler: Scheduler = None,
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder for what is found")] = Path("out/mutants"),
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder for what is found"), WRITES_FOLDER] = Path(
+        "out/mutants"
+    ),
 ) -> None:
     """Mutate the source, and see which mutants the tests and proofs kill; goes on where it was stopped."""
     from eskin.verify.mutants.campaign import MODEL, NEEDS, OF_MODEL, RTL, Plan, closing_line, run, write

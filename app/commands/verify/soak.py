@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from eskin.app.options import WRITES_FILE, WRITES_FOLDER
 from eskin.base.errors import InputError
 
 
@@ -22,10 +23,12 @@ def soak(
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="part of that run, not drawn; repeatable")
     ] = None,
-    keep: Annotated[Path | None, typer.Option(help="file for the sums of all that was soaked in --out, JSON")] = None,
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder of what is done; started again, it goes on")] = Path(
-        "out/soak"
-    ),
+    keep: Annotated[
+        Path | None, typer.Option(help="file for the sums of all that was soaked in --out, JSON"), WRITES_FILE
+    ] = None,
+    out: Annotated[
+        Path, typer.Option("-o", "--out", help="folder of what is done; started again, it goes on"), WRITES_FOLDER
+    ] = Path("out/soak"),
 ) -> None:
     """Hold the RTL to the model on random configurations; a failure is shrunk to one command; exit code 1 then.
 

@@ -1,0 +1,178 @@
+"""Where output goes: found to be writable before the work is done, and no file of the user's is lost by it."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import functools
+import os
+import re
+import stat
+import tempfile
+from pathlib import Path
+
+from eskin.base.errors import InputError
+
+OUT = Path("out")
+"""Folder of what commands write unless told otherwise; it is made where it does not exist."""
+
+PART = ".part"
+"""Ending of a file that is being written."""
+
+MOST_NAME = 255
+"""Bytes of the name of a file or folder."""
+
+_MOST_LINKS = 40
+_PREFIX = 60  # characters of a name that the name of its part has: all fit into ``MOST_NAME`` bytes
+_OPEN_FILES = re.compile(r"/dev/fd|/proc/[^/]+/fd")
+_PARTS = re.compile(r"\..+\.[a-z0-9_]{8}\.part")
+
+
+def file_of(path: Path) -> Path:
+    """Return the file that a path of the user leads to through links, once it is known that it can be written.
+
+    Nothing is left behind. The file need not exist.
+
+    Raises
+    ------
+    InputError
+        If it is a folder or socket, its folder does not exist, its name is too long, or the user may not write it.
+    """
+    _check_length(path)
+    target = _behind_links(path)
+    check_file(target)
+    if not is_stream(target):
+        if target.exists() and not os.access(target, os.W_OK):
+            raise InputError(f"cannot write {target}: Permission denied")
+        _probe(target, _nearest(target.parent))
+    return target
+
+
+def check_file(path: Path) -> None:
+    """Refuse an output file whose path could not be one, whoever writes."""
+    _check_length(path)
+    mode = _mode(path)
+    if stat.S_ISDIR(mode):
+        raise InputError(f"cannot write {path}: it is a folder; give the name of a file")
+    if stat.S_ISSOCK(mode):
+        raise InputError(f"cannot write {path}: it is a socket; give the name of a file")
+    if is_stream(path):
+        if not os.access(path, os.W_OK):
+            raise InputError(f"cannot write {path}: Permission denied")
+    elif not (path.parent.is_dir() or in_out(path.parent)):
+        raise InputError(f"cannot write {path}: the folder {path.parent} does not exist; create it first")
+
+
+def check_folder(path: Path) -> None:
+    """Refuse an output folder that could not be made or written; nothing is left behind.
+
+    Raises
+    ------
+    InputError
+        If the path or one above it is a file, its name is too long, or the user may not write there.
+    """
+    _check_length(path)
+    if _mode(path) and not path.is_dir():
+        raise InputError(f"cannot write to {path}: it is a file; give the name of a folder")
+    nearest = _nearest(path)
+    if nearest.is_symlink() and not nearest.exists():
+        raise InputError(f"cannot write to {path}: {nearest} is a link to {os.readlink(nearest)}, which does not exist")
+    if not nearest.is_dir():
+        raise InputError(f"cannot write to {path}: {nearest} is a file; give a folder in another place")
+    _probe(path, nearest)
+
+
+def in_out(folder: Path) -> bool:
+    """Return whether a folder is the one of all defaults or below, which is made where it does not exist."""
+    return folder.parts[:1] == OUT.parts and ".." not in folder.parts
+
+
+def is_stream(path: Path) -> bool:
+    """Return whether a path is written as it is, and never replaced: a device, a FIFO, or an open file of a process."""
+    if _OPEN_FILES.fullmatch(str(path.parent)):
+        return True
+    try:
+        mode = path.lstat().st_mode
+    except OSError:
+        return False
+    return stat.S_ISCHR(mode) or stat.S_ISBLK(mode) or stat.S_ISFIFO(mode)
+
+
+def _behind_links(path: Path) -> Path:
+    for _ in range(_MOST_LINKS):
+        if is_stream(path) or not path.is_symlink():
+            return path
+        path = path.parent / os.readlink(path)
+    raise InputError(f"cannot write {path}: it is a link to itself; remove it")
+
+
+def new_part(path: Path) -> tuple[int, str]:
+    """Return handle and name of a new file beside ``path``, locked as long as its handle or a duplicate is open.
+
+    Those that killed processes left of the same file are removed.
+    """
+    prefix = f".{path.name[:_PREFIX]}."
+    for name in _parts_in(str(path.parent.absolute())):
+        if name.startswith(prefix) and len(name) == len(prefix) + 8 + len(PART):
+            _remove_if_abandoned(path.with_name(name))
+    while True:
+        handle, name = tempfile.mkstemp(prefix=prefix, suffix=PART, dir=path.parent)
+        with contextlib.suppress(OSError):  # a file system without locks
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        if os.fstat(handle).st_nlink:
+            return handle, name
+        os.close(handle)  # between the two lines above another process took it for one that was left
+
+
+@functools.cache
+def _parts_in(folder: str) -> list[str]:
+    """Return the names of parts that stood in a folder when this process first wrote to it."""
+    try:
+        return [name for name in os.listdir(folder) if _PARTS.fullmatch(name)]
+    except OSError:
+        return []
+
+
+def _remove_if_abandoned(part: Path) -> None:
+    """Remove a part of this user's that no living process holds."""
+    with contextlib.suppress(OSError):
+        if not stat.S_ISREG(part.lstat().st_mode) or part.lstat().st_uid != os.getuid():
+            return
+        handle = os.open(part, os.O_RDONLY | os.O_NOFOLLOW)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            part.unlink()
+        finally:
+            os.close(handle)
+
+
+def _mode(path: Path) -> int:
+    """Return the mode of what a path leads to, 0 where nothing is there."""
+    try:
+        return path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return 0
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}") from None
+
+
+def _check_length(path: Path) -> None:
+    """Refuse a path with a name that no file system takes."""
+    for part in path.parts:
+        if len(os.fsencode(part)) > MOST_NAME:
+            raise InputError(f"cannot write {part[:40]}...: the name has more than {MOST_NAME} bytes; shorten it")
+
+
+def _nearest(folder: Path) -> Path:
+    """Return the folder itself, or the nearest above it that exists, if only as a link to nothing."""
+    while not (folder.exists() or folder.is_symlink()) and folder != folder.parent:
+        folder = folder.parent
+    return folder
+
+
+def _probe(path: Path, folder: Path) -> None:
+    """Refuse a path if no file can be made in a folder."""
+    try:
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror} in {folder}") from None
