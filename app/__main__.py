@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
-from eskin.app.cli import AllCommands, make_app, run
+import sys
 
-app = make_app("Spiking readout for electronic skin: model, RTL, co-simulation, classifier.", AllCommands)
+from eskin.app.catalogue import overview
+from eskin.app.leave import leave_quietly
 
 
 def main() -> None:
-    """Run the command line."""
+    """Run the command line; the overview of all commands needs no package and comes at once."""
+    if sys.argv[1:] in ([], ["-h"], ["--help"]):
+        leave_quietly(_print_overview)
+    from eskin.app.cli import app, run
+
     run(app, "eskin")
+
+
+def _print_overview() -> int:
+    print(overview())
+    return 0
 
 
 if __name__ == "__main__":

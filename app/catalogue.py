@@ -5,8 +5,10 @@ To add a command: write its function in a module of ``app/commands``, and list i
 
 from __future__ import annotations
 
-import ast
-from importlib.util import find_spec
+import re
+import shutil
+import textwrap
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 
@@ -18,15 +20,8 @@ def _in(folder: str, **modules: str) -> dict[str, str]:
 
 
 COMMANDS: dict[str, dict[str, str]] = {
-    "Signals and events": _in(
-        "signals",
-        encode="encode decode",
-        compare="compare",
-        rates="rates",
-        frames="frames",
-        study="study",
-        report="report",
-    ),
+    "Signals to events and back": _in("signals", encode="encode decode", compare="compare", report="report")
+    | _in("learn", exchange="convert"),
     "RTL against model": _in("simulate", sim="sim", replay="replay", touch="touch"),
     "Classifier": _in(
         "learn",
@@ -34,35 +29,78 @@ COMMANDS: dict[str, dict[str, str]] = {
         predict="predict",
         sweep="sweep",
         pair="pair",
-        counts="counts",
-        exchange="quantise export import convert",
+        exchange="quantise export import",
         cache="cache",
     ),
     "Hardware": _in(
         "silicon", verilog="verilog gates", netlist="asic asic-scale gatesim gatepower", places="layout fpga"
     ),
     "Board": _in("board", board="play listen load rescue"),
-    "Power": _in("power", power="power sensitivity", explore="explore", event_rates="event-rates"),
-    "Figures and studies": _in("power", power="fig6 fig7")
-    | _in("learn", figures="fig8 fig9", robustness="robustness", studies="noise-power merits precision"),
-    "Checks of the project": _in(
-        "verify",
-        evidence="formal properties coverage faults crosscheck crossproof",
-        mutants="mutants",
-        soak="soak",
+    "Power and data rate": _in("power", power="power", explore="explore")
+    | _in("signals", study="study", rates="rates", frames="frames")
+    | _in("power", power="sensitivity", event_rates="event-rates"),
+    "Figures and studies of the paper": _in("power", power="fig6 fig7")
+    | _in(
+        "learn", figures="fig8 fig9", robustness="robustness", studies="noise-power merits precision", counts="counts"
     ),
 }
-"""Module of every command, grouped by what users want to do, in the order of ``eskin --help``."""
+"""Module of every command of a user, grouped by what users want to do, in the order of ``eskin --help``."""
 
-MODULES = {name: module for modules in COMMANDS.values() for name, module in modules.items()}
+DEV = "dev"
+CHECKS = _in(
+    "verify",
+    evidence="formal properties coverage faults crosscheck crossproof",
+    mutants="mutants",
+    soak="soak",
+)
+"""Module of every check that the project makes of itself: ``eskin dev NAME``."""
+
+GROUPS = COMMANDS | {"Checks of the project": CHECKS}
+MODULES = {name: module for modules in GROUPS.values() for name, module in modules.items()}
 """Module of every command; its function has the name of the command, with ``_`` for ``-``."""
+
+ABOUT = "Spiking readout for electronic skin: model, RTL, co-simulation, classifier."
+ABOUT_DEV = "Checks of the project itself, in a checkout."
+HELP = "eskin COMMAND --help lists the options of a command."
+
+
+def words_of(name: str) -> list[str]:
+    """Return what stands behind ``eskin`` to run a command."""
+    return [DEV, name] if name in CHECKS else [name]
 
 
 def summary(name: str) -> str:
     """Return the first line of a command's docstring; imports no command."""
-    place = find_spec(MODULES[name])
-    assert place is not None
-    assert place.origin is not None
-    nodes = ast.parse(Path(place.origin).read_bytes()).body
-    functions = {node.name.strip("_"): node for node in nodes if isinstance(node, ast.FunctionDef)}
-    return (ast.get_docstring(functions[name.replace("-", "_")]) or "").partition("\n")[0]
+    text = Path(__file__).parents[1].joinpath(*MODULES[name].split(".")[1:]).with_suffix(".py").read_text()
+    function = re.search(rf'^def {name.replace("-", "_")}_?\(.*?^    """(.*?)("""|$)', text, re.MULTILINE | re.DOTALL)
+    assert function is not None, f"{MODULES[name]} has no function {name} with a docstring"
+    return function[1]
+
+
+def overview() -> str:
+    """Return what ``eskin --help`` prints."""
+    listed = {heading: {name: summary(name) for name in names} for heading, names in COMMANDS.items()}
+    listed["Development"] = {DEV: f"{ABOUT_DEV} Commands: {', '.join(CHECKS)}."}
+    options = {"Options": {"-h, --help": "Show this message and exit."}}
+    return "\n".join(["Usage: eskin COMMAND [OPTIONS]", "", f"  {ABOUT}", *sections(listed | options), "", HELP])
+
+
+def sections(listed: Mapping[str, Mapping[str, str]], width: int | None = None) -> Iterable[str]:
+    """Yield the lines of lists of names and texts, each under its heading; no text is cut.
+
+    Parameters
+    ----------
+    listed : mapping of str to (mapping of str to str)
+        Texts by name, by heading.
+    width : int, optional
+        Of the page in characters; by default that of the terminal.
+    """
+    width = width or max(shutil.get_terminal_size().columns, 60)
+    indent = max(len(name) for texts in listed.values() for name in texts) + 4
+    for heading, texts in listed.items():
+        yield from ("", f"{heading}:")
+        for name, text in texts.items():
+            head = f"  {name}".ljust(indent)
+            yield textwrap.fill(
+                text, width, initial_indent=head, subsequent_indent=" " * indent, break_on_hyphens=False
+            )

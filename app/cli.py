@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import importlib
-import os
 import shlex
 import sys
 import unicodedata
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NoReturn, cast
 
 import typer
 import typer.core
 
-from eskin.app.catalogue import COMMANDS, MODULES, summary
-from eskin.app.options import checking_outputs
+from eskin.app.catalogue import ABOUT, ABOUT_DEV, CHECKS, DEV, MODULES, overview, sections, summary
+from eskin.app.leave import leave_quietly
+from eskin.app.options import SHARED, checking_outputs
 from eskin.base.errors import InputError
 from eskin.base.workers.garbage import collect_seldom
 
@@ -27,42 +27,86 @@ GROUPS = {
 """Packages of each optional group of the project, by the name under which they are imported."""
 
 EXIT_INPUT_ERROR = 2
-EXIT_INTERRUPTED = 128 + 2  # SIGINT, as a shell reports it
-EXIT_BROKEN_PIPE = 128 + 13  # SIGPIPE
+
+
+class Command(typer.core.TyperCommand):
+    """Lists its own options first in the help, then those that it shares with other commands, under their heading."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write a section for arguments, one for the command's own options and one for each other heading."""
+        found: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
+        for parameter in self.get_params(ctx):
+            own = "Arguments" if parameter.param_type_name == "argument" else "Options"
+            if (record := parameter.get_help_record(ctx)) is not None:
+                found.setdefault(getattr(parameter, "rich_help_panel", None) or own, []).append(record)
+        for heading in sorted(found, key=["Arguments", "Options", *SHARED].index):
+            if found[heading]:
+                with formatter.section(heading):
+                    formatter.write_dl(found[heading])
 
 
 class Commands(Mapping[str, typer.core.TyperCommand]):
-    """All commands by name; each is imported when it is asked for, so that help and errors come at once."""
+    """Commands by name; each is imported when it is asked for, so that help and errors come at once."""
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self.names = tuple(names)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(MODULES)
+        return iter(self.names)
 
     def __len__(self) -> int:
-        return len(MODULES)
+        return len(self.names)
 
     def __getitem__(self, name: str) -> typer.core.TyperCommand:
+        if name not in self.names:
+            raise KeyError(name)
+        if name == DEV:
+            return cast(typer.core.TyperCommand, typer.main.get_command(make_app(ABOUT_DEV, Checks)))
         module, function = importlib.import_module(MODULES[name]), name.replace("-", "_")
         alone = _new_app()
-        alone.command(name)(checking_outputs(getattr(module, function, None) or getattr(module, f"{function}_")))
+        function_of = getattr(module, function, None) or getattr(module, f"{function}_")
+        alone.command(name, cls=Command)(checking_outputs(function_of))
         return cast(typer.core.TyperCommand, typer.main.get_command(alone))
 
 
-class AllCommands(typer.core.TyperGroup):
-    """Has the commands of the catalogue, in its order and under its headings."""
+class Group(typer.core.TyperGroup):
+    """Has commands of the catalogue, in its order."""
+
+    names: tuple[str, ...]
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
-        self.commands = Commands()  # type: ignore[assignment]  # read only
+        self.commands = Commands(self.names)  # type: ignore[assignment]  # read only
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names of all commands."""
         return list(self.commands)
 
+
+class Checks(Group):
+    """The checks of the project: ``eskin dev``."""
+
+    names = tuple(CHECKS)
+
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Write one section for each heading."""
-        for heading, names in COMMANDS.items():
-            with formatter.section(heading):
-                formatter.write_dl([(name, summary(name)) for name in names])
+        """Write all of them."""
+        formatter.write("\n".join(sections({"Commands": {name: summary(name) for name in CHECKS}})) + "\n")
+
+
+class AllCommands(Group):
+    """All commands: ``eskin``."""
+
+    names = (*(name for name in MODULES if name not in CHECKS), DEV)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command; a check is found behind ``dev`` alone."""
+        if cmd_name in CHECKS:
+            raise InputError(f"{cmd_name} is a check of the project; run eskin {DEV} {cmd_name}")
+        return super().get_command(ctx, cmd_name)
+
+    def get_help(self, ctx: Any) -> str:
+        """Return the commands under their headings."""
+        return overview()
 
 
 def _new_app(**options: Any) -> typer.Typer:
@@ -101,23 +145,15 @@ def run(app: typer.Typer, prog_name: str, args: Sequence[str] | None = None) -> 
     """
     if args is None:
         collect_seldom()
-    try:
-        code = _invoke(app, prog_name, list(sys.argv[1:] if args is None else args))
-        sys.stdout.flush()
-    except KeyboardInterrupt:
-        code = EXIT_INTERRUPTED
-    except BrokenPipeError:
-        # The interpreter flushes once more at its end, and would complain then.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = EXIT_BROKEN_PIPE
-    sys.exit(code)
+    leave_quietly(lambda: _invoke(app, prog_name, list(sys.argv[1:] if args is None else args)))
 
 
 def _invoke(app: typer.Typer, prog_name: str, args: list[str]) -> int:
     """Run the command and return its exit code."""
     command = typer.main.get_command(app)
+    args = [*args, "--help"] if args in ([], [DEV]) else args
     try:
-        with command.make_context(prog_name, args or ["--help"]) as context:
+        with command.make_context(prog_name, args) as context:
             command.invoke(context)
     except typer.Exit as leave:
         return leave.exit_code
@@ -169,6 +205,10 @@ def printable(text: object) -> str:
 
 
 _OBEYED = ("Cc", "Cf", "Cs", "Zl", "Zp")
+
+
+app = make_app(ABOUT, AllCommands)
+"""The command ``eskin``."""
 
 
 def _report(message: str) -> int:

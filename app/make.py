@@ -16,7 +16,7 @@ import subprocess
 import sys
 from typing import Any, NoReturn
 
-from eskin.app.catalogue import COMMANDS, MODULES, summary
+from eskin.app.catalogue import GROUPS, MODULES, sections, summary, words_of
 from eskin.app.setup import BASE, SetupError, groups, install, install_apart, missing, python
 
 EXIT_INPUT_ERROR = 2
@@ -81,10 +81,13 @@ STEPS: dict[str, tuple[str, tuple[str, ...]]] = {
 OWN = {"help": "list the targets", "clean": "remove builds and cached scans; .venv and out/ stay"}
 ENDING = """\
 A variable is an option of the target's command: ROWS=12 is --rows 12, WAVES=1 is --waves. A wrong name is refused.
-eskin COMMAND --help lists the options. make sim GATES=1 runs gatesim, make asic SCALE=1 asic-scale.
+eskin COMMAND --help lists the options; the checks of the project are eskin dev COMMAND.
+make sim GATES=1 runs gatesim, make asic SCALE=1 asic-scale.
 Example: make sim ROWS=12 COLUMNS=16 ENCODING=nlcs RESOLUTION=6 SIM=icarus WAVES=1"""
 
 TARGETS = [*OWN, *STEPS, *MODULES]
+ONE_LINE = 999
+"""Width of the list of targets: a line for each, so that it can be searched."""
 BUILT = ("build", ".pytest_cache", ".mypy_cache", ".ruff_cache", ".hypothesis")
 INSIDE = "--inside"
 """Argument of the launcher when it continues in the environment's interpreter."""
@@ -116,7 +119,7 @@ def options_of(target: str) -> dict[str, Any]:
     from eskin.app.cli import Commands
 
     found = {}
-    for parameter in Commands()[target].params:
+    for parameter in Commands(MODULES)[target].params:
         words = [word for word in parameter.opts if word.startswith("--")] or [str(parameter.name)]
         found[words[0].lstrip("-").replace("-", "_").upper()] = parameter
     return {name: parameter for name, parameter in found.items() if name != "HELP"}
@@ -138,7 +141,7 @@ def command_lines(target: str, parameters: dict[str, Any], variables: dict[str, 
         default = DEFAULTS.get(target, {})
         if target == "predict" and "DATA" in variables:  # own recordings stand in place of a replay's events
             default = {"WEIGHTS": default["WEIGHTS"]}
-        return [[python(), "-m", "eskin", target, *_arguments(parameters, default | variables)]]
+        return [[python(), "-m", "eskin", *words_of(target), *_arguments(parameters, default | variables)]]
     lines = []
     for step in STEPS[target][1]:
         words: list[str] = [python()]
@@ -239,13 +242,9 @@ def _call(line: list[str]) -> None:
 
 def print_help() -> None:
     """Print the targets, and how to give a command its options."""
-    width = max(map(len, TARGETS)) + 2
     project = OWN | {name: text for name, (text, _) in STEPS.items()}
-    listed = {"Project": project} | {heading: {n: summary(n) for n in names} for heading, names in COMMANDS.items()}
-    lines = ["make TARGET [VARIABLE=value ...]"]
-    for heading, names in listed.items():
-        lines += ["", f"{heading}:", *(f"  {name:<{width}}{text}" for name, text in names.items())]
-    print("\n".join([*lines, "", ENDING]))
+    listed = {"Project": project} | {heading: {n: summary(n) for n in names} for heading, names in GROUPS.items()}
+    print("\n".join(["make TARGET [VARIABLE=value ...]", *sections(listed, ONE_LINE), "", ENDING]))
 
 
 def _clean(dry: bool) -> None:

@@ -24,6 +24,13 @@ from eskin.model.frame_config import OWN_FIELDS
 Command = Callable[..., Any]
 
 
+READOUT, RECORDINGS, DETAIL = SHARED = ("Readout", "Reading your recordings", "Readout in detail")
+"""Headings of the options that commands share, in the order of the help."""
+
+MAIN = ("rows", "columns", "encoding", "resolution", "sample_rate_hz")
+"""Fields of ReadoutConfig that stand under ``READOUT``; the others follow under ``DETAIL``."""
+
+
 # -- paths that a command writes ---------------------------------------------------------------------
 
 
@@ -90,14 +97,17 @@ def checking_outputs(command: Command) -> Command:
 # -- fields of any dataclass -------------------------------------------------------------------------
 
 
-def option(name: str, hint: Any, text: str, metavar: str, flag: str) -> inspect.Parameter:
+def option(name: str, hint: Any, text: str, metavar: str, flag: str, heading: str | None = None) -> inspect.Parameter:
     """Return an optional keyword parameter with an option; None stands for "not given"."""
-    info = typer.Option(flag, help=text, metavar=metavar, show_default=False)
+    info = typer.Option(flag, help=text, metavar=metavar, show_default=False, rich_help_panel=heading)
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[hint, info])
 
 
 def field_options(
-    cls: type, names: Iterable[str] | None = None, defaults: Mapping[str, object] | None = None
+    cls: type,
+    names: Iterable[str] | None = None,
+    defaults: Mapping[str, object] | None = None,
+    heading: str | None = None,
 ) -> list[inspect.Parameter]:
     """Return one option for each field.
 
@@ -109,6 +119,8 @@ def field_options(
         Fields that become options; all by default.
     defaults : mapping of str to object, optional
         Default in the help, by field, where a command has another than the class.
+    heading : str, optional
+        Of the options in the help.
     """
     hints, fields = get_type_hints(cls), {field.name: field for field in dataclasses.fields(cls)}
     options = []
@@ -118,7 +130,8 @@ def field_options(
         text = field.metadata["meaning"] + ("" if default in (None, "") else f" [{default}]")
         unit = {"s": "SECONDS", "": "NUMBER"}.get(field.metadata["unit"], field.metadata["unit"].upper())
         metavar = (unit if hint is float else "N") if _numeric(hint) else "|".join(get_args(hint)) or "TEXT"
-        options.append(option(name, str | None, text, metavar, option_of(field)))
+        section = (READOUT if name in MAIN else DETAIL) if cls is ReadoutConfig else heading
+        options.append(option(name, str | None, text, metavar, option_of(field), section))
     return options
 
 
@@ -186,21 +199,25 @@ def replace_parameters(
 
 
 def with_fields(
-    cls: type, names: Sequence[str], into: str, defaults: Mapping[str, object] | None = None
+    cls: type,
+    names: Sequence[str],
+    into: str,
+    defaults: Mapping[str, object] | None = None,
+    heading: str | None = None,
 ) -> Callable[[Command], Command]:
     """Replace the parameter ``into`` of a command, a dict of the fields that the user set, by options for them."""
-    options = field_options(cls, names, defaults)
+    options = field_options(cls, names, defaults, heading)
     return lambda command: replace_parameters(command, [into], options, lambda t: {into: parse_fields(cls, t)})
 
 
 # -- the configuration of the readout ----------------------------------------------------------------
 
-CONFIG_FILE = option("config_file", Path | None, "JSON configuration", "FILE", "--config")
+CONFIG_FILE = option("config_file", Path | None, "JSON configuration", "FILE", "--config", READOUT)
 LEAKY = tuple(encoder.name for encoder in registry.ENCODERS if encoder.leaks)
 """Encoders that ``--tau`` is for."""
 
 _TAU_HELP = f"{', '.join(LEAKY)}: time constant, sets leak-shift and leak-period"
-TAU = option("tau", str | None, _TAU_HELP, "SECONDS", "--tau")
+TAU = option("tau", str | None, _TAU_HELP, "SECONDS", "--tau", DETAIL)
 
 
 def check_leaks(config: ReadoutConfig) -> None:

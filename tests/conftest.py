@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from eskin.app.__main__ import app
-from eskin.app.cli import run
+from eskin.app.cli import app, run
 
 # Tests run side by side, one process a core: threads of theirs would wait for each other, at twice the time in all.
 os.environ.setdefault("OMP_NUM_THREADS", "1")

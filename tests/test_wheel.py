@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.quick import COMMANDS
+from eskin.app.catalogue import MODULES, words_of
 from tests.test_layers import ROOMS
 
 ROOT = Path(__file__).parents[1]
@@ -60,17 +60,18 @@ def test_every_file_of_the_packages_is_in_the_wheel(installed: Path) -> None:
 def test_every_command_shows_its_help_elsewhere(installed: Path, tmp_path: Path) -> None:
     program = (
         "import io, json, sys; from contextlib import redirect_stdout\n"
-        "from eskin.app import __main__ as program; from eskin.app.cli import run\n"
+        "from eskin.app import cli as program; from eskin.app.cli import run\n"
         "found = {}\n"
-        "for name in json.loads(sys.argv[1]):\n"
+        "for words in json.loads(sys.argv[1]):\n"
         "    text = io.StringIO()\n"
         "    try:\n"
-        "        with redirect_stdout(text): run(program.app, 'eskin', [name, '--help'])\n"
-        "    except SystemExit as left: found[name] = [left.code, program.__file__, text.getvalue()]\n"
+        "        with redirect_stdout(text): run(program.app, 'eskin', [*words.split(), '--help'])\n"
+        "    except SystemExit as left: found[words] = [left.code, program.__file__, text.getvalue()]\n"
         "print(json.dumps(found))"
     )
-    found = json.loads(run(installed, tmp_path, "-c", program, json.dumps(sorted(COMMANDS))))
-    assert set(found) == set(COMMANDS)
+    commands = {" ".join(words_of(name)) for name in MODULES}
+    found = json.loads(run(installed, tmp_path, "-c", program, json.dumps(sorted(commands))))
+    assert set(found) == commands
     for words, (code, file, text) in found.items():
         assert code == 0
         assert file.startswith(str(installed))

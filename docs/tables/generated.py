@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import typer
 
-from eskin.app.__main__ import app
-from eskin.app.catalogue import COMMANDS
+from eskin.app.catalogue import GROUPS, words_of
+from eskin.app.cli import Commands, app
 
 SIZE = {"terminal_width": 100, "max_content_width": 100}
 
@@ -15,13 +15,13 @@ def commands() -> None:
     group = typer.main.get_command(app)
     print()
     with group.make_context("eskin", [], resilient_parsing=True, **SIZE) as above:
-        for heading, names in COMMANDS.items():
+        for heading, names in GROUPS.items():
             print(f"## {heading}\n")
-            for name in names:
-                command = group.commands[name]  # type: ignore[attr-defined]
-                with command.make_context(name, [], parent=above, resilient_parsing=True, **SIZE) as context:
+            for name, command in Commands(names).items():
+                words = " ".join(words_of(name))
+                with command.make_context(words, [], parent=above, resilient_parsing=True, **SIZE) as context:
                     text = "\n".join(line.rstrip() for line in command.get_help(context).splitlines())
-                print(f"### eskin {name}\n\n```text\n{text}\n```\n")
+                print(f"### eskin {words}\n\n```text\n{text}\n```\n")
 
 
 def registers() -> None:

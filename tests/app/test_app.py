@@ -6,6 +6,7 @@ import dataclasses
 import json
 import os
 import re
+import resource
 import signal
 import subprocess
 import sys
@@ -16,7 +17,8 @@ import pytest
 import typer
 
 from eskin.app import setup
-from eskin.app.cli import GROUPS, make_app, run
+from eskin.app.catalogue import CHECKS, MODULES
+from eskin.app.cli import GROUPS, SHARED, make_app, run
 from eskin.app.options import LEAKY, build_config, field_options, option_name, parse_fields, with_config
 from eskin.base.errors import InputError
 from eskin.model.address_events import no_events
@@ -272,7 +274,7 @@ def test_a_closed_pipe_is_quiet(args: list[str], tmp_path: Path) -> None:
 
 def test_ctrl_c_is_quiet_and_leaves_no_file(tmp_path: Path) -> None:
     program = (
-        "import os, signal, zipfile; from app.__main__ import app; from app.cli import run\n"
+        "import os, signal, zipfile; from eskin.app.cli import app, run\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # a shell's background ignores it
         "zipfile.ZipFile.writestr = lambda *a, **k: os.kill(os.getpid(), signal.SIGINT)\n"
         "run(app, 'test')"
@@ -284,18 +286,44 @@ def test_ctrl_c_is_quiet_and_leaves_no_file(tmp_path: Path) -> None:
     assert [file.name for file in tmp_path.iterdir()] == ["x.csv"]
 
 
-def test_help_does_not_load_what_is_slow() -> None:
+def test_help_comes_at_once_and_names_every_command() -> None:
+    """The overview takes 0.3 s of computing at most and needs no package; another help loads nothing that is slow."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    done = subprocess.run([*MODEL, "--help"], capture_output=True, text=True, check=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 0.3
+    listed = {line.split()[0] for line in done.stdout.splitlines() if re.match("  [a-z]", line)}
+    assert listed == {name for name in MODULES if name not in CHECKS} | {"dev"}
+    assert all(f" {name}," in done.stdout or f" {name}." in done.stdout for name in CHECKS)
+    assert subprocess.run(MODEL, capture_output=True, text=True, check=True).stdout == done.stdout
     program = (
-        "import sys; from app.__main__ import app\n"
+        "import sys; from eskin.app.cli import app\n"
         "print([m for m in ('numba', 'scipy', 'matplotlib', 'PIL', 'rich', 'pydantic') if m in sys.modules])"
     )
-    process = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert process.stdout == "[]\n"
+    assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True).stdout == "[]\n"
+
+
+def test_a_check_of_the_project_stands_behind_dev(call: Any) -> None:
+    assert call("formal --small") == (2, "", "error: formal is a check of the project; run eskin dev formal\n")
+    assert call("dev forml")[2] == "error: No such command 'forml'. Did you mean 'formal'?\n"
+    code, out, err = call("dev")
+    assert (code, err) == (0, "")
+    assert out.startswith("Usage: eskin dev [OPTIONS] COMMAND")
+    assert {line.split()[0] for line in out.splitlines() if re.match("  [a-z]", line)} == set(CHECKS)
+
+
+def test_own_options_stand_before_shared_ones(call: Any) -> None:
+    """What a command alone has comes first, then rows, columns and encoder; the rest of the readout is last."""
+    headings = [line for line in call("encode --help")[1].splitlines() if line.endswith(":") and line[0] != " "]
+    assert headings == ["Arguments:", "Options:", *(f"{heading}:" for heading in SHARED)]
+    out = call("sim --help")[1]
+    places = [out.index(f"  --{name} ") for name in ("data", "rows", "encoding", "baseline", "closing-shift")]
+    assert places == sorted(places)
 
 
 def test_the_process_of_a_command_looks_for_garbage_seldom_and_a_caller_goes_on_as_before() -> None:
     program = (
-        "import gc, sys; from app.cli import make_app, run\n"
+        "import gc, sys; from eskin.app.cli import make_app, run\n"
         "app = make_app('a test'); app.command()(lambda: print(gc.get_threshold()))\n"
         "try: run(app, 'test', ['<lambda>'])\n"
         "except SystemExit: pass\n"
@@ -322,7 +350,7 @@ def test_the_process_of_a_command_looks_for_garbage_seldom_and_a_caller_goes_on_
 def test_a_missing_group_is_one_sentence(program: str, package: str, group: str, tmp_path: Path) -> None:
     """As where only the base is installed: the package is hidden from the import."""
     blocked = f"import sys; sys.modules[{package!r}] = None; sys.argv = {['eskin', *program.split()]!r}\n"
-    code = blocked + "from app.__main__ import main; main()"
+    code = blocked + "from eskin.app.__main__ import main; main()"
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
     sentence = f"this needs {package}, which is not installed; pip install 'spiking-eskin-readout[{group}]' gets it"
     assert (done.returncode, done.stdout, done.stderr) == (2, "", f"error: {sentence}\n")

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from eskin.app import setup
-from eskin.app.catalogue import MODULES
+from eskin.app.catalogue import MODULES, words_of
 from eskin.app.make import (
     DEFAULTS,
     INSIDE,
@@ -38,7 +38,7 @@ Make = Callable[..., subprocess.CompletedProcess[str]]
 @pytest.fixture
 def checkout(tmp_path: Path) -> Path:
     """Return a folder like the checkout, whose environment is complete."""
-    for name in ("Makefile", "pyproject.toml", "constraints.txt", *ROOMS):
+    for name in ("Makefile", "pyproject.toml", "constraints.txt", "eskin", *ROOMS):
         (tmp_path / name).symlink_to(ROOT / name)
     venv = tmp_path / ".venv"
     venv.mkdir()
@@ -156,7 +156,7 @@ def test_a_wrong_variable_is_one_sentence(launch: Callable[..., Any], words: str
 
 def test_only_what_is_typed_counts(launch: Callable[..., Any], make: Make) -> None:
     done = make("-s", "-n", "-j2", "sim", "WAVES=1", "ROWS:=3", "PYTHON=python3")  # where COLUMNS is exported
-    assert done.stdout.splitlines()[-1].endswith("-m app sim --waves --rows=3")
+    assert done.stdout.splitlines()[-1].endswith("-m eskin sim --waves --rows=3")
     assert launch("sim", "COLUMNS=3")[1] == [["-m", "eskin", "sim", "--columns=3"]]
     assert launch("sim", "WAVES=0")[1] == [["-m", "eskin", "sim"]]
     assert launch("train", "SET=a=1 b=2")[1] == [["-m", "eskin", "train", "--set=a=1", "--set=b=2"]]
@@ -168,7 +168,8 @@ def test_every_target_shows_its_command(launch: Callable[..., Any]) -> None:
         code, lines, err = launch(name)
         assert (code, err) == (0, "")
         if name in MODULES:
-            assert [line[:3] for line in lines] == [["-m", "eskin", name]]
+            words = ["-m", "eskin", *words_of(name)]
+            assert [line[: len(words)] for line in lines] == [words]
         elif name in STEPS:
             assert len(lines) == len(STEPS[name][1])
 

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eskin.app.__main__ import app
-from eskin.app.cli import run
+from eskin.app.cli import app, run
 from eskin.app.report.data import load_accuracy, load_benchmarks, load_replays, load_runs, report_data
 from eskin.app.report.page import ACCURACY, BENCHMARKS, page, run_section, runs_in
 from eskin.base.errors import InputError

@@ -20,8 +20,7 @@ import pytest
 from PIL import Image
 
 import eskin.cocotb_tests.runner.simulator as simulator
-from eskin.app.__main__ import app
-from eskin.app.cli import run
+from eskin.app.cli import app, run
 from eskin.cocotb_tests.bench.stimuli import settled
 from eskin.cocotb_tests.runner.build_cache import ROOT
 from eskin.cocotb_tests.runner.player import Job

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from eskin.app.__main__ import app
+from eskin.app.cli import app
 from eskin.base.errors import InputError
 from eskin.board.bitstream import report
 from eskin.board.bitstream.boards import BOARDS, OnBoard, platform_of

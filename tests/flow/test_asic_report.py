@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from eskin.app.__main__ import app
+from eskin.app.cli import app
 from eskin.app.cli import run as command
 from eskin.base.errors import InputError
 from eskin.cocotb_tests.bench.readout import EventMonitor

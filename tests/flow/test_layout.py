@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from eskin.app.__main__ import app
+from eskin.app.cli import app
 from eskin.base.errors import InputError
 from eskin.flow.layout import cells, checks, circuit, environment, report, run, transistors
 from eskin.flow.layout.cells import WrongCell

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eskin.app.__main__ import app
-from eskin.app.cli import run
+from eskin.app.cli import app, run
 from eskin.base.errors import InputError
 from eskin.flow.liberty.boolean import evaluate, possible, verilog_of
 from eskin.flow.liberty.library import Library, read

@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eskin.app.__main__ import app
-from eskin.app.cli import run
+from eskin.app.cli import app, run
 from eskin.base.errors import InputError
 from eskin.flow.liberty.library import Library
 from eskin.flow.scale.array import NONE, Array, build, repeaters

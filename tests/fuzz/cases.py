@@ -12,11 +12,10 @@ from typing import Any
 
 import click
 import numpy as np
-import typer
 from hypothesis import strategies as st
 
-from eskin.app.__main__ import app
-from eskin.app.catalogue import COMMANDS
+from eskin.app.catalogue import CHECKS, COMMANDS, MODULES, words_of
+from eskin.app.cli import Commands
 from tests.fuzz.run import Command
 
 HOSTILE_TEXT = (
@@ -60,11 +59,7 @@ FILES: dict[str, tuple[tuple[str, ...], ...]] = {
 }  # fmt: skip
 """The commands that read each file of the corpus, ``{}`` in its place."""
 
-LONG = {
-    command
-    for command in (*COMMANDS["Checks of the project"], *COMMANDS["Hardware"])
-    if command not in ("soak", "verilog", "gates")
-}
+LONG = {command for command in (*CHECKS, *COMMANDS["Hardware"]) if command not in ("soak", "verilog", "gates")}
 """Commands that no option makes short: other tests refuse their wrong options."""
 
 GOOD: dict[str, tuple[str, ...]] = {
@@ -114,9 +109,8 @@ GOOD: dict[str, tuple[str, ...]] = {
 
 def commands() -> dict[str, click.Command]:
     """Return every command that the campaign runs, by its name."""
-    group = typer.main.get_command(app)
-    assert set(group.commands) >= LONG  # type: ignore[attr-defined]
-    return {name: command for name, command in group.commands.items() if name not in LONG}  # type: ignore[attr-defined]
+    assert set(MODULES) >= LONG
+    return dict(Commands(name for name in MODULES if name not in LONG))
 
 
 @functools.cache
@@ -139,7 +133,7 @@ texts = st.sampled_from(HOSTILE_TEXT) | st.text(max_size=12) | st.integers().map
 def hostile_commands(draw: Callable[[Any], Any]) -> Command:
     """A command whose good arguments are followed by one or two options with values that nobody means."""
     name = draw(st.sampled_from(sorted(name for name in GOOD if options_of(name))))
-    arguments = [name, *GOOD[name]]
+    arguments = [*words_of(name), *GOOD[name]]
     flags = {o for p in commands()[name].params if getattr(p, "is_flag", False) for o in p.opts}
     for _ in range(draw(st.integers(1, 2))):
         option = draw(st.sampled_from(options_of(name)))

@@ -16,8 +16,7 @@ from pathlib import Path
 from types import FrameType
 from typing import NamedTuple
 
-from eskin.app.__main__ import app
-from eskin.app.cli import run
+from eskin.app.cli import app, run
 
 LONGEST_CPU_S = 30
 """Of this process: no case here takes three; one that takes so long has found a loop without end."""

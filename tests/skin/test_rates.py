@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from eskin.app.__main__ import app
+from eskin.app.cli import app
 from eskin.app.cli import run as run_app
 from eskin.app.options import LEAKY
 from eskin.base.errors import InputError

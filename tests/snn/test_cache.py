@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from eskin.app.__main__ import app
+from eskin.app.cli import app
 from eskin.model.config import ReadoutConfig
 from eskin.skin.textures.dataset import Dataset, embedded_dataset
 from eskin.skin.textures.paper import PaperScan

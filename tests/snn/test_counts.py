@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from eskin.app.__main__ import app
+from eskin.app.cli import app
 from eskin.base.errors import InputError
 from eskin.model.encoders import registry
 from eskin.skin.textures.dataset import embedded_dataset

@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 import torch
 
-from eskin.app.__main__ import app
-from eskin.app.cli import printable, run
+from eskin.app.cli import app, printable, run
 from eskin.base.errors import InputError
 from eskin.model.address_events import make_events
 from eskin.model.config import ReadoutConfig

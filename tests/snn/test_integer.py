@@ -11,7 +11,7 @@ import pytest
 import torch
 from typer.testing import CliRunner
 
-from eskin.app.__main__ import app
+from eskin.app.cli import app
 from eskin.base.errors import InputError
 from eskin.model.classifier.file import IntegerWeights, weight_image
 from eskin.model.classifier.network import State

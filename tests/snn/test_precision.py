@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eskin.app.__main__ import app
+from eskin.app.cli import app
 from eskin.base.errors import InputError
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.network import IntegerNetwork

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eskin.app.__main__ import app as snn_app
+from eskin.app.cli import app as snn_app
 from eskin.app.cli import make_app, run
 from eskin.app.commands.learn.predict import predict
 from eskin.model.address_events import no_events

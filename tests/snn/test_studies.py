@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eskin.app.__main__ import app
+from eskin.app.cli import app
 from eskin.model.config import ReadoutConfig
 from eskin.power.equations import CORRECTIONS, PowerModel
 from eskin.power.parameters import PowerParameters

@@ -16,8 +16,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from eskin.app.__main__ import app
-from eskin.app.cli import run
+from eskin.app.cli import app, run
 from eskin.app.commands.learn.sweep import _print_table
 from eskin.app.options import LEAKY
 from eskin.base.errors import InputError

@@ -17,7 +17,7 @@ import pytest
 import torch
 from typer.testing import CliRunner
 
-from eskin.app.__main__ import app
+from eskin.app.cli import app
 from eskin.app.commands.learn import train as commands
 from eskin.app.commands.learn.options import build_experiment
 from eskin.app.options import LEAKY

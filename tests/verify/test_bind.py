@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from eskin.app.__main__ import app
+from eskin.app.cli import app
 from eskin.cocotb_tests.runner.cocotb_runners import build_environment
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
@@ -70,7 +70,7 @@ def test_yosys_reads_properties_and_readout(config: ReadoutConfig | FrameConfig)
 
 
 def test_the_command_writes_what_goes_with_the_verilog(tmp_path: Path) -> None:
-    words = ["properties", "--rows", "1", "--columns", "1", "--link", "four_phase", "-o", str(tmp_path)]
+    words = ["dev", "properties", "--rows", "1", "--columns", "1", "--link", "four_phase", "-o", str(tmp_path)]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.output
     text = (tmp_path / "eskin_readout_properties.sv").read_text()

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from eskin.app.__main__ import app
+from eskin.app.cli import app
 from eskin.verify.mutants import campaign, questions
 from eskin.verify.mutants.arguments import arguments
 from eskin.verify.mutants.campaign import MODEL, RTL, Done, Finding, closing_line
@@ -174,7 +174,7 @@ def test_what_tests_do_not_kill_is_equivalent_or_alive_and_the_generator_may_ref
 
 
 def test_a_campaign_judges_keeps_and_goes_on(tmp_path: Path) -> None:
-    words = ["mutants", "--block", "window", "--limit", "1", "--workers", "1", "-o", str(tmp_path)]
+    words = ["dev", "mutants", "--block", "window", "--limit", "1", "--workers", "1", "-o", str(tmp_path)]
     done = CliRunner().invoke(app, words)
     lines = done.output.splitlines()
     assert done.exit_code == 0, done.output

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from eskin.app.__main__ import app
+from eskin.app.cli import app
 from eskin.base.errors import InputError
 from eskin.cocotb_tests.runner import build_cache as store
 from eskin.verify.coverage import bench, plan, stimuli
@@ -192,7 +192,7 @@ def test_what_is_kept_is_not_played_again_and_the_command_ends_with_its_one_line
         "eskin.verify.coverage.run.points", lambda config: [Point("lcs", "held", "eskin_taxel", "pending")]
     )
     for _ in range(2):
-        done = CliRunner().invoke(app, ["coverage", "--small", "--out", str(tmp_path)])
+        done = CliRunner().invoke(app, ["dev", "coverage", "--small", "--out", str(tmp_path)])
         assert done.exit_code == 1
         last = "coverage: 0 of 0 lines, 0 of 0 branches, 0 of 0 toggles, 0 of 0 conditions (0 explained), 0 of 1 points"
         assert done.output.splitlines()[-2:] == ["not reached: lcs: held", last]
@@ -208,6 +208,6 @@ def test_small_runs_reach_all_that_is_not_explained(run: Run, tmp_path: Path) ->
 
 
 def test_a_name_of_no_run_is_one_sentence() -> None:
-    done = CliRunner().invoke(app, ["coverage", "--only", "frmaes"])
+    done = CliRunner().invoke(app, ["dev", "coverage", "--only", "frmaes"])
     assert isinstance(done.exception, InputError)
     assert "no run begins with 'frmaes'; one of them is 'lcs digital stream'" in str(done.exception)

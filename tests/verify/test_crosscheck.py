@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from eskin.app.__main__ import app
+from eskin.app.cli import app
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
@@ -37,7 +37,7 @@ def quickly_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_third_simulator_plays_a_texture_as_the_model(tmp_path: Path) -> None:
     # Compiling what CXXRTL makes takes some seconds: the smallest array with rows and columns.
     array = ["--rows", "2", "--columns", "2", "--encoding", "cw-lcs", "--window-period", "3", "--ticks", "400"]
-    done = CliRunner().invoke(app, ["crosscheck", *array, "--out", str(tmp_path / "found.json")])
+    done = CliRunner().invoke(app, ["dev", "crosscheck", *array, "--out", str(tmp_path / "found.json")])
     assert done.exit_code == 0, done.output
     kept = json.loads((tmp_path / "found.json").read_text())
     assert kept["runs"] > 8

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from eskin.app.__main__ import app
+from eskin.app.cli import app
 from eskin.verify.crosscheck import prove, sby
 from eskin.verify.proofs.plan import Proof, proofs
 
@@ -22,7 +22,7 @@ def test_both_find_the_same_first_clocks_of_a_block_and_of_mutants(
 ) -> None:
     monkeypatch.setattr(prove, "MUTANTS", 2)
     out = tmp_path / "found.json"
-    done = CliRunner().invoke(app, ["crossproof", "--block", "link", "--small", "--mutants", "--out", str(out)])
+    done = CliRunner().invoke(app, ["dev", "crossproof", "--block", "link", "--small", "--mutants", "--out", str(out)])
     assert done.exit_code == 0, done.output
     kept = json.loads(out.read_text())
     line = (
@@ -46,7 +46,7 @@ def test_a_difference_is_a_problem(changes: dict[str, Any], problem: str, monkey
         return replace(prove.solve(checker, depth, 0), **changes)
 
     monkeypatch.setattr(prove, "search", wrong)
-    done = CliRunner().invoke(app, ["crossproof", "--block", "link", "--small"])
+    done = CliRunner().invoke(app, ["dev", "crossproof", "--block", "link", "--small"])
     assert done.exit_code == 1
     assert f"PROBLEM: {problem}" in done.output
 
@@ -59,7 +59,7 @@ def test_an_answer_that_is_missing_ends_the_run(monkeypatch: pytest.MonkeyPatch)
 
 def test_without_the_solver_there_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sby, "find_spec", lambda name: None)
-    done = CliRunner().invoke(app, ["crossproof", "--block", "link", "--small"])
+    done = CliRunner().invoke(app, ["dev", "crossproof", "--block", "link", "--small"])
     assert done.exit_code != 0
     assert "z3-solver is missing; run make crossproof" in str(done.exception or done.output)
 

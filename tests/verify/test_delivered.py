@@ -9,7 +9,7 @@ from typing import Any, get_args
 import pytest
 from typer.testing import CliRunner
 
-from eskin.app.__main__ import app
+from eskin.app.cli import app
 from eskin.board.config import BoardConfig, SerialConfig
 from eskin.board.gateware import top as board
 from eskin.model.classifier.chip_config import ChipConfig

@@ -7,7 +7,7 @@ from amaranth.asserts import AnyConst
 from amaranth.hdl import Fragment, Module, Signal
 from typer.testing import CliRunner
 
-from eskin.app.__main__ import app
+from eskin.app.cli import app
 from eskin.model.config import ReadoutConfig
 from eskin.rtl.link import FourPhaseLink
 from eskin.verify.proofs.blocks.link import LinkChecker
@@ -21,7 +21,7 @@ CONFIG = ReadoutConfig(rows=1, columns=1, link="four_phase")
 
 
 def test_the_command_ends_with_its_one_line() -> None:
-    done = CliRunner().invoke(app, ["formal", "--block", "link", "--small"])
+    done = CliRunner().invoke(app, ["dev", "formal", "--block", "link", "--small"])
     assert done.exit_code == 0, done.output
     assert done.output.splitlines()[-1] == "proved: 9 properties, 9 of them unbounded, 0 failed"
 

@@ -154,7 +154,7 @@ def failed_property(place: Path, block: str, limit_s: float | None = None) -> st
     RuntimeError
         If the proof itself fails.
     """
-    said = run(place, ["app", "formal", "--block", block], limit_s)
+    said = run(place, ["eskin", "dev", "formal", "--block", block], limit_s)
     if said.code == 0:
         return ""
     if found := PROPERTY.search(said.text):

@@ -15,6 +15,7 @@ from eskin.app.commands.signals.recordings import PREPARATION, OwnData, events_o
 from eskin.app.options import (
     CONFIG_FILE,
     LEAKY,
+    RECORDINGS,
     build_config,
     check_leaks,
     field_options,
@@ -84,7 +85,7 @@ _NAMES = {"bin_s": "bin", "config_file": "config", "start_rows": "start-rows"}
 ENCODER = ("encoding", "resolution")
 """Fields of the readout that have an option of their own; ``--config`` has all."""
 
-OWN = field_options(Preparation, PREPARATION, {"baseline": "first"})
+OWN = field_options(Preparation, PREPARATION, {"baseline": "first"}, RECORDINGS)
 
 READOUT = [*field_options(ReadoutConfig, ENCODER, {"resolution": DEFAULT_RESOLUTION}), CONFIG_FILE]
 

@@ -8,9 +8,10 @@ from typing import Annotated, Any
 
 import typer
 
-from eskin.app.cli import EXIT_INTERRUPTED, printable
+from eskin.app.cli import printable
 from eskin.app.commands.learn.options import check_device
 from eskin.app.commands.learn.sweep import command_line
+from eskin.app.leave import EXIT_INTERRUPTED
 from eskin.app.options import WRITES_FOLDER
 from eskin.base.errors import InputError
 from eskin.base.files import origin, write_json

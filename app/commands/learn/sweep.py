@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
-from eskin.app.cli import EXIT_INTERRUPTED, printable
+from eskin.app.cli import printable
 from eskin.app.commands.learn.bars import cell_bar
 from eskin.app.commands.learn.options import (
     NOT_OF_A_SWEEP,
@@ -19,6 +19,7 @@ from eskin.app.commands.learn.options import (
     build_experiment,
     with_experiment,
 )
+from eskin.app.leave import EXIT_INTERRUPTED
 from eskin.app.options import LEAKY, WRITES_FOLDER
 from eskin.app.tables import new_table, show
 from eskin.app.worker_options import Scheduler, open_pool

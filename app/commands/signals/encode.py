@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from eskin.app.cli import printable
 from eskin.app.commands.signals.recordings import PREPARATION, print_notes, print_set, quality_text, warn
-from eskin.app.options import WRITES_FILE, Writes, with_config, with_fields
+from eskin.app.options import RECORDINGS, WRITES_FILE, Writes, with_config, with_fields
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.errors import InputError
 from eskin.base.progress import bar
@@ -30,7 +30,9 @@ if TYPE_CHECKING:
 
 
 @with_config
-@with_fields(Preparation, PREPARATION, "prepared", {"baseline": "first of a folder, none of a file"})
+@with_fields(
+    Preparation, PREPARATION, "prepared", {"baseline": "first of a folder, none of a file"}, heading=RECORDINGS
+)
 def encode(
     config: ReadoutConfig,
     given: frozenset[str],

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eskin.app.cli import printable
-from eskin.app.options import with_fields
+from eskin.app.options import RECORDINGS, with_fields
 from eskin.base.errors import InputError
 from eskin.base.progress import bar
 from eskin.model.config import ReadoutConfig, option_of
@@ -32,7 +32,7 @@ OwnData = Annotated[
 
 def with_preparation(command: Callable[..., Any]) -> Callable[..., Any]:
     """Replace the parameter ``prepared`` of a command by options for how own recordings are read and scaled."""
-    return with_fields(Preparation, PREPARATION, "prepared", {"baseline": "first"})(command)
+    return with_fields(Preparation, PREPARATION, "prepared", {"baseline": "first"}, RECORDINGS)(command)
 
 
 def check_alone(data: Path | None, prepared: Mapping[str, Any], others: Mapping[str, object]) -> None:

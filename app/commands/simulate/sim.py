@@ -26,14 +26,14 @@ def sim(
     config: ReadoutConfig,
     given: frozenset[str],
     prepared: dict[str, Any],
+    data: OwnData = None,
+    dataset: Annotated[str | None, typer.Option(help="texture folder, or 'embedded'")] = None,
     simulator: Annotated[str, typer.Option("--sim", help="verilator or icarus")] = "verilator",
     waves: Annotated[bool, typer.Option(help="leave a waveform")] = False,
-    seed: Annotated[int, typer.Option(help="seed of the scenarios")] = 0,
     textures: Annotated[int, typer.Option(help="scans or recordings of each encoding, one class after the other")] = 3,
     only: Annotated[str | None, typer.Option(help="one texture or recording, by its name, and no scenarios")] = None,
     ticks: Annotated[int | None, typer.Option(help="sample ticks of a scan at most [all]")] = None,
-    dataset: Annotated[str | None, typer.Option(help="texture folder, or 'embedded'")] = None,
-    data: OwnData = None,
+    seed: Annotated[int, typer.Option(help="seed of the scenarios")] = 0,
     netlist: Annotated[
         Path | None, typer.Option(help="Verilog netlist to hold to the model instead of the RTL")
     ] = None,

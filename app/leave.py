@@ -1,0 +1,25 @@
+"""Leave the process with an exit code; quiet where a user interrupts it or closes the pipe."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from typing import NoReturn
+
+EXIT_INTERRUPTED = 128 + 2  # SIGINT, as a shell reports it
+EXIT_BROKEN_PIPE = 128 + 13  # SIGPIPE
+
+
+def leave_quietly(work: Callable[[], int]) -> NoReturn:
+    """Do some work and leave the process with the exit code that it returns; 130 for Ctrl-C, 141 for a closed pipe."""
+    try:
+        code = work()
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        code = EXIT_INTERRUPTED
+    except BrokenPipeError:
+        # The interpreter flushes once more at its end, and would complain then.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = EXIT_BROKEN_PIPE
+    sys.exit(code)
