@@ -43,8 +43,8 @@ def frame_points() -> dict[str, dict[str, Any]]:
     published = only(read("snn/figures/published_fig9.json")["points"], readout="frame", resolution=10)["accuracy"]
     rnn, cnn = (next(p for p in sweep("reference-frames") if kind in p["name"]) for kind in ("rnn", "cnn"))
     return {
-        "rnn": rnn | {"text": "ReLU units (`rnn`), the paper's baseline", "theirs": f"{100 * published:.2f} %"},
-        "cnn": cnn | {"text": "1-D convolutions (`cnn`), the fair one", "theirs": ""},
+        "rnn": rnn | {"text": "ReLU units (`rnn`), as in the paper", "theirs": f"{100 * published:.2f} %"},
+        "cnn": cnn | {"text": "1-D convolutions (`cnn`)", "theirs": ""},
     }
 
 
