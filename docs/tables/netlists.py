@@ -10,7 +10,7 @@ from eskin.skin.figures.readouts import LOOKS
 
 EVENTS = "{?energy_per_event_j:1e12*.2f} | {?energy_per_lone_event_j:1e12*.2f}"
 ON_TEXTURE = EVENTS + " | {?energy_per_texture_event_j:1e12*.2f}"
-EVENT_TITLES = "pJ an event, one in every clock | alone | on a texture"
+EVENT_TITLES = "pJ per event: one in every clock | alone | on a texture"
 
 
 def reports(folder: str, pattern: str = "*.json") -> dict[str, dict[str, Any]]:
@@ -69,9 +69,9 @@ def asic_netlists() -> None:
 def asic_power() -> None:
     """Print what the same netlists draw, and how many events were compared with the model."""
     table(
-        "readout | array | cells | leakage, nW a taxel | idle | with wires | "
+        "readout | array | cells | leakage, nW a taxel | idle | idle, with wires | "
         + EVENT_TITLES
-        + " | with wires, one in every clock | alone | on a texture | events, netlist of RTL | OpenSTA by tables",
+        + " | with wires: one in every clock | alone | on a texture | events of netlist, of RTL | OpenSTA / tables",
         [report for report in netlists().values() if "power" in report],
         "{name} | {array} | {cells} | {leakage_w_per_taxel:1e9*.1f} | {?idle_w_per_taxel:1e9*.1f}"
         " | {?with_wires[idle_w_per_taxel]:1e9*.1f} | "
@@ -99,7 +99,7 @@ def asic_targets() -> None:
     both = {"digital": netlists()["lcs-digital-8x8-ihp"], "analog": netlists()["lcs-analog-8x8-ihp"]}
     asked = [
         ("idle, digital", 60e-9, "digital", "idle_w_per_taxel", 1e9, "nW per taxel"),
-        ("idle, analog: twice its leakage", None, "analog", "idle_w_per_taxel", 1e9, "nW per taxel"),
+        ("idle, analog (limit: twice its leakage)", None, "analog", "idle_w_per_taxel", 1e9, "nW per taxel"),
     ]
     for text, most, key in (("in every clock", 6e-12, "event"), ("alone", 15e-12, "lone_event")):
         asked += [(f"an event {text}, {name}", most, name, f"energy_per_{key}_j", 1e12, "pJ") for name in both]

@@ -124,8 +124,8 @@ def power_measured() -> None:
             after = [digits(1e6 * watts, 3) for watts in parts]
             rows.append([f"{look(readout).title}, {cells}", before_w, *after, *ratios])
     table(
-        "6 b, 0.92 mV, in uW | logic, 435 fJ an event | logic, measured | leakage of it | total with 435 fJ | total, measured"
-        " | ratio to frames, 435 fJ | ratio to frames, measured",
+        "6 b, 0.92 mV, in uW | logic, 435 fJ an event | logic, measured | leakage of it | total with 435 fJ"
+        " | total, measured | ratio to frames, 435 fJ | ratio to frames, measured",
         rows,
     )
 
