@@ -1,4 +1,4 @@
-"""Where a block says that it is not awake its clock may stop: no register would change."""
+"""Where a block says that it is not awake its clock may stop, and where nothing can change it does."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from eskin.model.frame_config import FrameConfig
 from eskin.rtl import readout, taxel
 from eskin.rtl.arbiter import Arbiter
 from eskin.rtl.block import Netlist
-from eskin.rtl.frame import FrameReadout
-from eskin.verify.proofs.clock_stop import stands_still
+from eskin.rtl.frame import FramePacker, FrameReadout, FrameSequencer
+from eskin.rtl.registers.host import Host
+from eskin.verify.proofs.clock_stop import Clocked, clocked, stands_still
 from eskin.verify.proofs.mutants import make
 
 FEW = ReadoutConfig(rows=2, columns=2, sample_bits=6, resolution=2, window_period=3, leak_period=3)
@@ -51,3 +52,92 @@ def test_a_row_that_sleeps_when_it_must_not_is_found(wire: str) -> None:
     found = make(made.text, row.module_name, 4, 0, f"-mode const0 -wire {wire}")
     assert found
     assert not any(stands_still(row, mutant=mutant.rtlil) for mutant in found)
+
+
+PAIR = FEW.replace(rows=1)
+CLOSING, LEAKING = PAIR.replace(encoding="cw-lcs"), PAIR.replace(encoding="nlcs")
+HOSTED = LEAKING.replace(registers="spi")
+FRAMES = FrameConfig(readout=FEW)
+BETWEEN = {"sample_valid": 0, "taxel_enable": 3}
+NO_SAMPLE, SAMPLE = {"sample_valid": 0}, {"sample_valid": 1}
+LINK = ("link.ack_meta", "link.ack_sync", "link.setup")
+PINS = ("spi.sck", "spi.cs_n", "spi.mosi")
+ON = {f"row_0.taxel_{column}.enabled": 1 for column in range(2)}
+FREE = {f"taxel_{column}.pending": 0 for column in range(2)}
+
+
+def each(*names: str) -> tuple[str, ...]:
+    """Return registers of both taxels of a row."""
+    return tuple(f"taxel_{column}.{name}" for column in range(2) for name in names)
+
+
+AT_REST: dict[str, tuple[Any, tuple[str, ...], dict[str, Any]]] = {
+    "nothing": (readout.Readout(PAIR), (), {"rest": NO_SAMPLE}),
+    "nothing, analog": (readout.Readout(LEAKING.replace(frontend="analog")), (), {"rest": NO_SAMPLE}),
+    "nothing, handshake": (
+        readout.Readout(CLOSING.replace(link="four_phase")),
+        LINK,
+        {"rest": NO_SAMPLE, "held": {"link.ack_sync": 0}},
+    ),
+    "nothing, host": (
+        readout.Readout(HOSTED),
+        tuple(f"host.{name}" for name in PINS),
+        {"rest": NO_SAMPLE, "held": {"host.registers.test_mode": 0}},
+    ),
+    "a sample that is the one before": (
+        readout.Readout(LEAKING),
+        ("tick", "row_0.awake", "awake", *(f"row_0.{name}" for name in each("newest"))),
+        {"rest": BETWEEN, "then": SAMPLE, "held": ON},
+    ),
+    "its tick, windows closed": (
+        readout.Readout(CLOSING.replace(frontend="analog")),
+        ("tick", "awake"),
+        {"rest": BETWEEN | SAMPLE, "then": NO_SAMPLE, "held": {f"row_0.{name}": 0 for name in FREE}},
+    ),
+    "its tick, decided by the sample": (
+        taxel.Row(PAIR.replace(decide_every="sample")),
+        (),
+        {"rest": {"granted": 0, "tick": 1} | NO_SAMPLE},
+    ),
+    "a leak": (
+        taxel.Row(LEAKING),
+        ("awake", *each("charge", "enabled", "pending")),
+        {"rest": {"granted": 0, "decay": 0, "enable": 3} | NO_SAMPLE, "then": {"decay": 1}},
+    ),
+    "no frame": (FrameReadout(FRAMES), (), {"rest": {"frame_start": 0, "adc_done": 0}}),
+}
+"""What gets a clock where nothing changes: nothing but what takes a sample, and what listens."""
+
+
+@pytest.mark.parametrize("case", AT_REST)
+def test_in_a_readout_at_rest_nothing_else_has_a_clock(case: str) -> None:
+    block, expected, given = AT_REST[case]
+    assert clocked(block, expected, **given) == Clocked((), True)
+
+
+WASTE = [
+    (Arbiter(PAIR), {"rest": {"event_ready": 0, "row_request": 0}}, "const1 -wire awake -module eskin_arbiter"),
+    (taxel.Row(PAIR), {"rest": {"granted": 0} | NO_SAMPLE}, "const1 -wire stirs -module eskin_taxel"),
+    (
+        taxel.Row(CLOSING),
+        {"rest": {"granted": 0, "tick": 1, "enable": 3} | NO_SAMPLE, "held": FREE},
+        "inv -wire closed",
+    ),
+    (FrameSequencer(FRAMES), {"rest": {"frame_start": 0, "adc_done": 0}}, "const1 -wire awake"),
+    (FramePacker(FRAMES), {"rest": {"sample_valid": 0}}, "const1 -wire awake"),
+    (
+        Host(HOSTED),
+        {"expected": PINS, "held": {"registers.test_mode": 0}},
+        "const1 -wire write_resolution -module eskin_registers",
+    ),
+]
+"""Blocks, when they are at rest, and mutants that give them a clock there."""
+
+
+@pytest.mark.parametrize(("block", "given", "mutation"), WASTE, ids=lambda value: getattr(value, "module_name", ""))
+def test_a_clock_that_is_not_needed_is_found(block: Any, given: dict[str, Any], mutation: str) -> None:
+    made = Netlist(async_reset=False)
+    made.add(block)
+    (mutant, *_) = make(made.text, block.module_name, 1, 0, f"-mode {mutation}")
+    assert clocked(block, **given) == Clocked((), True)
+    assert clocked(block, **given, mutant=mutant.rtlil).others

@@ -1,4 +1,4 @@
-"""Stopping the clock of a block that says it is not awake loses nothing: none of its registers would change.
+"""Where a block says that it is not awake its clock may stop, and where nothing can change its clock does stop.
 
 Asked of every state and all inputs, reachable or not, so one clock is all there is to look at.
 """
@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from eskin.rtl import yosys
@@ -14,6 +16,8 @@ from eskin.rtl.block import Block, Netlist
 
 LISTENS = ("link", "host")
 """Names of the parts that are left out: their clock never stops, since they listen to ACK and to SPI."""
+
+AWAKE = "awake"
 
 TO_FLOPS = (
     "read_rtlil readout.il; hierarchy -check -top {top}; proc; flatten; opt_clean; dffunmap; "
@@ -23,6 +27,19 @@ TO_ANSWER = (
     "read_json still.json; hierarchy -top {top}; tee -q -o said.txt sat -set rst 0 -set awake {awake} -prove next state"
 )
 UNSOLVED = re.compile(r"SAT proof finished - (no )?model found")
+
+TO_ENABLES = (
+    "read_rtlil readout.il; hierarchy -check -top {top}; proc; opt_expr; opt_merge; opt_clean; opt_dff; "
+    "dffunmap -srst-only; opt_expr; opt_dff -nosdff; opt_clean; flatten; opt_clean; setattr -unset init w:*; "
+    "write_json flops.json"
+)
+TO_CLOCKS = (
+    "read_json still.json; read_verilog both.v; hierarchy -check -top both; proc; flatten; opt_clean; "
+    "tee -q -o said.txt sat -set rst 0 -set rest 1 -show clocked -prove others 0; "
+    "tee -q -a said.txt sat -set rst 0 -set rest 1 -set others 0 -set whole 1"
+)
+SHOWN = re.compile(r"^  \\clocked +\S+ +\S+ +([01]+)\s*$", re.MULTILINE)
+PATH = re.compile(r"\\([^.\\]+)\.")
 
 
 def stands_still(block: Block[Any], awake: int = 0, mutant: str = "") -> bool:
@@ -37,25 +54,176 @@ def stands_still(block: Block[Any], awake: int = 0, mutant: str = "") -> bool:
     mutant : str
         RTLIL that takes the place of the block's own.
     """
-    made = Netlist(async_reset=False)
-    made.add(block)
     top = block.module_name
-    design = json.loads(yosys.run(TO_FLOPS.format(top=top), mutant or made.text, "flops.json"))
-    module = design["modules"][top]
+    module = _flat(block, TO_FLOPS, mutant)
     state, after = [], []
-    for name, cell in list(module["cells"].items()):
-        if cell["type"] == "$dff":
-            del module["cells"][name]
-            if not any(f"\\{part}." in name for part in LISTENS):
-                state += cell["connections"]["Q"]
-                after += cell["connections"]["D"]
-        elif "dff" in cell["type"] or cell["type"].startswith("$mem"):
-            raise AssertionError(f"{name} of {top} is a {cell['type']}, which is not looked at")
-    for name, direction, bits in (("state", "input", state), ("next", "output", after)):
-        module["ports"][name] = {"direction": direction, "bits": bits}
-        module["netnames"][name] = {"hide_name": 0, "bits": bits, "attributes": {}}
+    for name, cell in _flops(module, ("$dff",)):
+        if not any(f"\\{part}." in name for part in LISTENS):
+            state += cell["connections"]["Q"]
+            after += cell["connections"]["D"]
+    _add_ports(module, {"state": ("input", state), "next": ("output", after)})
     files = {"still.json": json.dumps({"modules": {top: module}}).encode()}
     found = UNSOLVED.search(yosys.run(TO_ANSWER.format(top=top, awake=awake), "", "said.txt", files))
     if not found or not state:
         raise AssertionError(f"the solver says nothing of {top}, which has {len(state)} registers")
     return bool(found[1])
+
+
+@dataclass(frozen=True)
+class Clocked:
+    """What gets a clock in a block where nothing changes.
+
+    Attributes
+    ----------
+    others : tuple of str
+        Registers that are clocked, and signals ``awake`` that are high, though nobody expects it: those of one case.
+    reached : bool
+        Whether all that are expected can be so in one and the same case.
+    """
+
+    others: tuple[str, ...]
+    reached: bool
+
+
+def clocked(
+    block: Block[Any],
+    expected: Collection[str] = (),
+    rest: Mapping[str, int] | None = None,
+    then: Mapping[str, int] | None = None,
+    held: Mapping[str, int] | None = None,
+    mutant: str = "",
+) -> Clocked:
+    """Return what gets a clock in a block at rest, beside what is expected.
+
+    A block is at rest where no register of it would change. A register gets a clock where its enable is high, and so is
+    ``awake`` of every block that it is in, as far as these have such a signal.
+
+    Parameters
+    ----------
+    block : Block
+    expected : collection of str
+        Registers and signals ``awake``, those of inner blocks by their paths: ``row_0.taxel_1.newest``.
+    rest : mapping of str to int, optional
+        Inputs with which the block is at rest; the others have any value.
+    then : mapping of str to int, optional
+        Inputs that have other values in the clock that is looked at.
+    held : mapping of str to int, optional
+        Registers that have a value, and not any.
+    mutant : str
+        RTLIL that takes the place of the block's own.
+    """
+    before = dict(rest or {})
+    module = _flat(block, TO_ENABLES, mutant)
+    inputs = {n: len(p["bits"]) for n, p in module["ports"].items() if p["direction"] == "input" and n != "clk"}
+    nets = module["netnames"]
+    awake = [name for name in nets if name.rpartition(".")[2] == AWAKE]
+    flops = [(_name(nets, name, cell), cell) for name, cell in _flops(module, ("$dff", "$dffe"))]
+    when: dict[str, list[str]] = {}
+    for number, (name, cell) in enumerate(flops):
+        if not int(cell["parameters"].get("EN_POLARITY", "1"), 2):
+            raise AssertionError(f"{name} of {block.module_name} has an enable that is low, which is not looked at")
+        gates = [f"cut_awake[{place}]" for place, signal in enumerate(awake) if _stops(signal, name)]
+        when.setdefault(name, []).append(" & ".join([f"cut_enable[{number}]", *gates]))
+    when |= {signal: [f"cut_awake[{place}]"] for place, signal in enumerate(awake)}
+    if missing := sorted(set(expected) - set(when)):
+        raise AssertionError(f"{block.module_name} has no {', '.join(missing)}; it has {', '.join(when)}")
+    of_awake = [nets[signal]["bits"][0] for signal in awake]
+    pins = [cell["connections"] for _, cell in flops]
+    state = [bit for pin in pins for bit in pin["Q"]]
+    module["ports"].pop(AWAKE, None)
+    _add_ports(
+        module,
+        {
+            "cut_state": ("input", state),
+            "cut_next": ("output", [bit for pin in pins for bit in pin["D"]]),
+            "cut_enable": ("output", [pin.get("EN", ["1"])[0] for pin in pins]),
+            "cut_awake": ("output", of_awake or ["0"]),
+        },
+    )
+    shapes = [(len(cell["connections"]["Q"]), dict(held or {}).get(name)) for name, cell in flops]
+    mask = "".join("01"[name in expected] for name in reversed(when))
+    both = _both(block.module_name, inputs, [before, before | dict(then or {})], shapes, max(len(awake), 1))
+    both += "".join(f"  assign clocked[{n}] = {' | '.join(terms)};\n" for n, terms in enumerate(when.values()))
+    both += f"  assign others = |(clocked & ~{len(when)}'b{mask});\n"
+    both += f"  assign whole = &(clocked | ~{len(when)}'b{mask});\nendmodule\n"
+    files = {
+        "still.json": json.dumps({"modules": {block.module_name: module}}).encode(),
+        "both.v": both.replace("CLOCKED", str(len(when) - 1)).encode(),
+    }
+    said = yosys.run(TO_CLOCKS, "", "said.txt", files)
+    found = UNSOLVED.search(said)
+    if not found:
+        raise AssertionError(f"the solver says nothing of {block.module_name}")
+    others = SHOWN.search(said)
+    high = [name for name, bit in zip(when, reversed(others[1]), strict=True) if bit == "1"] if others else []
+    if found[1] is None and not high:
+        raise AssertionError(f"the solver does not say what is clocked in {block.module_name}")
+    return Clocked(tuple(name for name in high if name not in expected), "SAT solving finished - model found" in said)
+
+
+def _flat(block: Block[Any], script: str, mutant: str) -> Any:
+    """Return a block as one module of Yosys' simple cells and flops."""
+    made = Netlist(async_reset=False)
+    made.add(block)
+    top = block.module_name
+    return json.loads(yosys.run(script.format(top=top), mutant or made.text, "flops.json"))["modules"][top]
+
+
+def _flops(module: Any, kinds: tuple[str, ...]) -> list[tuple[str, Any]]:
+    """Take the flops out of a module; return them by their names."""
+    found = [(name, cell) for name, cell in module["cells"].items() if cell["type"] in kinds]
+    for name, _ in found:
+        del module["cells"][name]
+    for name, cell in module["cells"].items():
+        if "dff" in cell["type"] or cell["type"].startswith("$mem"):
+            raise AssertionError(f"{name} is a {cell['type']}, which is not looked at")
+    return found
+
+
+def _add_ports(module: Any, ports: Mapping[str, tuple[str, list[Any]]]) -> None:
+    for name, (direction, bits) in ports.items():
+        module["ports"][name] = {"direction": direction, "bits": bits}
+        module["netnames"][name] = {"hide_name": 0, "bits": bits, "attributes": {}}
+
+
+def _name(nets: Any, flop: str, cell: Any) -> str:
+    """Return the path and the name of the register that a flop is a part of."""
+    path = "".join(f"{part}." for part in PATH.findall(flop))
+    held = cell["connections"]["Q"][0]
+    known = [
+        name for name, net in nets.items() if name.startswith(path) and held in net["bits"] and not net["hide_name"]
+    ]
+    return min((name for name in known if "." not in name[len(path) :]), key=len, default=flop)
+
+
+def _stops(signal: str, register: str) -> bool:
+    """Return whether a signal ``awake`` stops the clock of a register."""
+    path = signal.removesuffix(AWAKE)
+    return register.startswith(path) and not (path == "" and register.partition(".")[0] in LISTENS)
+
+
+def _both(
+    top: str, inputs: Mapping[str, int], cases: list[dict[str, int]], flops: list[tuple[int, int | None]], awake: int
+) -> str:
+    """Return the Verilog of a block twice, with the same registers: at rest, and in the clock that is looked at.
+
+    ``flops`` are the widths of the registers, with their values where these are given.
+    """
+    bits = sum(width for width, _ in flops)
+    ports = [*(f"input [{width - 1}:0] {name}" for name, width in inputs.items()), f"input [{bits - 1}:0] cut_state"]
+    ports += ["output rest", "output others", "output whole", "output [CLOCKED:0] clocked"]
+    text = f"module both({', '.join(ports)});\n  wire [{bits - 1}:0] cut_next;\n"
+    text += f"  wire [{len(flops) - 1}:0] had, cut_enable;\n  wire [{awake - 1}:0] cut_awake;\n"
+    results = [".cut_next(cut_next), .cut_enable(had)", ".cut_enable(cut_enable), .cut_awake(cut_awake)"]
+    for number, (given, result) in enumerate(zip(cases, results, strict=True)):
+        fixed = {name: f"{inputs[name]}'d{value % (1 << inputs[name])}" for name, value in given.items()}
+        wires = [f".{name}({fixed.get(name, name)})" for name in inputs]
+        text += f"  {top} case_{number}({', '.join(wires)}, .cut_state(cut_state), {result});\n"
+    low, still = 0, []
+    for number, (width, value) in enumerate(flops):
+        part = f"[{low + width - 1}:{low}]"
+        still.append(f"(~had[{number}] | (cut_next{part} == cut_state{part}))")
+        if value is not None:
+            still.append(f"(cut_state{part} == {width}'d{value})")
+        low += width
+    return text + f"  assign rest = {' & '.join(still)};\n"
