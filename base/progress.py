@@ -1,14 +1,20 @@
-"""Progress of the commands: bars on standard error, where that is a terminal."""
+"""Progress of the commands: bars on standard error, where that is a terminal; else lines about what takes long."""
 
 from __future__ import annotations
 
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.progress import Progress
+
+
+SILENCE_S = 15.0
+"""Seconds after which a step that takes long is reported where no bar shows it, and between two such lines."""
 
 
 def watched() -> bool:
@@ -71,3 +77,23 @@ def bars() -> Iterator[Callable[[str, int], tuple[Callable[[], None], Callable[[
             return lambda: shown.advance(task), lambda words: shown.update(task, description=words)
 
         yield add
+
+
+@contextmanager
+def reported(text: str) -> Iterator[None]:
+    """Report a step that takes long: without a terminal, a line with the seconds so far every ``SILENCE_S``."""
+    done, started = threading.Event(), time.monotonic()
+
+    def report() -> None:
+        while not done.wait(SILENCE_S):
+            print(f"{text}: {time.monotonic() - started:.0f} s so far", file=sys.stderr, flush=True)
+
+    thread = threading.Thread(target=report, daemon=True)
+    if not watched():
+        thread.start()
+    try:
+        yield
+    finally:
+        done.set()
+        if thread.is_alive():
+            thread.join()

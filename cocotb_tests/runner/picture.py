@@ -13,6 +13,8 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.model.readout import simulate
 
+PICTURE = "raster.png"
+
 
 def draw(config: ReadoutConfig, name: str, samples: NDArray[Any], folder: Path, texture: Any = None) -> None:
     """Draw ``events/NAME.npz`` of a folder over the model's events, and write both beside the picture.
@@ -39,7 +41,7 @@ def draw(config: ReadoutConfig, name: str, samples: NDArray[Any], folder: Path, 
     plot_comparison(
         (rtl.events, model),
         config,
-        folder / "raster.png",
+        folder / PICTURE,
         labels=("RTL", "model"),
         title=f"{name}, {config.encoding} {config.resolution} b, {config.rows} x {config.columns} taxels",
         signal=samples / config.full_scale,

@@ -10,14 +10,16 @@ from typing import Any
 
 from eskin.base.errors import InputError
 from eskin.base.files import make_folder
+from eskin.base.progress import reported
 from eskin.cocotb_tests.runner.chunk import job_of, play_here
 from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 from eskin.cocotb_tests.runner.inputs import Own
-from eskin.cocotb_tests.runner.picture import draw
+from eskin.cocotb_tests.runner.picture import PICTURE, draw
 from eskin.cocotb_tests.runner.process import Tally
 from eskin.cocotb_tests.runner.reproduce import variables
 from eskin.cocotb_tests.runner.simulator import build, require_programs
 from eskin.model.config import ReadoutConfig
+from eskin.skin.recordings.quality import link_warning
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,15 @@ class OwnPlan:
         return self.material.recordings.config
 
     @property
+    def picture(self) -> Path:
+        """The picture of the first recording."""
+        return self.out / self.folder / PICTURE
+
+    def warning(self) -> str:
+        """Return what the link loses of the first recording, and the option that helps; empty where it keeps up."""
+        return link_warning(self.config, self.material.arrays(self.names[:1])[self.names[0]][: self.ticks])
+
+    @property
     def folder(self) -> str:
         """Name of the folder in ``out``."""
         config = self.config
@@ -71,7 +82,9 @@ def play(plan: OwnPlan, on_run: Callable[[Any], None]) -> Tally:
     MismatchFound
         If RTL and model differ.
     """
-    program = build(plan.config, plan.simulator, waves=plan.waves)
+    array = f"{plan.config.rows} x {plan.config.columns} taxels"
+    with reported(f"building {array} for {plan.simulator}"):
+        program = build(plan.config, plan.simulator, waves=plan.waves)
     codes = plan.material.arrays(plan.names)
     again = ["make sim", *variables(plan.config), *plan.material.again, f"TICKS={plan.ticks or 10**6}"]
     job = dataclasses.replace(

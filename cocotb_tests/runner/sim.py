@@ -8,18 +8,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from eskin.base.errors import InputError
 from eskin.base.files import make_folder
+from eskin.base.progress import reported
 from eskin.cocotb_tests.bench.stimuli import scenario_count
 from eskin.cocotb_tests.bench.textures import large_enough
 from eskin.cocotb_tests.runner.chunk import job_of, play_here
 from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 from eskin.cocotb_tests.runner.inputs import Textures, named
-from eskin.cocotb_tests.runner.picture import draw
+from eskin.cocotb_tests.runner.picture import PICTURE, draw
 from eskin.cocotb_tests.runner.process import Tally
 from eskin.cocotb_tests.runner.reproduce import reproduce
 from eskin.cocotb_tests.runner.simulator import build, require_programs
 from eskin.model.config import ReadoutConfig
+from eskin.skin.recordings.quality import link_warning
 from eskin.skin.textures.dataset import open_dataset
 from eskin.skin.textures.physical import PhysicalScan
 
@@ -77,6 +82,23 @@ class Plan:
     def running(self, config: ReadoutConfig) -> Path:
         """Return the folder in which the simulation runs and leaves its log."""
         return self.out / self.place(config) / "run"
+
+    def image(self, config: ReadoutConfig, name: str) -> NDArray[Any]:
+        """Return the image of a texture, large enough for the array."""
+        (image,) = self.material.arrays([name]).values()
+        return large_enough(image, config) if self.material.name == "embedded" else image
+
+    def samples(self, config: ReadoutConfig, name: str) -> NDArray[np.int32]:
+        """Return the codes of a scan, shape (ticks, taxels)."""
+        return PhysicalScan().samples(config, self.image(config, name))[0][: self.ticks]
+
+    def warning(self, config: ReadoutConfig) -> str:
+        """Return what the link loses of the first scan, and the option that helps; empty where it keeps up."""
+        return link_warning(config, self.samples(config, self.textures[0])) if self.textures else ""
+
+    def picture(self, config: ReadoutConfig) -> Path | None:
+        """Return the picture of the first scan; None where no scan is played."""
+        return self.out / self.place(config) / PICTURE if self.textures else None
 
     def waveform(self, config: ReadoutConfig) -> Path:
         """Return the waveform of a configuration."""
@@ -138,7 +160,8 @@ def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_st
         If RTL and model differ.
     """
     on_stage(f"building for {plan.simulator}")
-    program = build(config, plan.simulator, waves=plan.waves, text=plan.text)
+    with reported(f"building {config.rows} x {config.columns} taxels for {plan.simulator}"):
+        program = build(config, plan.simulator, waves=plan.waves, text=plan.text)
     place, material = plan.place(config), plan.material
     again = " ".join([reproduce(config, plan.simulator, plan.seed), *filter(None, [plan.netlist])])
     if plan.textures:
@@ -155,8 +178,7 @@ def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_st
     if plan.textures:
         on_stage("picture")
         name = plan.textures[0]
-        image = large_enough(images[name], config) if material.name == "embedded" else images[name]
-        draw(config, name, PhysicalScan().samples(config, image)[0][: plan.ticks], plan.out / place, image)
+        draw(config, name, plan.samples(config, name), plan.out / place, plan.image(config, name))
     on_stage("done")
     return tally
 

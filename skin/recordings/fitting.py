@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from eskin.model.config import ReadoutConfig
 from eskin.model.readout import Stimulus, simulate
-from eskin.model.taxel import encode, slope_limit
-from eskin.skin.recordings.quality import CLOCKS_PER_EVENT, measure_quality
+from eskin.model.taxel import slope_limit
+from eskin.skin.recordings.quality import MOST_CLOCKS, clocks_needed, measure_quality, power_of_two
 
 TAU_S = 0.2
 """Time constant of the leak where none is given, the paper's."""
@@ -25,9 +25,6 @@ cannot tell a step from a wait. On a generated skin of 35 Hz, 6 bit, that has 17
 
 SLOW_HZ = 1000.0
 """Samples per second below which the clock follows the signal, not 64 times the sample rate."""
-
-LEAST_CLOCKS, MOST_CLOCKS = 64, 2**20
-_ENOUGH = 2**20  # clocks per sample in which every decision has its turn
 
 
 def with_seconds(config: ReadoutConfig, given: Collection[str]) -> ReadoutConfig:
@@ -60,15 +57,8 @@ def with_clock(config: ReadoutConfig, recordings: Sequence[NDArray[np.int32]]) -
     recordings : sequence of int32 arrays, shape (ticks, taxels)
         Codes.
     """
-    patient = config.replace(clocks_per_sample=_ENOUGH)
-    bursts, steps = [], 0
-    for codes in recordings:
-        counts = np.abs(encode(patient, codes).astype(np.int64))
-        bursts.append(int(counts.sum(1).max()))
-        steps = max(steps, int(counts.max()))
-    steepest = recordings[int(np.argmax(bursts))]
-    needed = CLOCKS_PER_EVENT[config.link] * max(bursts) + 4 * steps + 8
-    clocks = min(max(LEAST_CLOCKS, 1 << (needed - 1).bit_length()), MOST_CLOCKS)
+    needed = [clocks_needed(config, codes) for codes in recordings]
+    steepest, clocks = recordings[int(np.argmax(needed))], power_of_two(max(needed))
     while True:
         suited = config.replace(clocks_per_sample=clocks)
         quality = measure_quality(suited, steepest, simulate(suited, Stimulus.from_samples(suited, steepest)))

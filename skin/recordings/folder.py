@@ -19,12 +19,9 @@ from eskin.model.readout import Stimulus, simulate
 from eskin.skin.recordings.fitting import array_of, steepest_step, with_clock, with_seconds
 from eskin.skin.recordings.options import Preparation
 from eskin.skin.recordings.prepare import prepare
-from eskin.skin.recordings.quality import Quality, measure_quality, pooled
+from eskin.skin.recordings.quality import MUCH_LATE, Quality, measure_quality, pooled
 from eskin.skin.recordings.table import read_table
 from eskin.skin.samples import ARRAY_SUFFIXES
-
-MUCH_LATE = 0.01
-"""Part of the events above which late ones, or merged decisions, are worth a warning."""
 
 LOW_SNR_DB = 10.0
 """Reconstruction SNR below which an LCS readout is worth a warning."""

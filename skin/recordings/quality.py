@@ -12,10 +12,17 @@ from eskin.base.errors import InputError
 from eskin.model.address_events import Events, taxel_of
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
+from eskin.model.readout import Stimulus, simulate
 from eskin.model.taxel import EVENT_LATENCY, counts_of_events, decode, encode, error_bound
 
 MOST_VALUES = 2**28
 """Largest number of values that are rebuilt (2 GiB): a longer recording is hardly meant."""
+
+MUCH_LATE = 0.01
+"""Part of the events above which late ones, or merged decisions, are worth a warning."""
+
+LEAST_CLOCKS, MOST_CLOCKS = 64, 2**20
+"""Clocks per sample that are chosen for a signal; the most are enough for every decision."""
 
 CLOCKS_PER_EVENT = {"stream": 1, "four_phase": 7}
 """Clocks that the link needs for an event at best (docs/design/microarchitecture.md)."""
@@ -95,6 +102,36 @@ def measure_quality(config: ReadoutConfig, codes: NDArray[np.int32], events: Eve
         noise=float(np.mean(error**2)),
         bound_holds=holds,
     )
+
+
+def link_warning(config: ReadoutConfig, codes: NDArray[np.int32]) -> str:
+    """Return what the link loses of some codes, shape (ticks, taxels), and the option that helps.
+
+    Empty where at most ``MUCH_LATE`` of the decisions merge.
+    """
+    quality = measure_quality(config, codes, simulate(config, Stimulus.from_samples(config, codes)))
+    if quality.merged <= MUCH_LATE * quality.expected:
+        return ""
+    enough = power_of_two(clocks_needed(config, codes))
+    return (
+        f"the link is too slow for this signal: it is busy {min(quality.load, 1):.0%} of the time; of "
+        f"{quality.expected} events {quality.late} wait for a later sample and {quality.merged} merge with others; "
+        f"try --clocks-per-sample {enough}, about enough for the busiest sample"
+    )
+
+
+def clocks_needed(config: ReadoutConfig, codes: NDArray[np.int32]) -> int:
+    """Return an estimate of the clocks per sample in which the events of any tick can leave.
+
+    From the largest number of events of one tick, without contention.
+    """
+    counts = np.abs(encode(config.replace(clocks_per_sample=MOST_CLOCKS), codes).astype(np.int64))
+    return CLOCKS_PER_EVENT[config.link] * int(counts.sum(1).max()) + 4 * int(counts.max()) + 8
+
+
+def power_of_two(clocks: int) -> int:
+    """Return the next power of two from ``LEAST_CLOCKS`` to ``MOST_CLOCKS``."""
+    return min(max(LEAST_CLOCKS, 1 << (clocks - 1).bit_length()), MOST_CLOCKS)
 
 
 def pooled(parts: list[Quality]) -> Quality:

@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import eskin.base.progress as progress
 import eskin.cocotb_tests.runner.simulator as simulator
 from eskin.app.cli import app, run
 from eskin.cocotb_tests.bench.stimuli import settled
@@ -168,6 +169,31 @@ def test_replay_goes_on_after_a_kill(tmp_path: Path) -> None:
     assert line is not None
     assert line[1] == "12"
     assert "played now: 12 images" not in done.stdout
+
+
+def test_a_link_too_slow_for_the_signal_is_said_before_and_is_no_failure(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(progress, "SILENCE_S", 0.01)
+    array = ["--rows", 4, "--columns", 4, "--resolution", 8, "--link", "four_phase", "--clocks-per-sample", 4]
+    leak = ["--encoding", "nlcs", "--leak-period", 1, "--leak-shift", 1]
+    done = call(
+        "sim", *array, *leak, "--only", "brick/brick-00", "--ticks", 40, "--sim", "icarus", "-o", tmp_path
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    warning, *waiting = done.stderr.splitlines()
+    assert warning == (
+        "warning: nlcs 8 b, 4 x 4 taxels: the link is too slow for this signal: it is busy 100% of the time; of 2559 "
+        "events 0 wait for a later sample and 2536 merge with others; try --clocks-per-sample 16384, about enough for "
+        "the busiest sample"
+    )
+    assert re.fullmatch(r"building 4 x 4 taxels for icarus: \d+ s so far", waiting[0])
+    *_, picture, rest, line = done.stdout.splitlines()
+    folder = tmp_path / "4x4-nlcs-8b"
+    assert picture == f"picture: {folder / 'raster.png'}; event files: {folder / 'events'}"
+    assert (folder / "raster.png").exists()
+    assert rest.startswith("no run came to rest: the events that left were compared")
+    assert BIT_EXACT.fullmatch(line)
 
 
 FAULTS = {

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from eskin.app.commands.outcome import check_name, conclude
+from eskin.app.commands.outcome import bit_exact, check_name, conclude
 from eskin.app.options import WRITES_FILE, WRITES_FOLDER, with_config, with_fields
 from eskin.base.errors import InputError
 from eskin.flow.wire import FARAD_PER_UM, OHM_PER_UM, PITCH_UM, Wire, check_pitch
@@ -51,10 +51,7 @@ def gatesim(
     except MismatchFound as mismatch:
         print(f"{mismatch}\nMISMATCH; log: {plan.running(config)}")
         raise typer.Exit(1) from None
-    if not tally.events or not tally.drained:
-        print(f"FAILED: {tally.events} events were compared, {tally.drained} runs left nothing outstanding")
-        raise typer.Exit(1)
-    print(f"bit-exact: {tally.runs} runs, {tally.clocks} clocks, {tally.events} events, 0 mismatches")
+    print(bit_exact(tally))
 
 
 @with_config

@@ -14,7 +14,7 @@ from eskin.app.commands.signals.recordings import OwnData, check_alone, own_reco
 from eskin.app.options import WRITES_FILE, WRITES_FOLDER, with_config
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.files import origin, read_json, write_json
-from eskin.base.progress import bars
+from eskin.base.progress import bars, reported
 from eskin.model.config import ReadoutConfig
 
 if TYPE_CHECKING:
@@ -58,7 +58,8 @@ def replay(
         else:
             plan = session.plan_textures(config, dataset, preset or "physical", start_row or 0.0, limit, only, out)
         print(f"building {plan.array} for Verilator", file=sys.stderr)
-        missing = plan.missing()
+        with reported(f"building {plan.array}"):
+            missing = plan.missing()
         started = time.monotonic()
         step, _ = show(f"{plan.material.name}, {plan.config.encoding} {plan.config.resolution} b", len(missing))
         try:

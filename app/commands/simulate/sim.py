@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eskin.app.cli import asked_for, printable
-from eskin.app.commands.signals.recordings import OwnData, check_alone, own_recordings, with_preparation
+from eskin.app.commands.outcome import bit_exact
+from eskin.app.commands.signals.recordings import OwnData, check_alone, own_recordings, warn, with_preparation
 from eskin.app.options import WRITES_FILE, WRITES_FOLDER, with_config
 from eskin.base.errors import InputError
 from eskin.base.files import origin, write_json
@@ -59,10 +60,7 @@ def sim(
     else:
         asked = (simulator, waves, seed, textures, only, ticks, dataset, out)
         _play_textures(config, encodings, asked, (netlist, cells), total)
-    if not total.events or not total.drained:
-        print(f"FAILED: {total.events} events were compared, {total.drained} runs left nothing outstanding")
-        raise typer.Exit(1)
-    result = f"bit-exact: {total.runs} runs, {total.clocks} clocks, {total.events} events, 0 mismatches"
+    result = bit_exact(total)
     if keep is not None:
         write_json(keep, origin(asked_for()) | {"result": result})
     print(result)
@@ -86,6 +84,8 @@ def _play_textures(
         for encoding in encodings:
             chosen = config.replace(encoding=encoding)
             step, say = show(encoding, plan.runs(chosen))
+            if warning := plan.warning(chosen):
+                warn([f"{chosen.encoding} {chosen.resolution} b, {chosen.rows} x {chosen.columns} taxels: {warning}"])
             try:
                 total += session.play(
                     plan,
@@ -98,7 +98,8 @@ def _play_textures(
             if plan.waves:
                 wave = plan.waveform(chosen)
                 print(printable(f"waveform: {wave}; open it with: gtkwave {wave}"))
-    print(printable(f"pictures and event files: {plan.out}"))
+            if picture := plan.picture(chosen):
+                print(printable(f"picture: {picture}; event files: {picture.parent / 'events'}"))
 
 
 def _play_own(
@@ -119,12 +120,13 @@ def _play_own(
     material = Own(own_recordings(place, prepared, config, given, again=total.runs > 0), place)
     names = material.one_class_after_the_other(count) if only is None else [named(material, only)]
     plan = session.OwnPlan(material, names, simulator, waves, ticks, out)  # type: ignore[arg-type]
+    warn(filter(None, [plan.warning()]))
     with bar(f"{config.encoding}: RTL against model", len(names)) as progress:
         try:
             total += session.play(plan, lambda _: progress())
         except MismatchFound as mismatch:
             _differ(mismatch, total)
-    print(printable(f"pictures and event files: {out / plan.folder}"))
+    print(printable(f"picture: {plan.picture}; event files: {plan.picture.parent / 'events'}"))
 
 
 def _differ(mismatch: Exception, total: Tally, log: str = "") -> None:

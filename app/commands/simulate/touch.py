@@ -15,7 +15,7 @@ from eskin.app.commands.signals.recordings import OwnData, check_alone
 from eskin.app.options import WRITES_FOLDER
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.files import atomic_write, origin
-from eskin.base.progress import bars
+from eskin.base.progress import bars, reported
 from eskin.skin.textures.dataset import EMBEDDED
 
 if TYPE_CHECKING:
@@ -49,7 +49,8 @@ def touch(
     plan = session.plan(weights, data, dataset or EMBEDDED, limit, only, out)
     with open_pool(workers, scheduler, replay.NEEDS, threads=True) as pool, bars() as show:
         print("building the chip for Verilator", file=sys.stderr)
-        missing = [name for name in plan.names if plan.finished(name) is None]
+        with reported("building the chip"):
+            missing = [name for name in plan.names if plan.finished(name) is None]
         started = time.monotonic()
         step, _ = show(f"{plan.material.name}: samples to class", len(missing))
         try:
