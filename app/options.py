@@ -97,7 +97,9 @@ def checking_outputs(command: Command) -> Command:
 # -- fields of any dataclass -------------------------------------------------------------------------
 
 
-def option(name: str, hint: Any, text: str, metavar: str, flag: str, heading: str | None = None) -> inspect.Parameter:
+def option(
+    name: str, hint: Any, text: str, metavar: str | None, flag: str, heading: str | None = None
+) -> inspect.Parameter:
     """Return an optional keyword parameter with an option; None stands for "not given"."""
     info = typer.Option(flag, help=text, metavar=metavar, show_default=False, rich_help_panel=heading)
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[hint, info])
@@ -127,6 +129,11 @@ def field_options(
     for name in fields if names is None else names:
         field, hint = fields[name], hints[name]
         default = (defaults or {}).get(name, field.default)
+        if hint is bool:
+            flag = option_of(field)
+            both, words = f"{flag}/--no-{flag[2:]}", f"{field.metadata['meaning']} [{'yes' if default else 'no'}]"
+            options.append(option(name, bool | None, words, None, both, heading))
+            continue
         text = field.metadata["meaning"] + ("" if default in (None, "") else f" [{default}]")
         unit = {"s": "SECONDS", "": "NUMBER"}.get(field.metadata["unit"], field.metadata["unit"].upper())
         metavar = (unit if hint is float else "N") if _numeric(hint) else "|".join(get_args(hint)) or "TEXT"
@@ -135,13 +142,13 @@ def field_options(
     return options
 
 
-def parse_fields(cls: type, texts: Mapping[str, str | None]) -> dict[str, Any]:
+def parse_fields(cls: type, texts: Mapping[str, str | bool | None]) -> dict[str, Any]:
     """Return the values of the fields whose option was given, by name."""
     hints, fields = get_type_hints(cls), {field.name: field for field in dataclasses.fields(cls)}
     return {n: parse_number(option_of(fields[n]), hints[n], v) for n, v in texts.items() if v is not None}
 
 
-def parse_number(name: str, hint: Any, text: str) -> Any:
+def parse_number(name: str, hint: Any, text: Any) -> Any:
     """Return the number that the text of an option stands for; texts of other kinds stay as they are."""
     kind = _numeric(hint)
     if kind is None:

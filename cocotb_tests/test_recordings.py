@@ -96,7 +96,7 @@ def test_a_whole_folder_is_replayed_and_a_killed_simulation_costs_nothing_but_ti
     assert set(killed) == {"press/0.npz", "stroke/0.npz", "tap/0.npz"}
     metadata = Recording.load(events / "tap/0.npz").metadata
     assert (metadata["class"], metadata["name"], metadata["source"]) == ("tap", "tap/0", "rtl")
-    assert metadata["prepared"] == {"baseline": "median"}
+    assert metadata["prepared"]["baseline"] == "median"
     (events / "tap/0.npz").unlink()
     other = Recording.load(events / "press/0.npz")  # of other samples
     dataclasses.replace(other, metadata=other.metadata | {"proof": "another"}).save(events / "press/0.npz")

@@ -205,6 +205,8 @@ def _read_image(path: Path) -> NDArray[Any]:
     try:
         with data, Image.open(data) as image:
             return _gray(image)
+    except InputError as error:
+        raise InputError(f"{path} {error}") from None
     except Exception:  # the many decoders raise as many types
         raise InputError(
             f"{path} is damaged or not an image that can be read; save it as .png with 8 or 16 bits"
@@ -212,6 +214,8 @@ def _read_image(path: Path) -> NDArray[Any]:
 
 
 def _gray(image: Image) -> NDArray[Any]:
+    if image.mode == "F":
+        raise InputError("holds floats, whose scale no file states; save it with 8 or 16 bits")
     if image.mode.startswith("I"):  # 16 bits, which a conversion to 8 would cut off instead of scaling
         return np.asarray(image, dtype=np.float64) / 257.0
     return np.asarray(image.convert("L"))

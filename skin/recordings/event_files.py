@@ -45,14 +45,15 @@ def kept_events(
     digest = hashlib.sha256(json.dumps([__version__, asdict(options), config.to_dict(), sorted(given)]).encode())
     for file in sorted([*_MODEL.rglob("*.py"), *_HERE.glob("*.py")]):
         digest.update(file.read_bytes())
-    for source in sources_of(place, flat):
+    sources, left_out = sources_of(place, flat, options.strict)
+    for source in sources:
         try:
             digest.update(source.name.encode() + source.path.suffix.encode() + b"\0" + source.path.read_bytes())
         except OSError as error:
             raise InputError(f"cannot read {source.path}: {error.strerror}") from None
     folder = out / f"{place.resolve().name}-{digest.hexdigest()[:12]}"
     if folder.is_dir():
-        return folder, ()
+        return folder, left_out
     recordings = read_set(place, options, config, given, progress, flat)
     try:
         out.mkdir(parents=True, exist_ok=True)

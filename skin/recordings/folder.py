@@ -11,11 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
+from eskin.base.inputs import find_files
 from eskin.base.workers.pool import Local, WorkerPool, each
 from eskin.model.address_events import Events
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.model.readout import Stimulus, simulate
+from eskin.skin.recordings.columns import match_columns
 from eskin.skin.recordings.fitting import array_of, steepest_step, with_clock, with_seconds
 from eskin.skin.recordings.options import Preparation
 from eskin.skin.recordings.prepare import prepare
@@ -106,10 +108,11 @@ def encoded(config: ReadoutConfig, codes: NDArray[np.int32]) -> tuple[Events, Qu
     return events, measure_quality(config, codes, events)
 
 
-def sources_of(folder: Path, flat: bool = False) -> tuple[Source, ...]:
+def sources_of(folder: Path, flat: bool = False, strict: bool = False) -> tuple[tuple[Source, ...], tuple[str, ...]]:
     """Return the recordings of a folder of class folders, in the order of their names, or one file as the only one.
 
-    With ``flat`` files may lie beside the class folders, and have no class.
+    With ``flat`` files may lie beside the class folders, and have no class. The second value is a warning for what has
+    the name of a recording and cannot be read; with ``strict`` it is refused.
 
     Raises
     ------
@@ -117,16 +120,16 @@ def sources_of(folder: Path, flat: bool = False) -> tuple[Source, ...]:
         If there is none, or one lies beside the class folders.
     """
     if not folder.is_dir():
-        return (Source(folder, folder.stem, None),)
+        return (Source(folder, folder.stem, None),), ()
     found = []
-    try:
-        paths = sorted(path for path in folder.rglob("*") if path.suffix.lower() in ARRAY_SUFFIXES)
-    except OSError as error:
-        raise InputError(f"cannot read {folder}: {error.strerror}") from None
+    paths, others = find_files(folder, ARRAY_SUFFIXES)
+    if others and strict:
+        raise InputError(
+            f"{len(others)} recordings of {folder} cannot be read: {others[0]}; fetch or remove them, or leave them "
+            f"out with --no-strict"
+        )
     for path in paths:
         parts = path.relative_to(folder).parts
-        if any(part.startswith(".") for part in parts) or not path.is_file():
-            continue
         if len(parts) < 2 and not flat:
             raise InputError(f"{path} lies beside the class folders; move it into the folder of its class")
         found.append(
@@ -141,7 +144,8 @@ def sources_of(folder: Path, flat: bool = False) -> tuple[Source, ...]:
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise InputError(f"{folder} holds {twice} twice, with two endings; remove one of them")
-    return tuple(found)
+    left_out = f"{len(others)} recordings of {folder} cannot be read and are left out: {', '.join(others[:4])}"
+    return tuple(found), (left_out,) * bool(others)
 
 
 def read_set(
@@ -168,12 +172,13 @@ def read_set(
     flat : bool
         As ``sources_of`` takes it.
     """
-    sources = sources_of(place, flat)
+    sources, left_out = sources_of(place, flat, options.strict)
     tables = []
     for source in sources:
         tables.append(read_table(source.path, options))
         if progress is not None:
             progress()
+    tables, options = match_columns(tables, options)
     prepared = prepare(
         tables, options, config.sample_bits, config.sample_rate_hz if "sample_rate_hz" in given else None
     )
@@ -191,7 +196,7 @@ def read_set(
         scale=prepared.scale,
         clipped=prepared.clipped,
         notes=tuple(dict.fromkeys(note for table in tables for note in table.notes)),
-        warnings=(*prepared.warnings, *_unseen(config, prepared.codes)),
+        warnings=(*left_out, *prepared.warnings, *_unseen(config, prepared.codes)),
     )
 
 

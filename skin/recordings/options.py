@@ -34,6 +34,10 @@ class Preparation:
     baseline : "none", "first", "median" or "highpass"
         What is taken off every taxel of a recording: its first value, its median, or all below ``highpass_hz``.
     highpass_hz : float
+    strict : bool
+        Refuse a folder in which something has the name of a recording and cannot be read.
+    names : tuple of str
+        Names of the taxels' columns in the order of the array; files that have names are brought into that order.
     scale : str
         Factor to full scale, ``max``, or a percentile of the magnitudes of all recordings as ``p99.9``.
     """
@@ -45,6 +49,8 @@ class Preparation:
     time_unit: TimeUnit = parameter("auto", "", GUIDE, "unit of the time stamps")
     baseline: Baseline = parameter("none", "", GUIDE, "taken off every taxel")
     highpass_hz: float = parameter(0.1, "Hz", GUIDE, "corner of --baseline highpass")
+    strict: bool = parameter(False, "", GUIDE, "refuse links to nothing, FIFOs and folders among the recordings")
+    names: tuple[str, ...] = ()
     scale: str = parameter("max", "", GUIDE, "factor to full scale, max, or a percentile as p99.9")
 
     def __post_init__(self) -> None:
@@ -57,13 +63,16 @@ class Preparation:
         if not (math.isfinite(self.highpass_hz) and self.highpass_hz > 0):
             raise InputError(f"--highpass must be a positive number of hertz, not {self.highpass_hz!r}")
         self.percentile()
+        if not all(isinstance(name, str) for name in self.names):
+            raise InputError(f"the names of columns must be texts, not {self.names!r}")
+        object.__setattr__(self, "names", tuple(self.names))
 
     def chosen(self) -> dict[str, Any]:
         """Return the fields that do not have their default, but for the scale."""
         return {
             field.name: getattr(self, field.name)
             for field in dataclasses.fields(self)
-            if field.name != "scale" and getattr(self, field.name) != field.default
+            if field.name not in ("scale", "strict") and getattr(self, field.name) != field.default
         }
 
     def percentile(self) -> float | None:

@@ -45,6 +45,8 @@ class Table:
         Sampling rate, where the file states one.
     notes : tuple of str
         What was taken for what, for the user.
+    named : bool
+        Whether the names stand in the file.
     """
 
     path: Path
@@ -54,6 +56,7 @@ class Table:
     time_s: Values | None
     rate_hz: float | None
     notes: tuple[str, ...]
+    named: bool = False
 
 
 def read_table(path: Path, options: Preparation) -> Table:
@@ -85,7 +88,9 @@ def read_table(path: Path, options: Preparation) -> Table:
     if time_column is not None and "counter" not in " ".join(notes):
         time_s, note = _seconds(path, values[:, time_column], names[time_column], options)
         notes = (*notes, note)
-    return Table(path, values[:, chosen], tuple(names[k] for k in chosen), codes, time_s, rate_hz, notes)
+    return Table(
+        path, values[:, chosen], tuple(names[k] for k in chosen), codes, time_s, rate_hz, notes, _are_names(names)
+    )
 
 
 # -- text --------------------------------------------------------------------------------------------
@@ -161,7 +166,14 @@ def _chosen_columns(path: Path, names: tuple[str, ...], text: str) -> list[int]:
             chosen += [_column(path, names, str(n)) for n in range(int(ends[1]), min(int(ends[2]), 10**6) + 1)]
         else:
             chosen.append(_column(path, names, part))
+    if twice := [column for column in chosen if chosen.count(column) > 1]:
+        raise InputError(f"--taxel-columns {text} has {names[twice[0]]} twice; name every column once")
     return chosen
+
+
+def _are_names(names: tuple[str, ...]) -> bool:
+    """Return whether the columns have names of their own, not only numbers in their order."""
+    return names != tuple(str(number) for number in range(1, len(names) + 1))
 
 
 def _column(path: Path, names: tuple[str, ...], text: str) -> int:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
+from eskin.base.inputs import not_a_file
 
 EMBEDDED = "embedded"
 """The name that stands for the embedded default, wherever a directory can be given."""
@@ -172,6 +173,10 @@ def directory_dataset(root: Path) -> Dataset:
         )
         for folder in folders
     }
+    for class_name, names in found.items():
+        for name in names:
+            if what := not_a_file(root / class_name / name):
+                raise InputError(f"image {root / class_name / name} is {what}; fetch or remove it")
     if not found:
         raise InputError(f"dataset directory {root} has no class folders; put the PNG images of each class in one")
     if (root / SUMS_FILE).is_file():

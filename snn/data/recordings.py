@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from eskin.base.errors import InputError
+from eskin.base.inputs import find_files
 from eskin.model.events.recording import Recording
 from eskin.skin.recordings.trained_on import OwnReadout
 
@@ -48,11 +49,13 @@ def event_files(paths: Iterable[Path]) -> list[EventFile]:
     for path in paths:
         if not path.exists():
             raise InputError(f"event folder or file {path} does not exist; make one with eskin replay")
-        if path.is_file():
+        if not path.is_dir():
             whole = path.absolute()  # the folder of a class, and what holds it
             found.append(EventFile(whole, whole.parent.parent))
             continue
-        inside = sorted(path.rglob("*.npz"))
+        inside, others = find_files(path, (".npz",))
+        if others:
+            raise InputError(f"event folder {path} holds what is no event file: {others[0]}; fetch or remove it")
         if not inside:
             raise InputError(
                 f"event folder {path} holds no event files (.npz); record some with eskin replay, or "

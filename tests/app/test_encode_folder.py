@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from eskin.model.events.recording import Recording
 from tests.skins import CLASSES, counts, write_csv, write_skin
@@ -99,3 +100,26 @@ def test_mistakes_get_one_sentence_and_leave_nothing(line: str, sentence: str, c
     assert sentence in err
     assert err.count("\n") == 1
     assert sorted(folder.rglob("*")) == before
+
+
+def test_training_refuses_what_is_not_fetched_and_encoding_says_so(call: Any, folder: Path) -> None:
+    write_skin(folder / "skin", each=1)
+    (folder / "skin/tap/gone.csv").symlink_to("nowhere")
+    what = "1 recordings of skin cannot be read"
+    refused = f"error: {what}: skin/tap/gone.csv is a link to nothing; fetch or remove them, or leave them out with "
+    for line in ("train --data skin", "crossval --data skin", "encode skin -o e --strict"):
+        assert call(line) == (2, "", f"{refused}--no-strict\n")
+    code, out, err = call("encode skin -o e")
+    assert (code, "skin: 3 recordings" in out) == (0, True)
+    assert err.splitlines()[0] == f"warning: {what} and are left out: skin/tap/gone.csv is a link to nothing"
+    (folder / "e/tap/gone.npz").symlink_to("nowhere")
+    what = "event folder e holds what is no event file: e/tap/gone.npz is a link to nothing"
+    assert call("train --events e")[2] == f"error: {what}; fetch or remove it\n"
+    what = "--strict is for the recordings of a folder; x.csv is one input"
+    assert call("encode x.csv -o e.npz --strict")[2] == f"error: {what}, leave it out\n"
+
+
+def test_an_image_of_floats_is_refused(call: Any, folder: Path) -> None:
+    Image.fromarray(np.random.default_rng(0).random((600, 600)).astype(np.float32)).save(folder / "x.tif")
+    code, _, err = call("encode x.tif -o e.npz")
+    assert (code, err) == (2, "error: x.tif holds floats, whose scale no file states; save it with 8 or 16 bits\n")

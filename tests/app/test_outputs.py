@@ -8,7 +8,7 @@ from typing import Any, get_args
 
 import pytest
 
-from eskin.app.catalogue import MODULES
+from eskin.app.catalogue import MODULES, words_of
 from eskin.app.cli import Commands
 from eskin.app.options import Writes
 from eskin.model.events.recording import Recording
@@ -19,8 +19,8 @@ OUTPUTS = {"-o", "--out", "--keep", "--plot", "--data-out"}
 
 def line_of(name: str, given: dict[str, str]) -> str:
     """Return a command with some options, and "x" for every other that it needs."""
-    words = [name]
-    for parameter in Commands()[name].params:
+    words = words_of(name)
+    for parameter in Commands(MODULES)[name].params:
         if parameter.param_type_name == "argument":
             words += ["x"] * (parameter.required or parameter.nargs != 1)
         elif (option := max(parameter.opts, key=len)) in given:
@@ -32,7 +32,7 @@ def line_of(name: str, given: dict[str, str]) -> str:
 
 def marks(name: str) -> dict[str, Writes]:
     """Return the marks of a command's options by the name of the parameter."""
-    function = Commands()[name].callback
+    function = Commands(MODULES)[name].callback
     assert function is not None
     parameters = inspect.signature(function).parameters.items()
     return {n: mark for n, p in parameters for mark in get_args(p.annotation) if isinstance(mark, Writes)}
@@ -42,7 +42,7 @@ def marks(name: str) -> dict[str, Writes]:
 def test_a_wrong_output_is_refused_before_the_work(name: str, call: Any, folder: Path) -> None:
     (folder / "file").touch()
     (folder / "folder").mkdir()
-    found, outputs = marks(name), [p for p in Commands()[name].params if OUTPUTS & set(p.opts)]
+    found, outputs = marks(name), [p for p in Commands(MODULES)[name].params if OUTPUTS & set(p.opts)]
     assert {str(p.name) for p in outputs} == set(found), "an output without a mark, or a mark on an input"
     for parameter in outputs:
         for place in ("file" if found[str(parameter.name)].folder is True else "folder", "file/x", "/proc/x"):

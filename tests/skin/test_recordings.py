@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from eskin.skin.recordings.options import Preparation
 from eskin.skin.recordings.prepare import on_grid, prepare, without_baseline
 from eskin.skin.recordings.quality import measure_quality, pooled
 from eskin.skin.recordings.table import Table, read_table
+from eskin.skin.recordings.trained_on import OwnReadout
 from tests.skins import counts, write_csv, write_skin
 
 FIRST = Preparation(baseline="first")
@@ -288,7 +290,7 @@ def test_the_clock_begins_with_what_the_largest_burst_takes():
 
 def test_equal_file_names_in_two_classes_stay_apart(tmp_path):
     write_skin(tmp_path / "s", each=2)
-    sources = sources_of(tmp_path / "s")
+    sources, _ = sources_of(tmp_path / "s")
     assert [source.name for source in sources] == [f"{c}/{k}" for c in ("press", "stroke", "tap") for k in (0, 1)]
     assert [source.class_name for source in sources] == ["press"] * 2 + ["stroke"] * 2 + ["tap"] * 2
 
@@ -303,6 +305,52 @@ def test_folders_that_are_no_set_get_one_sentence(tmp_path):
     write_csv(tmp_path / "b.csv", counts("tap"))
     with pytest.raises(InputError, match="lies beside the class folders"):
         sources_of(tmp_path)
+
+
+def test_what_only_has_the_name_of_a_recording_is_told_or_refused(tmp_path):
+    write_skin(tmp_path / "s", each=1)
+    (tmp_path / "elsewhere").mkdir()
+    write_csv(tmp_path / "elsewhere/far.csv", counts("tap"))
+    (tmp_path / "s/linked").symlink_to(tmp_path / "elsewhere")
+    (tmp_path / "s/linked/up").symlink_to(tmp_path / "s")  # a ring
+    assert sources_of(tmp_path / "s")[0][0].name == "linked/far"
+    (tmp_path / "s/tap/gone.csv").symlink_to("not/fetched.csv")
+    os.mkfifo(tmp_path / "s/tap/pipe.npy")
+    (tmp_path / "s/tap/folder.csv").mkdir()
+    (tmp_path / "s/tap/zero.csv").symlink_to("/dev/zero")
+    sources, warnings = sources_of(tmp_path / "s")
+    assert len(sources) == 4
+    for odd in (
+        "folder.csv is a folder",
+        "gone.csv is a link to nothing",
+        "pipe.npy is a FIFO",
+        "zero.csv is a device",
+    ):
+        assert f"s/tap/{odd}" in warnings[0]
+    with pytest.raises(
+        InputError, match=r"^4 recordings of .*s cannot be read: .*s/tap/folder.csv is a folder; fetch or "
+    ):
+        sources_of(tmp_path / "s", strict=True)
+
+
+def test_columns_are_matched_by_name(tmp_path):
+    values, options = counts("tap", taxels=3), Preparation(baseline="first")
+    for place, order in (("s/a/0.csv", "s0,s1,s2"), ("s/b/0.csv", "s2,s1,s0"), ("t/a/0.csv", "s1,s2,s0")):
+        (tmp_path / place).parent.mkdir(parents=True)
+        rows = values[:, [int(name[1]) for name in order.split(",")]]
+        np.savetxt(tmp_path / place, rows, "%d", delimiter=",", header=order, comments="")
+    config = ReadoutConfig(sample_rate_hz=35, rows=1, columns=3)
+    given = {"sample_rate_hz", "rows", "columns", "clocks_per_sample"}
+    found = read_set(tmp_path / "s", options, config, given)
+    assert (found.codes[0] == found.codes[1]).all()
+    assert "some files have their columns in another order: they are taken by name" in found.notes
+    again = OwnReadout.of(found.recording(0)[0]).read(tmp_path / "t")  # as those of a training
+    assert (again.codes[0] == found.codes[0]).all()
+    (tmp_path / "s/b/0.csv").write_text("s0,s1,x\n3,2,3\n2,3,5\n4,3,2\n")
+    with pytest.raises(InputError, match="has the column 'x', the other files s0, s1, s2; rename it, or choose"):
+        read_set(tmp_path / "s", options, config, given)
+    with pytest.raises(InputError, match="--taxel-columns s0,s1,1 has s0 twice; name every column once"):
+        read_table(tmp_path / "s/a/0.csv", Preparation(taxel_columns="s0,s1,1"))
 
 
 def test_recordings_of_other_arrays_or_rates_are_refused(tmp_path):

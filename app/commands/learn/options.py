@@ -85,7 +85,7 @@ _NAMES = {"bin_s": "bin", "config_file": "config", "start_rows": "start-rows"}
 ENCODER = ("encoding", "resolution")
 """Fields of the readout that have an option of their own; ``--config`` has all."""
 
-OWN = field_options(Preparation, PREPARATION, {"baseline": "first"}, RECORDINGS)
+OWN = field_options(Preparation, PREPARATION, {"baseline": "first", "strict": True}, RECORDINGS)
 
 READOUT = [*field_options(ReadoutConfig, ENCODER, {"resolution": DEFAULT_RESOLUTION}), CONFIG_FILE]
 
@@ -167,7 +167,7 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
         check_leaks(readout)
     prepared = parse_fields(Preparation, {name: options[name] for name in PREPARATION})
     if options["data"] is not None:
-        folder = events_of(options["data"], prepared, readout, given | {"resolution"})
+        folder = events_of(options["data"], {"strict": True} | prepared, readout, given | {"resolution"})
         options = options | {"events": folder, "bin_s": options["bin_s"] or _bin_of(folder)}
     elif prepared:
         raise InputError(f"{option_named(next(iter(prepared)))} is for your own recordings; add --data DIR")

@@ -74,6 +74,8 @@ def encode(
     if workers is not None or scheduler is not None:
         option = "--workers" if scheduler is None else "--scheduler"
         raise InputError(f"{option} is for the recordings of a folder; {source} is one input, leave it out")
+    if "strict" in prepared:
+        raise InputError(f"--strict is for the recordings of a folder; {source} is one input, leave it out")
     check_event_path(out)
     kind = source.suffix.lower()
     if kind in IMAGE_SUFFIXES:

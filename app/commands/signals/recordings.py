@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from eskin.skin.recordings.folder import RecordingSet
     from eskin.skin.recordings.quality import Quality
 
-PREPARATION = tuple(field.name for field in dataclasses.fields(Preparation))
-"""Fields of Preparation, all of which are options."""
+PREPARATION = tuple(field.name for field in dataclasses.fields(Preparation) if field.metadata)
+"""Fields of Preparation that are options."""
 
 OwnData = Annotated[
     Path | None,

@@ -1,0 +1,59 @@
+"""Files below a folder that a user gave: those that can be read, and those that only look so."""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Collection
+from pathlib import Path
+
+_KINDS = {stat.S_ISDIR: "a folder", stat.S_ISFIFO: "a FIFO", stat.S_ISSOCK: "a socket"}
+
+
+def find_files(folder: Path, suffixes: Collection[str]) -> tuple[list[Path], list[str]]:
+    """Return the files below a folder whose names end so, and what stands there under such a name and is no file.
+
+    Links to folders are followed. Names that begin with a dot are left out.
+
+    Parameters
+    ----------
+    folder : Path
+    suffixes : collection of str
+        In lower case.
+
+    Returns
+    -------
+    (list of Path, list of str)
+        Files in the order of their paths, and the beginning of a sentence for each other thing: ``a/x.csv is a FIFO``.
+    """
+    files, others, seen = list[Path](), list[str](), set[tuple[int, int]]()
+
+    def unreadable(error: OSError) -> None:
+        others.append(f"{error.filename} cannot be read ({error.strerror})")
+
+    for place, folders, names in os.walk(folder, onerror=unreadable, followlinks=True):
+        found = os.stat(place)
+        if (found.st_dev, found.st_ino) in seen:  # a link to a folder above it
+            folders.clear()
+            continue
+        seen.add((found.st_dev, found.st_ino))
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        for name in sorted([*folders, *names]):
+            path = Path(place, name)
+            if path.suffix.lower() in suffixes and not name.startswith("."):
+                if what := not_a_file(path):
+                    others.append(f"{path} is {what}")
+                else:
+                    files.append(path)
+    return sorted(files), others
+
+
+def not_a_file(path: Path) -> str:
+    """Return what a path is, "a link to nothing" or "a FIFO" for instance; empty where it is a file."""
+    try:
+        mode = path.stat().st_mode
+    except OSError:
+        return "a link to nothing" if path.is_symlink() else "nothing"
+    if stat.S_ISREG(mode):
+        return ""
+    return next((noun for is_kind, noun in _KINDS.items() if is_kind(mode)), "a device")
