@@ -101,7 +101,7 @@ class _Handler(BaseHTTPRequestHandler):
         """Answer a request."""
         if self.path == "/":
             content, kind = (
-                resources.files("board").joinpath("page.html").read_bytes(),
+                resources.files("eskin.board").joinpath("page.html").read_bytes(),
                 "text/html; charset=utf-8",
             )
         elif self.path == "/state":

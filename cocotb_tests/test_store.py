@@ -34,10 +34,16 @@ print(runs, program.folder)
 """
 
 
-def checkout(folder: Path) -> Path:
-    """Return a copy of the sources that a build is made of."""
+def copy_packages(folder: Path) -> None:
+    """Copy the sources that a build is made of."""
     for package in ("base", "model", "rtl", "skin", "cocotb_tests"):
         shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
+
+
+def checkout(folder: Path) -> Path:
+    """Return a copy of the checkout, as far as a build needs it."""
+    copy_packages(folder)
+    shutil.copytree(ROOT / "eskin", folder / "eskin", symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "pyproject.toml", folder)
     return folder
 
@@ -84,9 +90,9 @@ def test_yosys_runs_only_when_something_changed(tmp_path: Path) -> None:
 
 
 def test_packages_without_a_checkout_build_in_the_current_folder(tmp_path: Path) -> None:
-    for package in ("base", "model", "rtl", "skin", "cocotb_tests"):
-        shutil.copytree(ROOT / package, tmp_path / "site" / package)
-    code = "from cocotb_tests.runner.build_cache import BUILD; print(BUILD)"
+    copy_packages(tmp_path / "site" / "eskin")
+    shutil.copy(ROOT / "eskin" / "__init__.py", tmp_path / "site" / "eskin")
+    code = "from eskin.cocotb_tests.runner.build_cache import BUILD; print(BUILD)"
     environment = os.environ | {"PYTHONPATH": str(tmp_path / "site")}
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True

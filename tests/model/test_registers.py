@@ -178,7 +178,7 @@ def test_the_page_names_every_field_of_its_configuration() -> None:
 def test_without_the_compiler_it_is_a_sentence() -> None:
     code = (
         "import sys; sys.modules['systemrdl'] = None\n"
-        "from model.config import ReadoutConfig\nfrom model.registers.description import registers\n"
+        "from eskin.model.config import ReadoutConfig\nfrom eskin.model.registers.description import registers\n"
         "try:\n    registers(ReadoutConfig(registers='spi'))\nexcept Exception as error:\n    print(type(error), error)"
     )
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout

@@ -177,7 +177,7 @@ def test_a_library_that_was_planted_is_not_run(tmp_path: Path) -> None:
         "#include <stdlib.h>\n__attribute__((constructor)) static void run(void) { exit(66); }\n"
     )
     subprocess.run(["g++", "-shared", "-fPIC", "-x", "c", "evil.c", "-o", "evil.so"], cwd=tmp_path, check=True)
-    program = "from snn.kernels import cpu; print(cpu.available())"
+    program = "from eskin.snn.kernels import cpu; print(cpu.available())"
     compiler = tmp_path / "compiler"  # the kernel is made three times here, and does not have to be a quick one
     compiler.write_text('#!/bin/sh\nexec g++ "$@" -O0\n')
     compiler.chmod(0o700)

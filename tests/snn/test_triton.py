@@ -276,5 +276,5 @@ def test_other_tensors_are_refused(dtype: torch.dtype) -> None:
 
 @compiler_only
 def test_triton_is_imported_on_demand_only() -> None:
-    code = "import sys, snn.kernels.layer; sys.exit('triton' in sys.modules)"
+    code = "import sys, eskin.snn.kernels.layer; sys.exit('triton' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).parents[2])

@@ -94,11 +94,11 @@ def test_questions_follow_from_names_and_imports(tmp_path: Path) -> None:
     for name, text in {
         "model/pulse.py": "",
         "model/inner.py": "",
-        "model/room/user.py": "from model.inner import x",
+        "model/room/user.py": "from eskin.model.inner import x",
         "tests/model/test_pulse.py": "",
         "tests/model/test_room.py": "",
         "tests/other/test_pulse.py": "",
-        "tests/other/test_more.py": "from model import pulse",
+        "tests/other/test_more.py": "from eskin.model import pulse",
         "cocotb_tests/test_pulse.py": "",
     }.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)

@@ -50,12 +50,13 @@ def original(folder: Path) -> Path:
         If there is no checkout.
     """
     listed = subprocess.run(["git", "ls-files", "-coz", "--exclude-standard"], cwd=ROOT, capture_output=True, text=True)
-    names = [name for name in sorted(listed.stdout.split("\0")) if name and (ROOT / name).is_file()]
+    names = [name for name in sorted(listed.stdout.split("\0")) if name and os.path.lexists(ROOT / name)]
     if listed.returncode or not names:
         raise InputError(f"mutants are made of a checkout with git, and {ROOT} is none")
     digest = hashlib.sha256()
     for name in names:
-        digest.update(f"{name}\0".encode() + (ROOT / name).read_bytes() + b"\0")
+        content = b"" if (ROOT / name).is_symlink() else (ROOT / name).read_bytes()  # eskin/ has links to the packages
+        digest.update(f"{name}\0".encode() + content + b"\0")
     place = folder.resolve() / f"checkout-{digest.hexdigest()[:12]}"
     if not place.exists():
         for old in folder.glob("checkout-*"):
@@ -63,7 +64,7 @@ def original(folder: Path) -> Path:
         draft = Path(tempfile.mkdtemp(prefix=".checkout-", dir=folder))
         for name in names:
             (draft / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(ROOT / name, draft / name)
+            shutil.copy2(ROOT / name, draft / name, follow_symlinks=False)
         (folder / "build").mkdir(exist_ok=True)
         (draft / "build").symlink_to(folder.resolve() / "build")
         draft.rename(place)

@@ -73,7 +73,7 @@ def _own(file: str, root: Path) -> list[str]:
     tests = [path for path in imports if Path(path).stem.startswith("test_")]
     near = [path for path in tests if path.startswith((f"tests/{package}/", "cocotb_tests/"))]
     named = [path for path in near if Path(path).stem in {f"test_{name}" for name in (package, *names)}]
-    importing = [path for path in tests if ".".join([package, *names]) in imports[path] and path not in named]
+    importing = [path for path in tests if _module(file) in imports[path] and path not in named]
     return named + importing if len(importing) <= MOST else named or importing
 
 
@@ -88,9 +88,13 @@ def _proofs(file: str, root: Path) -> tuple[str, ...]:
 
 def _users(file: str, root: Path) -> list[str]:
     """Return the files of its package that import a file, without those that only write texts of it."""
-    package, module = file.partition("/")[0], ".".join(Path(file).with_suffix("").parts)
-    users = [path for path, wanted in _imports(root).items() if path.startswith(f"{package}/") and module in wanted]
+    package, imports = file.partition("/")[0], _imports(root)
+    users = [path for path in imports if path.startswith(f"{package}/") and _module(file) in imports[path]]
     return [user for user in users if Path(user).stem not in NO_LOGIC]
+
+
+def _module(file: str) -> str:
+    return ".".join(["eskin", *Path(file).with_suffix("").parts])
 
 
 @cache
