@@ -1,1 +1,1 @@
-"""Files, errors, workers, progress and the look of figures: used by every room, knows none of them."""
+"""Provide files, errors, workers, progress bars and figure style to all other rooms."""

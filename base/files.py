@@ -1,4 +1,4 @@
-"""Files are written whole or not at all."""
+"""Write files completely or not at all."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ PROBE_BYTES = 2**17
 
 @contextlib.contextmanager
 def atomic_write(path: Path) -> Iterator[IO[bytes]]:
-    """Open a binary file that takes the name ``path`` only when everything has been written.
+    """Open a binary file that appears under ``path`` only when it has been written completely.
 
     The bytes go to a temporary file in the same folder, which replaces ``path`` at the end and is removed if
     anything fails, so an interrupted command leaves the old file, or none. A device or FIFO gets all bytes at the end.
@@ -67,7 +67,7 @@ def atomic_write(path: Path) -> Iterator[IO[bytes]]:
 
 
 def _into_stream(path: Path) -> Iterator[IO[bytes]]:
-    """Give a file in memory, and write what it holds to a device or FIFO."""
+    """Yield a file in memory, and copy its content to a device or FIFO at the end."""
     with io.BytesIO() as file:
         yield file
         try:
@@ -78,7 +78,7 @@ def _into_stream(path: Path) -> Iterator[IO[bytes]]:
 
 
 def make_folder(root: Path, inside: str | Path, empty: bool = False) -> Path:
-    """Make a folder of the program's own inside one that the user named, and return it.
+    """Create a folder of the program inside the user's folder, and return its path.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def make_folder(root: Path, inside: str | Path, empty: bool = False) -> Path:
 
 @contextlib.contextmanager
 def refusing_a_full_disk(folder: Path) -> Iterator[None]:
-    """Say so in one sentence if the work within fails and nothing more can be written to a folder."""
+    """Raise InputError if the work inside fails and the disk of a folder is full."""
     try:
         yield
     except Exception:
@@ -122,13 +122,13 @@ def refusing_a_full_disk(folder: Path) -> Iterator[None]:
 
 
 def write_json(path: Path, content: dict[str, Any]) -> None:
-    """Write a JSON file, whole or not at all; floats that are no finite numbers become texts."""
+    """Write a JSON file atomically; floats that are not finite become strings."""
     with atomic_write(path) as file:
         file.write((json.dumps(plain(content), indent=1, allow_nan=False) + "\n").encode())
 
 
 def keep_line(path: Path, content: Any) -> None:
-    """Add a line of JSON to a file; behind a line that was cut off it begins a new one."""
+    """Append a line of JSON to a file, on a new line if the last line is incomplete."""
     with path.open("ab+") as file:
         if file.seek(0, os.SEEK_END):
             file.seek(-1, os.SEEK_END)
@@ -138,14 +138,14 @@ def keep_line(path: Path, content: Any) -> None:
 
 
 def kept_lines(path: Path) -> Iterator[Any]:
-    """Yield what the lines of JSON of a file hold, nothing if there is none; a line that was cut off is left out."""
+    """Yield the objects of a JSON-lines file; skip an incomplete line, and yield nothing if the file is missing."""
     for line in path.read_text(errors="replace").splitlines() if path.exists() else ():
         with contextlib.suppress(ValueError):
             yield json.loads(line)
 
 
 class Pieces:
-    """Results of a long run, kept as they come, so that one that was stopped goes on behind them.
+    """Store the results of a long run as they arrive, so that a stopped run can continue.
 
     Parameters
     ----------
@@ -163,15 +163,15 @@ class Pieces:
         self._known = {piece["name"]: piece for piece in lines if piece["code"] == code}
 
     def of(self, name: str, job: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-        """Return a piece by its name, computed if it is not known."""
+        """Return a piece by name; compute the piece if it is not stored."""
         return self.known(name) or self.add(name, job())
 
     def known(self, name: str) -> dict[str, Any] | None:
-        """Return a piece by its name, None if it is not known."""
+        """Return a stored piece by name, or None."""
         return self._known.get(name)
 
     def add(self, name: str, result: dict[str, Any]) -> dict[str, Any]:
-        """Keep what a piece came to, instead of what was kept of it before, and return the piece."""
+        """Store a piece, replace an older one of that name, and return the new piece."""
         piece = self._known[name] = {"name": name, "code": self.code, **result}
         if self.path:
             keep_line(self.path, piece)
@@ -179,12 +179,12 @@ class Pieces:
 
 
 def pieces_of(out: Path) -> Path:
-    """Return where the pieces of a result are kept; to be removed when it is written."""
+    """Return the path of the stored pieces of a result; remove this file when the result is written."""
     return out.with_name(f".{out.name}.pieces")
 
 
 def origin(command: str) -> dict[str, str]:
-    """Return what says where a kept result comes from: the command, the commit of these files, and the date."""
+    """Return the origin of a stored result: command, commit of the sources, and date."""
     describe = ["git", "describe", "--always", "--dirty"]
     commit = subprocess.run(describe, cwd=Path(__file__).parent, capture_output=True, text=True).stdout.strip()
     return {"command": command, "commit": commit, "date": datetime.date.today().isoformat()}
@@ -204,7 +204,7 @@ def read_bytes(path: Path, what: str) -> bytes:
 
 
 def read_json(path: Path, what: str, kind: type | None = None) -> Any:
-    """Return what a JSON file holds.
+    """Return the content of a JSON file.
 
     Parameters
     ----------
@@ -236,7 +236,7 @@ def read_json(path: Path, what: str, kind: type | None = None) -> Any:
 
 
 def _whole(text: str) -> int:
-    """Return a whole number that a float can stand for: what is beyond fits no unit."""
+    """Return an integer that fits into a float; refuse larger ones."""
     if len(text) > 308:
         raise ValueError(f"a number of {len(text)} digits stands in it")
     return int(text)
@@ -247,14 +247,14 @@ MOST_UNPACKED = 2**30
 
 
 def check_unpacked(archive: zipfile.ZipFile) -> None:
-    """Refuse an archive that claims more than ``MOST_UNPACKED`` bytes; what is read is never more than is claimed."""
+    """Refuse an archive that claims to unpack to more than ``MOST_UNPACKED`` bytes."""
     size = sum(member.file_size for member in archive.infolist())
     if size > MOST_UNPACKED:
         raise InputError(f"claims {size / 2**20:.0f} MiB of data, more than {MOST_UNPACKED // 2**20}; it is not read")
 
 
 def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], compressed: bool = False) -> None:
-    """Write an ``.npz`` archive, whole or not at all; equal arrays give equal bytes, for every member has one date."""
+    """Write an ``.npz`` archive atomically, with a fixed date, so that equal arrays give equal bytes."""
     from numpy.lib.format import write_array
 
     with atomic_write(path) as file, zipfile.ZipFile(file, "w") as archive:
@@ -300,7 +300,7 @@ def read_arrays(path: Path, kind: str, remedy: str) -> dict[str, NDArray[Any]]:
 
 
 def plain(content: Any) -> Any:
-    """Return JSON content in which a float that is no finite number, which JSON has not, is a text such as "-inf"."""
+    """Replace floats that JSON lacks, such as -inf, by strings."""
     if isinstance(content, dict):
         return {name: plain(value) for name, value in content.items()}
     if isinstance(content, (list, tuple)):
@@ -309,14 +309,14 @@ def plain(content: Any) -> Any:
 
 
 def _umask() -> int:
-    """Return the permissions that a new file shall not have (mkstemp gives 0600)."""
+    """Return the permission bits that new files must not have (mkstemp gives 0600)."""
     mask = os.umask(0)
     os.umask(mask)
     return mask
 
 
 def forget_stale_kernels(module: Path, steps: Iterable[Path]) -> None:
-    """Remove the compiled kernels of a module that are older than the steps which they have in them.
+    """Remove compiled kernels of a module that are older than a source they contain.
 
     Numba looks at the module's own file only: a step that was edited in another file would not be seen.
 

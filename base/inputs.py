@@ -1,4 +1,4 @@
-"""Files below a folder that a user gave: those that can be read, and those that only look so."""
+"""Find the readable files below a folder of the user, and the entries that only look like files."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _KINDS = {stat.S_ISDIR: "a folder", stat.S_ISFIFO: "a FIFO", stat.S_ISSOCK: "a s
 
 
 def find_files(folder: Path, suffixes: Collection[str]) -> tuple[list[Path], list[str]]:
-    """Return the files below a folder whose names end so, and what stands there under such a name and is no file.
+    """Return the files below a folder with given suffixes, and the entries with such names that are not files.
 
     Links to folders are followed. Names that begin with a dot are left out.
 
@@ -49,7 +49,7 @@ def find_files(folder: Path, suffixes: Collection[str]) -> tuple[list[Path], lis
 
 
 def not_a_file(path: Path) -> str:
-    """Return what a path is, "a link to nothing" or "a FIFO" for instance; empty where it is a file."""
+    """Return a description of a path that is not a file, such as "a FIFO"; empty for a file."""
     try:
         mode = path.stat().st_mode
     except OSError:

@@ -1,4 +1,4 @@
-"""Where output goes: found to be writable before the work is done, and no file of the user's is lost by it."""
+"""Check before the work that output can be written, and never overwrite files that are not output."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _PARTS = re.compile(r"\..+\.[a-z0-9_]{8}\.part")
 
 
 def file_of(path: Path) -> Path:
-    """Return the file that a path of the user leads to through links, once it is known that it can be written.
+    """Return the file to which a user's path leads through links, after checking that it can be written.
 
     Nothing is left behind. The file need not exist.
 
@@ -49,7 +49,7 @@ def file_of(path: Path) -> Path:
 
 
 def check_file(path: Path) -> None:
-    """Refuse an output file whose path could not be one, whoever writes."""
+    """Refuse a path that cannot be an output file."""
     _check_length(path)
     mode = _mode(path)
     if stat.S_ISDIR(mode):
@@ -64,7 +64,7 @@ def check_file(path: Path) -> None:
 
 
 def check_folder(path: Path) -> None:
-    """Refuse an output folder that could not be made or written; nothing is left behind.
+    """Refuse an output folder that cannot be created or written; leave nothing behind.
 
     Raises
     ------
@@ -83,12 +83,12 @@ def check_folder(path: Path) -> None:
 
 
 def in_out(folder: Path) -> bool:
-    """Return whether a folder is the one of all defaults or below, which is made where it does not exist."""
+    """Return whether a folder is the default output folder or below it; such folders are created if missing."""
     return folder.parts[:1] == OUT.parts and ".." not in folder.parts
 
 
 def is_stream(path: Path) -> bool:
-    """Return whether a path is written as it is, and never replaced: a device, a FIFO, or an open file of a process."""
+    """Return whether a path must be written directly and never replaced: a device, a FIFO, or an open file."""
     if _OPEN_FILES.fullmatch(str(path.parent)):
         return True
     try:
@@ -107,7 +107,7 @@ def _behind_links(path: Path) -> Path:
 
 
 def new_part(path: Path) -> tuple[int, str]:
-    """Return handle and name of a new file beside ``path``, locked as long as its handle or a duplicate is open.
+    """Return handle and name of a new file beside ``path``, locked while the handle is open.
 
     Those that killed processes left of the same file are removed.
     """
@@ -126,7 +126,7 @@ def new_part(path: Path) -> tuple[int, str]:
 
 @functools.cache
 def _parts_in(folder: str) -> list[str]:
-    """Return the names of parts that stood in a folder when this process first wrote to it."""
+    """Return the names of the partial files found in a folder when this process first wrote there."""
     try:
         return [name for name in os.listdir(folder) if _PARTS.fullmatch(name)]
     except OSError:
@@ -134,7 +134,7 @@ def _parts_in(folder: str) -> list[str]:
 
 
 def _remove_if_abandoned(part: Path) -> None:
-    """Remove a part of this user's that no living process holds."""
+    """Remove a partial file of this user that no running process holds."""
     with contextlib.suppress(OSError):
         if not stat.S_ISREG(part.lstat().st_mode) or part.lstat().st_uid != os.getuid():
             return
@@ -147,7 +147,7 @@ def _remove_if_abandoned(part: Path) -> None:
 
 
 def _mode(path: Path) -> int:
-    """Return the mode of what a path leads to, 0 where nothing is there."""
+    """Return the mode of the target of a path, 0 if it does not exist."""
     try:
         return path.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):
@@ -157,21 +157,21 @@ def _mode(path: Path) -> int:
 
 
 def _check_length(path: Path) -> None:
-    """Refuse a path with a name that no file system takes."""
+    """Refuse a path with a name that is too long for the file system."""
     for part in path.parts:
         if len(os.fsencode(part)) > MOST_NAME:
             raise InputError(f"cannot write {part[:40]}...: the name has more than {MOST_NAME} bytes; shorten it")
 
 
 def _nearest(folder: Path) -> Path:
-    """Return the folder itself, or the nearest above it that exists, if only as a link to nothing."""
+    """Return the folder itself, or its nearest existing parent, which may be a broken link."""
     while not (folder.exists() or folder.is_symlink()) and folder != folder.parent:
         folder = folder.parent
     return folder
 
 
 def _probe(path: Path, folder: Path) -> None:
-    """Refuse a path if no file can be made in a folder."""
+    """Refuse a path if no file can be created in a folder."""
     try:
         tempfile.TemporaryFile(dir=folder).close()
     except OSError as error:

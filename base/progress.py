@@ -1,4 +1,4 @@
-"""Progress of the commands: bars on standard error, where that is a terminal; else lines about what takes long."""
+"""Report the progress of commands: bars on a terminal, otherwise lines about long steps."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ SILENCE_S = 15.0
 
 
 def watched() -> bool:
-    """Return whether somebody looks at a bar."""
+    """Return whether standard error is a terminal."""
     return sys.stderr.isatty()
 
 
 def progress_of(*words: str, spinner: bool = False, time_left: bool = False, transient: bool = True) -> Progress:
-    """Return bars of one look: texts as ``{task.description}``, the bar, pieces done, and the time.
+    """Return progress bars in a common style: text, bar, finished pieces, time.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def progress_of(*words: str, spinner: bool = False, time_left: bool = False, tra
 
 @contextmanager
 def bar(text: str, total: int | None = None) -> Iterator[Callable[[], None]]:
-    """Give a function to call after each piece of work; without a terminal nothing is shown."""
+    """Yield a function to call after each finished piece; show nothing without a terminal."""
     if not watched():
         yield lambda: None
         return
@@ -66,7 +66,7 @@ def bar(text: str, total: int | None = None) -> Iterator[Callable[[], None]]:
 
 @contextmanager
 def bars() -> Iterator[Callable[[str, int], tuple[Callable[[], None], Callable[[str], None]]]]:
-    """Give a function that adds a bar: it gives what to call after each piece, and what changes the text."""
+    """Yield a function that adds a bar and returns its functions: one to advance the bar, one to change its text."""
     if not watched():
         yield lambda text, total: (lambda: None, lambda words: None)
         return
@@ -81,7 +81,7 @@ def bars() -> Iterator[Callable[[str, int], tuple[Callable[[], None], Callable[[
 
 @contextmanager
 def reported(text: str) -> Iterator[None]:
-    """Report a step that takes long: without a terminal, a line with the seconds so far every ``SILENCE_S``."""
+    """Report a long step: without a terminal, print the elapsed seconds every ``SILENCE_S``."""
     done, started = threading.Event(), time.monotonic()
 
     def report() -> None:

@@ -1,4 +1,4 @@
-"""Numbers as people read them: three digits and a unit with a prefix. Files keep all digits."""
+"""Format numbers for people: three digits and a unit with a prefix. Files keep all digits."""
 
 from __future__ import annotations
 
@@ -20,5 +20,5 @@ def with_unit(value: float, unit: str, digits: int = 3) -> str:
 
 
 def plain(value: float, digits: int = 3) -> str:
-    """Return a number with so many digits, and whole ones with commas: 0.000123, 3.66, 12,345."""
+    """Format a number with some significant digits, and integers with commas: 0.000123, 3.66, 12,345."""
     return f"{value:,.0f}" if abs(value) >= 999.5 else f"{value:.{digits}g}"

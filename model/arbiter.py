@@ -1,4 +1,4 @@
-"""The order of events: rows round robin, the requests of a row latched at once, rising columns.
+"""Compute the order of events: rows round robin, all requests of a row latched together, rising columns.
 
 The rows and the columns of a row are bits of 64-bit words, lowest index in the least significant bit.
 """
@@ -48,7 +48,7 @@ def without_lowest(bits: np.uint64) -> np.uint64:
 
 @njit(cache=True)
 def next_row(requests: np.uint64, behind: np.uint64) -> int:
-    """Return the row to grant: the first requesting one behind the last granted, else the first of all.
+    """Return the next row to grant: the first requesting row after the last granted one, cyclically.
 
     Parameters
     ----------
@@ -87,13 +87,13 @@ def request(state: NDArray[np.uint64], row: int) -> None:
 
 @njit(inline="always")
 def withdraw(state: NDArray[np.uint64], row: int) -> None:
-    """Note that a row requests no more."""
+    """Note that a row no longer requests."""
     state[REQUESTS] &= ~(ONE << np.uint64(row))
 
 
 @njit(cache=True)
 def take(state: NDArray[np.uint64], columns: int) -> np.int64:
-    """Take the event offered; return 2 * taxel + polarity."""
+    """Take the offered event; return 2 * taxel + polarity."""
     column = lowest(state[WAITING])
     polarity = np.int64(state[SIGNS] >> np.uint64(column) & ONE)
     state[WAITING] = without_lowest(state[WAITING])

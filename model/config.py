@@ -1,4 +1,4 @@
-"""The one parameter object of the readout, shared by model, RTL, tests and network."""
+"""Configure the readout with one object for model, RTL, tests and network."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ SPECIFICATION = "docs/specification.md, section"
 
 
 def parameter(default: Any, unit: str, source: str, meaning: str, option: str = "") -> Any:
-    """Return a dataclass field that carries what its option, its help and its line of a table say.
+    """Return a dataclass field with the text of its option, its help, and its table row.
 
     Parameters
     ----------
@@ -217,22 +217,22 @@ class ReadoutConfig:
 
     @property
     def decisions_per_tick(self) -> int:
-        """How often a free taxel decides between two samples."""
+        """Number of decisions of a free taxel between two samples."""
         return self.clocks_per_sample if self.decide_every == "clock" else 1
 
     @property
     def most_events_per_tick(self) -> int:
-        """Largest number of events of one tick: all decisions, or the steps of the whole range."""
+        """Largest number of events in a tick: all decisions, or all steps of the range."""
         return min(self.decisions_per_tick, 1 << (self.resolution + 2))
 
     @property
     def closing_levels_log2(self) -> int:
-        """log2 of the number of half-widths of a CW-LCS window: closing_shift, less where D is too small."""
+        """log2 of the number of half-widths of a CW-LCS window: closing_shift, or less if D is too small."""
         return min(self.closing_shift, self.sample_bits - 2 - self.resolution)
 
     @property
     def closing_step(self) -> int:
-        """Codes by which a CW-LCS window closes, and its smallest half-width; at least one code."""
+        """Codes by which a CW-LCS window closes, which is also its smallest half-width; at least one code."""
         return self.step >> self.closing_levels_log2
 
     @property
@@ -242,22 +242,22 @@ class ReadoutConfig:
 
     @property
     def has_polarity(self) -> bool:
-        """True where events carry ON or OFF."""
+        """True if events contain ON or OFF."""
         return self.encoder.polarity
 
     @property
     def closes(self) -> bool:
-        """True where every taxel has a closing window of more than one half-width."""
+        """True if every taxel has a closing window of more than one half-width."""
         return self.encoder.closes(self)
 
     @property
     def needs_tick(self) -> bool:
-        """True where the RTL needs the sample tick as a time base, whatever the front end."""
+        """True if the RTL needs the sample tick as a time base with either front end."""
         return self.encoder.needs_tick(self) or self.decide_every == "sample"
 
     @property
     def half_width_bits(self) -> int:
-        """Bits of the half-width of a window in codes, D at most; with registers that of the coarsest resolution."""
+        """Bits of a window's half-width in codes: D at most, with registers D of the coarsest resolution."""
         return self.step.bit_length() if self.registers == "none" else self.sample_bits - 2
 
     @property
@@ -282,14 +282,14 @@ class ReadoutConfig:
 
     @property
     def tau_s(self) -> float:
-        """Time constant in seconds that leak_shift and leak_period give: -P Ts / ln(1 - 2**-k)."""
+        """Time constant in seconds of leak_shift and leak_period: -P Ts / ln(1 - 2**-k)."""
         return -self.leak_period / self.sample_rate_hz / math.log1p(-(2.0**-self.leak_shift))
 
     # -- construction and exchange ---------------------------------------------------------------
 
     @classmethod
     def from_tau(cls, tau_s: float, ts_s: float, encoding: Encoding = "nlcs", **parameters: Any) -> ReadoutConfig:
-        """Return the configuration of an encoder that leaks whose leak comes closest to a time constant.
+        """Return the configuration of a leaking encoder whose leak is closest to a time constant.
 
         A coarse leak (small leak_shift) takes events away, about a quarter of its step, and a short period meets tau
         badly: the leak_shift of 1..6 with the smallest sum of both errors is taken. ``tau_s`` of the result is the
@@ -343,7 +343,7 @@ class ReadoutConfig:
         return dataclasses.replace(self, **changes)
 
     def chosen(self, field: str, **values: Any) -> Any:
-        """Return what stands for the value of a field, such as the link; refuse a value for which nothing stands.
+        """Return the entry of a table for a field, such as the link; refuse a value without an entry.
 
         Raises
         ------
@@ -355,7 +355,7 @@ class ReadoutConfig:
         return values[value]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as a plain dictionary; registers only where there are any."""
+        """Return all fields as a plain dictionary; registers only if present."""
         fields = dataclasses.asdict(self)
         if self.registers == "none":
             del fields["registers"]
@@ -390,12 +390,12 @@ class ReadoutConfig:
 
     @classmethod
     def load(cls, path: Path) -> ReadoutConfig:
-        """Return the configuration of a JSON file, one of its own or that which lies beside the Verilog."""
+        """Return the configuration of a JSON file: a configuration file, or the file beside the Verilog."""
         return cls.of_file(path)[0]
 
     @classmethod
     def of_file(cls, path: Path, beside: Collection[str] = ()) -> tuple[ReadoutConfig, dict[str, Any]]:
-        """Return the configuration of a JSON file, read once since it may be a pipe, and the fields that stand in it.
+        """Return the configuration of a JSON file and the names of its fields; read the file once, as it may be a pipe.
 
         Fields ``beside`` those of this class, which another configuration has, may stand in it too.
 

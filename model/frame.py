@@ -1,4 +1,4 @@
-"""The frame-based readout, clock by clock: every taxel in turn to one ADC, whole frames sent (docs/reference/frame.md).
+"""Simulate the frame readout, clock by clock: one ADC converts all taxels in turn (docs/reference/frame.md).
 
 This is the golden model that ``rtl/frame.py`` is held to; it knows no bit slices, only numbers.
 """
@@ -21,7 +21,7 @@ WORD_DTYPE = np.dtype([("t", np.int64), ("sync", np.bool_), ("data", np.uint64)]
 
 
 class Inputs(NamedTuple):
-    """The input ports in one clock; ``adc_code`` are N bits, unsigned."""
+    """The input ports in one clock; ``adc_code`` has N bits, unsigned."""
 
     frame_start: int = 0
     adc_done: int = 0
@@ -30,7 +30,7 @@ class Inputs(NamedTuple):
 
 
 class Outputs(NamedTuple):
-    """The output ports in one clock, as unsigned numbers; none depends on an input of the same clock."""
+    """The output ports in one clock, as unsigned numbers; none depends on an input in the same clock."""
 
     row_select: int
     column_select: int
@@ -42,7 +42,7 @@ class Outputs(NamedTuple):
 
 
 class FrameModel:
-    """The registers of the readout, and what a rising edge does to them.
+    """The registers of the readout, and their change at a rising edge.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class FrameModel:
 
     @property
     def idle(self) -> bool:
-        """True where nothing is under way: no taxel selected, no sample and no word waiting."""
+        """True while no taxel is selected and no sample or word waits."""
         return self.taxel < 0 and self.held is None and not self.flush and not self.valid
 
     @property
@@ -98,7 +98,7 @@ class FrameModel:
         )
 
     def clock(self, inputs: Inputs) -> None:
-        """Pass a rising edge with reset low."""
+        """Apply a rising edge with reset low."""
         starts = bool(self.outputs.adc_start)
         passes = self._packer(inputs)
         self.overrun = bool(inputs.frame_start) and self.taxel >= 0
@@ -118,7 +118,7 @@ class FrameModel:
             self.countdown -= 1
 
     def _packer(self, inputs: Inputs) -> bool:
-        """Pass the edge for the packer; return whether it took the sample that is held."""
+        """Apply the edge to the packer; return whether it took the waiting sample."""
         free = not self.valid or bool(inputs.word_ready)
         if not free:
             return False
@@ -150,7 +150,7 @@ class FrameModel:
 
 @dataclass(frozen=True)
 class FrameStimulus:
-    """What happens around a frame readout from the end of reset on.
+    """The inputs of a frame readout from the end of reset on.
 
     Attributes
     ----------
@@ -185,7 +185,7 @@ class FrameStimulus:
         ready: NDArray[np.uint8] | None = None,
         drain: int = 0,
     ) -> FrameStimulus:
-        """Return one frame for every row of samples, at the frame rate, and some clocks more at the end."""
+        """Return one frame for every row of samples, at the frame rate, plus some clocks at the end."""
         start = np.arange(len(samples), dtype=np.int64) * config.clocks_per_frame
         return cls(
             samples=np.asarray(samples),
@@ -212,7 +212,7 @@ class FrameStimulus:
 
 @dataclass(frozen=True)
 class FrameRun:
-    """What a frame readout did.
+    """Results of a frame readout.
 
     Attributes
     ----------
@@ -232,7 +232,7 @@ class FrameRun:
 
 
 def simulate(config: FrameConfig, stimulus: FrameStimulus) -> FrameRun:
-    """Return what the readout does with a stimulus and an ADC that rounds down (``adc_code``)."""
+    """Simulate the readout with a stimulus and an ADC that rounds down (``adc_code``)."""
     stimulus.check(config)
     codes = adc_code(config, stimulus.samples) & ((1 << config.resolution) - 1)
     model = FrameModel(config)
@@ -266,7 +266,7 @@ def simulate(config: FrameConfig, stimulus: FrameStimulus) -> FrameRun:
 
 
 def _cycled(pattern: NDArray[np.integer]) -> Iterator[int]:
-    """Yield the values of a pattern again and again."""
+    """Repeat the values of a pattern forever."""
     values = pattern.tolist()
     while True:
         yield from values

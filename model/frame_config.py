@@ -1,4 +1,4 @@
-"""The parameter object of the frame readout (docs/reference/frame.md)."""
+"""Configure the frame readout (docs/reference/frame.md)."""
 
 from __future__ import annotations
 
@@ -112,17 +112,17 @@ class FrameConfig:
 
     @property
     def adc_clocks(self) -> int:
-        """Clocks of one conversion that the clock is laid out for, from adc_start to adc_done."""
+        """Clocks of one conversion, from adc_start to adc_done, assumed for the clock frequency."""
         return self.resolution + 1 if self.conversion_clocks is None else self.conversion_clocks
 
     @property
     def frame_clocks(self) -> int:
-        """Clocks from one frame_start to the first one after it that is heard, with a sink that never waits."""
+        """Clocks from one frame_start to the first accepted one after it, if the sink never waits."""
         return self.taxels * (self.settle_clocks + 1 + self.adc_clocks) + 1
 
     @property
     def words_per_frame(self) -> int:
-        """Output words of a frame, the last one filled up with zeros."""
+        """Output words of a frame, with zeros in the rest of the last one."""
         return -(-self.taxels * self.resolution // self.word_bits)
 
     @property
@@ -132,7 +132,7 @@ class FrameConfig:
 
     @property
     def clocks_per_frame(self) -> int:
-        """Clocks from frame to frame: those of a sample, or more where a scan needs more."""
+        """Clocks from frame to frame: those of a sample, or more if a scan needs more."""
         return max(self.readout.clocks_per_sample, self.frame_clocks)
 
     @property
@@ -153,7 +153,7 @@ class FrameConfig:
     # -- construction and exchange ---------------------------------------------------------------
 
     def replace(self, **changes: Any) -> FrameConfig:
-        """Return a copy with some fields changed, those of the shared ones in ``readout``; validated again."""
+        """Return a copy with changed fields (shared fields in ``readout``), validated again."""
         shared = {name: changes.pop(name) for name in SHARED_FIELDS if name in changes}
         try:
             copy = dataclasses.replace(self, **changes)
@@ -162,13 +162,13 @@ class FrameConfig:
             raise InputError(f"unknown parameter in {', '.join(sorted(changes))}: {error}") from None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields that count as one flat dictionary; ``conversion_clocks`` as the number it stands for."""
+        """Return all used fields as one flat dictionary; ``conversion_clocks`` as a number."""
         fields = {name: getattr(self.readout, name) for name in SHARED_FIELDS}
         return fields | {name: getattr(self, name) for name in OWN_FIELDS} | {"conversion_clocks": self.adc_clocks}
 
     @classmethod
     def from_dict(cls, fields: Any) -> FrameConfig:
-        """Return the configuration of a flat dictionary; fields of the spiking readout alone are checked, not used."""
+        """Return the configuration of a flat dictionary; check fields of the spiking readout, but ignore them."""
         if not isinstance(fields, dict):
             raise InputError(f"a configuration must be a JSON object, not {type(fields).__name__}")
         own = {name: fields[name] for name in OWN_FIELDS if name in fields}

@@ -1,4 +1,4 @@
-"""The ADC codes of a frame, and how they become words (docs/reference/frame.md)."""
+"""Convert samples to ADC codes, and codes to words (docs/reference/frame.md)."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def adc_code(config: FrameConfig, samples: NDArray[np.integer]) -> NDArray[np.in
 
 
 def pack(config: FrameConfig, codes: NDArray[np.integer]) -> NDArray[np.uint64]:
-    """Return the output words of frames: taxel 0 in the lowest bits, no gaps, each frame on words of its own.
+    """Return the output words of frames: taxel 0 in the lowest bits, no gaps, a new word for each frame.
 
     Parameters
     ----------
@@ -102,11 +102,11 @@ def unpack(config: FrameConfig, words: NDArray[np.integer], sync: NDArray[Any] |
 
 
 def _from_bits(bits: NDArray[Any]) -> NDArray[np.uint64]:
-    """Return the numbers of bits, lowest first along the last axis."""
+    """Return the numbers for bits, lowest first along the last axis."""
     weights = np.uint64(1) << np.arange(bits.shape[-1], dtype=np.uint64)
     return np.asarray((bits.astype(np.uint64) * weights).sum(axis=-1), np.uint64)
 
 
 def bit_positions(config: FrameConfig) -> int:
-    """Return the greatest common divisor of N and the word: codes begin at multiples of it only."""
+    """Return the greatest common divisor of N and the word length; codes begin at multiples of it."""
     return math.gcd(config.resolution, config.word_bits)

@@ -1,4 +1,4 @@
-"""A readout and what its host does to it over SPI: pins in, events and MISO out, clock by clock."""
+"""Simulate a readout and its SPI host, clock by clock: pins in, events and MISO out."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ COUNTED = {TAKEN: ("events_count",), WAITED: ("stalls_count",), 0: ()}
 
 
 class Played(NamedTuple):
-    """What a readout with registers did.
+    """Results of a readout with registers.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class Played(NamedTuple):
 
 
 def play(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins]) -> Played:
-    """Play a stimulus and what a host does from the end of reset on.
+    """Play a stimulus and a host's transfers from the end of reset on.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def play(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins]) -> Pla
 
 
 def _of_registers(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins]) -> Stimulus:
-    """Return the stimulus that the array sees: a write depends on no event, so the registers come first."""
+    """Return the stimulus seen by the array. Registers can be computed first, because no write depends on an event."""
     slave, file = SpiSlave(), RegisterFile(config)
     outside = dict(zip(stimulus.enable_clock.tolist(), stimulus.enable, strict=True))
     mask, resolution = stimulus.enable[0], config.resolution

@@ -1,4 +1,4 @@
-"""The array, its arbiter and its link, clock by clock: the golden model that the RTL is held to.
+"""Simulate the array, its arbiter and its link, clock by clock: the golden model for the RTL.
 
 The loop visits only the clocks in which something can change, which is exact: a taxel that decided for nothing
 decides so again until its sample, its reference or its window moves.
@@ -36,7 +36,7 @@ ANALOG_RANGE = 4
 
 @dataclass(frozen=True)
 class Stimulus:
-    """What happens at the inputs of a readout from the end of reset on.
+    """The inputs of a readout from the end of reset on.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class Stimulus:
         ready: NDArray[np.uint8] | None = None,
         ack_delay: NDArray[np.int64] | None = None,
     ) -> Stimulus:
-        """Return samples at a constant rate to taxels that are all enabled.
+        """Return samples at a constant rate for an array with all taxels enabled.
 
         Parameters
         ----------
@@ -135,7 +135,7 @@ class Stimulus:
 
 
 def _check_samples(config: ReadoutConfig, samples: NDArray[Any]) -> None:
-    """Refuse samples that are not codes of a configuration's taxels, in one sentence."""
+    """Refuse samples that are not codes of the configuration, in one sentence."""
     full_scale = config.full_scale * (ANALOG_RANGE if config.frontend == "analog" else 1)
     if samples.ndim != 2 or samples.shape[1] != config.taxels:
         raise InputError(
@@ -209,7 +209,7 @@ def simulate(config: ReadoutConfig, stimulus: Stimulus) -> Events:
 
 
 def simulate_counted(config: ReadoutConfig, stimulus: Stimulus) -> tuple[Events, NDArray[np.uint8]]:
-    """Return the events, as ``simulate``, and what the arbiter's output did in every clock, shape (clocks,).
+    """Return the events, as ``simulate``, and the state of the arbiter's output in every clock, shape (clocks,).
 
     0: nothing was offered, 1: an event was taken (``TAKEN``), 2: one waited (``WAITED``).
     """
@@ -237,7 +237,7 @@ def state_at(config: ReadoutConfig, stimulus: Stimulus, clock: int) -> State:
 
 
 class Parameters(NamedTuple):
-    """What the loop knows of a configuration.
+    """The configuration as the compiled loop needs it.
 
     Attributes
     ----------
@@ -263,7 +263,7 @@ class Parameters(NamedTuple):
 
     @classmethod
     def of(cls, config: ReadoutConfig) -> Parameters:
-        """Return those of a configuration."""
+        """Return the parameters of a configuration."""
         encoder = config.encoder
         bits = encoder.fraction_bits(config)
         return cls(
@@ -281,7 +281,7 @@ class Parameters(NamedTuple):
 
 
 class Inputs(NamedTuple):
-    """A stimulus as the loop takes it: the attributes of ``Stimulus``, and the phase of every row's leak.
+    """A stimulus for the compiled loop: the attributes of ``Stimulus``, and the phase of every row's leak.
 
     ``decisions`` has no row where there are none.
     """
@@ -298,7 +298,7 @@ class Inputs(NamedTuple):
 
 
 class Registers(NamedTuple):
-    """All registers of a readout but the counter of its decay ticks; changed in place.
+    """All registers of a readout except the counter of decay ticks; changed in place.
 
     Attributes
     ----------
@@ -317,7 +317,7 @@ class Registers(NamedTuple):
 
     @classmethod
     def after_reset(cls, config: ReadoutConfig) -> Registers:
-        """Return the registers as a reset leaves them."""
+        """Return the registers after a reset."""
         taxels = np.zeros(config.taxels, taxel.taxel_dtype(config))
         taxels["u"] = Parameters.of(config).reset
         taxels["given"] = -1
@@ -327,7 +327,7 @@ class Registers(NamedTuple):
 def _run(
     config: ReadoutConfig, stimulus: Stimulus, clocks: int, traffic: NDArray[np.uint8] | None = None
 ) -> tuple[Events, Registers]:
-    """Run the loop for some clocks; return the events, and the registers as they then stand."""
+    """Run the loop for some clocks; return the events and the final registers."""
     registers = Registers.after_reset(config)
     inputs = Inputs(
         np.ascontiguousarray(stimulus.samples, np.int32),
@@ -350,7 +350,7 @@ def _run(
 
 
 def _decisions(config: ReadoutConfig, stimulus: Stimulus) -> NDArray[np.uint8]:
-    """Return what the comparators find; without polarity there is no comparator for below."""
+    """Return the decisions of the comparators; without polarity there is no lower comparator."""
     if stimulus.decisions is None:
         return np.zeros((0, 0), np.uint8)
     return stimulus.decisions & np.uint8(3 if config.has_polarity else 1)
@@ -436,7 +436,7 @@ def _loop(p: Parameters, s: Inputs, r: Registers, given_settings: Any, traffic: 
 
 @njit(inline="always")
 def _set(p: Parameters, now: Any) -> Parameters:
-    """Return the parameters with what a host sets."""
+    """Return the parameters with a host's settings."""
     return Parameters(
         p.leaks,
         p.per_sample,
@@ -453,7 +453,7 @@ def _set(p: Parameters, now: Any) -> Parameters:
 
 @njit(inline="always")
 def decide(p: Any, y: int, todo: Any, tick: bool, leaks: bool, taxels: Any, rows: Any, latch: Any) -> bool:
-    """Let taxels of a row decide; return whether one must do so once more, since its threshold moved.
+    """Let the taxels of a row decide; return whether they must decide again, because a threshold moved.
 
     Parameters
     ----------
@@ -486,7 +486,7 @@ def decide(p: Any, y: int, todo: Any, tick: bool, leaks: bool, taxels: Any, rows
 
 @njit(cache=True, nogil=True)
 def mask_rows(p: Any, enable: Any, taxels: Any, rows: Any, latch: Any) -> None:
-    """Take a new mask: what it disables is in its reset state."""
+    """Apply a new mask: disabled taxels take their reset state."""
     for y in range(len(rows)):
         active = ZERO
         for column in range(p.columns):
@@ -503,7 +503,7 @@ def mask_rows(p: Any, enable: Any, taxels: Any, rows: Any, latch: Any) -> None:
 
 @njit(cache=True, nogil=True)
 def take_samples(p: Any, samples: Any, taxels: Any, rows: Any) -> None:
-    """Take new samples; a disabled taxel with a digital front end holds its register for them in reset."""
+    """Take new samples; with a digital front end, a disabled taxel keeps its sample register in reset."""
     for y in range(len(rows)):
         for column in range(p.columns):
             if not p.digital or rows[y].active >> np.uint64(column) & ONE != ZERO:
@@ -512,7 +512,7 @@ def take_samples(p: Any, samples: Any, taxels: Any, rows: Any) -> None:
 
 @njit(cache=True, nogil=True)
 def with_room(log: NDArray[Any], events: int) -> NDArray[Any]:
-    """Return a log with room for one event more."""
+    """Return a log with room for one more event."""
     if events < len(log):
         return log
     longer = np.empty((2 * len(log), 2), log.dtype)

@@ -1,4 +1,4 @@
-"""The encoders of a taxel and their decoders, integer-exact and without contention (docs/reference/encoders.md).
+"""Encode and decode taxel signals, integer-exact and without contention (docs/reference/encoders.md).
 
 A request is taken in the clock after it was raised, as with one taxel and a sink that is always ready. The
 model starts with the first sample: should the reference reset so far from 0 that it fires at the silent
@@ -96,7 +96,7 @@ def encode(config: ReadoutConfig, samples: Samples, out: Counts | None = None) -
 
 
 def encode_timed(config: ReadoutConfig, samples: Samples) -> tuple[Counts, Flags]:
-    """Return the events that follow each sample, and where they start a clock late.
+    """Return the events that follow each sample, and whether they start one clock late.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def encode_timed(config: ReadoutConfig, samples: Samples) -> tuple[Counts, Flags
 
 
 def count_events(config: ReadoutConfig, samples: Samples) -> NDArray[np.int64]:
-    """Return the number of events of every taxel, shape (taxels,), without keeping the counts of each tick.
+    """Return the number of events of every taxel, shape (taxels,), without storing counts per tick.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def count_events(config: ReadoutConfig, samples: Samples) -> NDArray[np.int64]:
 
 
 def uncontended_events(config: ReadoutConfig, counts: Counts, late: Flags | None = None) -> Events:
-    """Return the address events of all taxels as if each had a link of its own; exact for a one-taxel array.
+    """Return the address events of all taxels, each with its own link; exact for a one-taxel array.
 
     The j-th event (from 0) of tick i has ``t = i * clocks_per_sample + 3 + j``, one clock more where late.
 
@@ -257,7 +257,7 @@ _NO_FLAGS = np.zeros((0, 0), np.bool_)
 
 @dataclass
 class _Bank:
-    """State of all taxels between two ticks.
+    """The state of all taxels between two ticks.
 
     Attributes
     ----------
@@ -280,7 +280,7 @@ class _Bank:
         return cls(config, tuple(np.full(taxels, value, encoder.state_dtype(config)) for value in starts))
 
     def run(self, x: NDArray[Any], counts: Counts, late: Flags | None) -> None:
-        """Write the events of the samples x, shape (ticks, taxels), into counts and, if wanted, late."""
+        """Write the events of the samples x, shape (ticks, taxels), into counts and optionally late."""
         rule, flags = self.config.encoder.rule(self.config), late if late is not None else _NO_FLAGS
         kernels.ticks(rule, x, self.state, _phases(self.config), self.tick, counts, flags, late is not None)
         self.tick += len(x)
@@ -322,7 +322,7 @@ def _check_samples(config: ReadoutConfig, samples: Samples) -> NDArray[Any]:
 
 
 def _check_counts(config: ReadoutConfig, counts: Counts, late: Flags | None, needed: bool) -> tuple[Counts, Flags]:
-    """Return the counts and late flags, all false where not given and not needed, or raise InputError."""
+    """Return the counts and late flags (all false if missing and not needed), or raise InputError."""
     counts = np.asarray(counts)
     if counts.ndim != 2 or counts.dtype.kind != "i":
         raise InputError(

@@ -1,4 +1,4 @@
-"""The compiled loops of ``model.taxel`` and one taxel's part in that of ``model.readout``, for every encoder.
+"""Compiled loops of ``model.taxel``, and the taxel's part of the loop of ``model.readout``, for every encoder.
 
 The rules themselves stand in ``model.encoders``.
 """
@@ -21,7 +21,7 @@ forget_stale_kernels(Path(__file__), compiled.sources())
 
 
 def taxel_dtype(config: ReadoutConfig) -> np.dtype[np.void]:
-    """Return the type of a taxel's record: sample x, reference u, the encoder's state, and given.
+    """Return the type of a taxel's record: sample x, reference u, encoder state, and given.
 
     u is in 2**-fraction_bits codes. ``given`` is what the comparators find in this clock: -1 where x says it, else 1
     for above and 2 for below.
@@ -31,7 +31,8 @@ def taxel_dtype(config: ReadoutConfig) -> np.dtype[np.void]:
 
 @njit(inline="always")
 def decide(p: Any, taxel: Any, tick: bool, leaks: bool) -> tuple[bool, bool, bool]:
-    """Let a taxel decide in one clock; return whether it raises ON, OFF, and whether its thresholds moved without.
+    """Let a taxel decide in one clock; return whether it raises ON, OFF, and whether a threshold moved without an
+    event.
 
     Parameters
     ----------
@@ -49,7 +50,7 @@ def decide(p: Any, taxel: Any, tick: bool, leaks: bool) -> tuple[bool, bool, boo
 
 @njit(inline="always")
 def steps(p: Any, taxel: Any) -> tuple[bool, bool]:
-    """Return whether a taxel makes a step up, and whether one down: none that would leave the scale."""
+    """Return whether a taxel steps up, and whether it steps down; no step leaves the scale."""
     above, below = compiled.compare(p.rule, taxel)
     if taxel.given >= 0:
         above, below = taxel.given & 1 != 0, taxel.given == 2  # where both say so, above counts
@@ -59,7 +60,7 @@ def steps(p: Any, taxel: Any) -> tuple[bool, bool]:
 
 @njit(inline="always")
 def reset(p: Any, taxel: Any) -> None:
-    """Put a taxel into its reset state; what an analog front end looks at stays."""
+    """Put a taxel into its reset state; keep the sample of an analog front end."""
     taxel.u = p.reset
     compiled.clear(p.rule, taxel)
     if p.digital:
@@ -91,7 +92,7 @@ def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, lat
 
 @njit(cache=True, nogil=True)
 def magnitudes(counts: Any) -> Any:
-    """Return the sum of |counts| over the ticks, int32 of shape (taxels,), which it must fit."""
+    """Return the sum of |counts| over the ticks, int32 of shape (taxels,); the sum must fit."""
     totals = np.zeros(counts.shape[1], np.int32)
     for i in range(counts.shape[0]):
         for j in range(counts.shape[1]):

@@ -1,4 +1,4 @@
-"""The closing window of CW-LCS: its half-width, and how it narrows while nothing happens.
+"""The closing window of CW-LCS: its half-width, and how it closes while no event happens.
 
 Plain Python, which ``model.encoders.compiled`` compiles.
 """
@@ -12,7 +12,7 @@ STATE = ("closed", "quiet")
 
 
 def half_width(rule: Any, taxel: Any) -> Any:
-    """Return the half-width h of a taxel's window in codes: D, less the closing steps taken."""
+    """Return the half-width h of a taxel's window in codes: D minus the closing steps taken."""
     return rule.step - taxel.closed * rule.closing_step
 
 
@@ -23,7 +23,7 @@ def open_fully(taxel: Any) -> None:
 
 
 def pass_tick(rule: Any, taxel: Any) -> bool:
-    """Let a sample tick pass without an event; return whether the window has closed by a step."""
+    """Count a sample tick without an event; return whether the window has closed by a step."""
     taxel.quiet += 1
     if taxel.quiet < rule.window_period:
         return False

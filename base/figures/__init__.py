@@ -1,1 +1,1 @@
-"""The look of the figures, and their files."""
+"""Figure style, and figure files."""

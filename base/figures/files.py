@@ -1,4 +1,4 @@
-"""Data and picture of a figure in files."""
+"""Write the data and the picture of a figure."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def write_results(
     data_out: Path | None = None,
     command: str = "",
 ) -> str:
-    """Write the data as ``name``.json, then the picture that is made from them as ``name``.png.
+    """Write the data to ``name``.json, and the picture drawn from the data to ``name``.png.
 
     Parameters
     ----------

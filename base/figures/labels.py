@@ -1,4 +1,4 @@
-"""Marks side by side where they would hide each other, and labels that lie on nothing.
+"""Place marks side by side instead of over each other, and labels where they cover nothing.
 
 All in the points of a page (1/72 inch), so that the data themselves are drawn as they are. Call it when the layout
 stands: the axes must not change their size afterwards.
@@ -45,13 +45,13 @@ class Box:
 
 @dataclass
 class Taken:
-    """What stands in a panel: boxes of marks and bars, and thin lines, which a label may cross if it must."""
+    """Occupied areas of a panel: boxes of marks and bars, and thin lines, which a label may cross if necessary."""
 
     boxes: list[Box] = field(default_factory=list)
     lines: list[Box] = field(default_factory=list)
 
     def add_line(self, ends: Sequence[tuple[float, float]]) -> None:
-        """Add a line through some places, as small boxes along it."""
+        """Add a line through several points, as small boxes along the line."""
         for (x0, y0), (x1, y1) in itertools.pairwise(ends):
             count = max(1, int(max(abs(x1 - x0), abs(y1 - y0)) / 4))
             for k in range(count + 1):
@@ -60,28 +60,28 @@ class Taken:
 
 
 def on_page(panel: Axes, x: float, y: float) -> tuple[float, float]:
-    """Return the place of a pair of data on the page, in points."""
+    """Convert a point from data coordinates to points on the page."""
     scale = 72 / panel.figure.dpi
     across, up = panel.transData.transform((x, y))
     return float(across * scale), float(up * scale)
 
 
 def in_data(panel: Axes, x: float, y: float) -> tuple[float, float]:
-    """Return the pair of data that stands at a place of the page, in points."""
+    """Convert a point from points on the page to data coordinates."""
     scale = panel.figure.dpi / 72
     across, up = panel.transData.inverted().transform((x * scale, y * scale))
     return float(across), float(up)
 
 
 def frame_of(panel: Axes) -> Box:
-    """Return the drawing itself, without the words at its axes."""
+    """Return the box of the plot area, without axis labels."""
     scale = 72 / panel.figure.dpi
     box = panel.get_window_extent()
     return Box(*(float(end * scale) for end in (box.x0, box.y0, box.x1, box.y1)))
 
 
 def side_by_side(boxes: Sequence[Box], taken: Iterable[Box], step: float = STEP_POINTS) -> float:
-    """Return the smallest move to either side, in points, after which none of the boxes meets a taken one."""
+    """Return the smallest horizontal move after which none of the boxes overlaps an occupied one."""
     taken = list(taken)
     moves = [0.0] + [sign * step * k for k in range(1, 31) for sign in (-1, 1)]
     for move in moves:
@@ -91,7 +91,7 @@ def side_by_side(boxes: Sequence[Box], taken: Iterable[Box], step: float = STEP_
 
 
 def place_label(panel: Axes, label: Annotation, own: Box, taken: Taken, sides: str) -> None:
-    """Move a label beside its mark to the first place where it lies in the drawing and on nothing.
+    """Move a label to the first free place beside its mark, inside the plot area.
 
     A place on thin lines alone is taken if there is no better one. The label then counts as taken.
 
@@ -122,7 +122,7 @@ def place_label(panel: Axes, label: Annotation, own: Box, taken: Taken, sides: s
 
 
 def _places(own: Box, width: float, height: float, sides: Sequence[str]) -> Iterator[Box]:
-    """Give the places of a label around its mark, the nearest first."""
+    """Yield the candidate places of a label around its mark, nearest first."""
     middle_x, middle_y = (own.left + own.right) / 2, (own.bottom + own.top) / 2
     for gap in (3.0, 6.0, 10.0, 15.0, 20.0):
         for side in sides:

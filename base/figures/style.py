@@ -1,4 +1,4 @@
-"""The look of the figures: one style and one palette."""
+"""One style and one palette for all figures."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ DPI = 160
 
 
 def check_picture_path(path: Path) -> None:
-    """Refuse a picture of unknown format, or in a folder that does not exist, before any work is done."""
+    """Refuse a picture path with unknown format or missing folder, before any work."""
     if path.suffix.lower() not in FORMATS:
         raise InputError(f"pictures end in {', '.join(FORMATS)}, {path.name} does not; rename the output")
     check_file(path)
@@ -55,7 +55,7 @@ def new_figure(width_in: float, height_in: float, title: str) -> Figure:
 
 
 def dress(panel: Axes, title: str = "") -> None:
-    """Give a panel the look of all pictures: a title on the left, thin grid lines, two spines."""
+    """Apply the common style to a panel: title on the left, thin grid lines, two spines."""
     panel.spines[["top", "right"]].set_visible(False)
     panel.tick_params(labelsize=8, length=3)
     panel.grid(axis="y", color="#e5e5e5", lw=0.6)
@@ -64,7 +64,7 @@ def dress(panel: Axes, title: str = "") -> None:
 
 
 def save_figure(figure: Figure, path: Path) -> None:
-    """Write a figure; the same data give the same bytes."""
+    """Write a figure; equal data give equal bytes."""
     import matplotlib
 
     check_picture_path(path)

@@ -1,1 +1,1 @@
-"""Many pieces of work side by side: on this machine, or on a cluster of machines, with the same results."""
+"""Do many pieces of work in parallel, on this machine or a cluster, with the same results."""

@@ -1,4 +1,4 @@
-"""The workers of a Dask cluster, in the place of processes of this machine."""
+"""Use the workers of a Dask cluster instead of processes of this machine."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CONNECT_S, WORKERS_S = 5.0, 10.0
 
 @dataclass(frozen=True)
 class Needs:
-    """What a worker must have the same of, or its results might differ.
+    """Versions that a worker must share with this process, because other versions may change results.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Needs:
 
 @functools.cache
 def version(needs: Needs) -> str:
-    """Return a text that differs where this project or the libraries that compute do."""
+    """Return a text that changes with this project's sources and the libraries that compute results."""
     found = hashlib.sha256()
     for package in needs.packages:
         folder = Path(str(importlib.import_module(f"eskin.{package}").__file__)).parent
@@ -93,7 +93,7 @@ class Cluster:
             raise
 
     def _check_workers(self) -> None:
-        """Refuse a cluster without workers, and workers that would compute something else."""
+        """Refuse a cluster without workers, or with workers that would compute other results."""
         try:
             self._client.wait_for_workers(1, timeout=WORKERS_S)
         except TimeoutError:
@@ -125,16 +125,16 @@ class Cluster:
 
     @property
     def workers(self) -> int:
-        """The workers of this moment, at least one."""
+        """Number of workers now, at least one."""
         return max(1, len(self._client.scheduler_info()["workers"]))
 
     @property
     def window(self) -> int:
-        """The workers of this moment, and some pieces to wait behind."""
+        """Number of workers now, plus some pieces in the queue."""
         return len(self._client.scheduler_info()["workers"]) + SPARE
 
     def submit(self, work: Callable[..., Any], *arguments: Any, shared: Shared | None = None) -> Any:
-        """Begin a piece of work on the cluster."""
+        """Start a piece of work on the cluster."""
         unique = uuid.uuid4().hex
         if shared is not None:
             if shared.name not in self._shared:
@@ -148,11 +148,11 @@ class Cluster:
         return future
 
     def forget(self, name: str) -> None:
-        """Let the workers drop what was shared."""
+        """Let the workers delete a shared value."""
         self._shared.pop(name, None)
 
     def check(self) -> None:
-        """Refuse to wait for a scheduler that went away."""
+        """Raise an error if the scheduler is gone."""
         if self._client.status != "running":
             raise InputError(f"the scheduler {self.address} went away; the same command goes on with what is left")
 
@@ -168,7 +168,7 @@ class Cluster:
 
 
 async def _find_scheduler(address: str) -> None:
-    """Ask who is there; a Client that finds nobody would take half a minute to close."""
+    """Contact the scheduler quickly; a Dask Client alone would wait half a minute for a missing one."""
     from distributed import Security
     from distributed.comm import connect
     from distributed.core import send_recv
@@ -192,7 +192,7 @@ def _check_version(found: str, wanted: str, where: str) -> None:
 
 
 def _work_checked(wanted: str, needs: Needs, work: Callable[..., Any], *arguments: Any) -> Any:
-    """Do a piece of work on a worker, which may have come after the others were checked."""
+    """Check the worker, which may have joined late, and do a piece of work on it."""
     from distributed import get_worker
 
     _check_version(version(needs), wanted, f"worker {get_worker().address}")

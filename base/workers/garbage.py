@@ -1,4 +1,4 @@
-"""How often a process looks for garbage."""
+"""Set how often a process collects garbage."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import gc
 
 
 def collect_seldom() -> None:
-    """Let this process look for garbage seldom, and not at its end.
+    """Collect garbage rarely in this process, and not at its exit.
 
     Each search goes through the million objects of torch or Numba, which stay: half the time of a start with torch.
     """

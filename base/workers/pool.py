@@ -1,4 +1,4 @@
-"""Where work is done: in this process, in threads or processes of this machine, or on a Dask cluster (``cluster``).
+"""Do work in this process, in local threads or processes, or on a Dask cluster (``cluster``).
 
 A piece of work is one call of a function that a process can find by its module and name. Results depend on its
 arguments alone, so all pools give the same. A process that dies costs nothing but time: its work is done again.
@@ -33,7 +33,7 @@ MOST_DEATHS = 3
 
 @dataclass(frozen=True)
 class Shared:
-    """What many pieces of work take, packed once.
+    """A value that many pieces of work need, packed once.
 
     Attributes
     ----------
@@ -47,34 +47,34 @@ class Shared:
 
     @classmethod
     def of(cls, name: str, value: Any) -> Shared:
-        """Return a value in few bytes."""
+        """Pack a value."""
         return cls(name, zlib.compress(pickle.dumps(value, protocol=5), 1))
 
 
 def unpack(packed: bytes) -> Any:
-    """Return what ``Shared.of`` packed."""
+    """Return the value packed by ``Shared.of``."""
     return pickle.loads(zlib.decompress(packed))
 
 
 class WorkerPool(Protocol):
-    """Takes work and gives futures with ``add_done_callback`` and ``result``; leaving it stops what still runs."""
+    """Start work and return futures with ``add_done_callback`` and ``result``; leaving the context stops the rest."""
 
     @property
     def workers(self) -> int:
-        """So many pieces are worked on side by side."""
+        """Number of pieces computed in parallel."""
 
     @property
     def window(self) -> int:
-        """So many pieces are worth having on their way."""
+        """Number of pieces worth having in progress or in the queue."""
 
     def submit(self, work: Callable[..., Any], *arguments: Any, shared: Shared | None = None) -> Any:
-        """Begin a piece: ``work(value of shared, *arguments)``, or without the first where nothing is shared."""
+        """Start a piece: ``work(shared value, *arguments)``, or without the first argument if nothing is shared."""
 
     def forget(self, name: str) -> None:
-        """Let what is shared under a name go: no piece with it will come."""
+        """Delete the shared value of a name: no further piece needs the value."""
 
     def check(self) -> None:
-        """Refuse to wait longer if no result can come any more."""
+        """Raise an error if no further result can arrive."""
 
     def __enter__(self) -> WorkerPool: ...
 
@@ -90,7 +90,7 @@ def cores() -> int:
 
 @dataclass
 class _Piece:
-    """A piece of work, and how often a process died under it."""
+    """A piece of work, and the number of processes that died while computing the piece."""
 
     call: tuple[Callable[..., Any], bytes | None, tuple[Any, ...]]
     future: Future[Any] = field(default_factory=Future)
@@ -98,7 +98,7 @@ class _Piece:
 
 
 class Local:
-    """Processes or threads of this machine; one worker is this process itself.
+    """Processes or threads of this machine; with one worker, this process itself.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ class Local:
         return ProcessPoolExecutor(self.workers, multiprocessing.get_context("spawn"), _start)
 
     def submit(self, work: Callable[..., Any], *arguments: Any, shared: Shared | None = None) -> Future[Any]:
-        """Begin a piece of work in the pool, or do it here."""
+        """Start a piece of work in the pool, or compute the piece here."""
         piece = _Piece((work, None if shared is None else shared.packed, arguments))
         if self._pool is not None:
             self._begin(piece)
@@ -138,7 +138,7 @@ class Local:
         return piece.future
 
     def _begin(self, piece: _Piece) -> None:
-        """Hand a piece to the pool; one whose process died is put aside for a new one."""
+        """Send a piece to the pool; if the pool is broken, store the piece for a new pool."""
         pool = self._pool
         assert pool is not None
         try:
@@ -150,7 +150,7 @@ class Local:
         running.add_done_callback(lambda done: self._end(piece, pool, done))
 
     def _end(self, piece: _Piece, pool: ProcessPoolExecutor | ThreadPoolExecutor, done: Future[Any]) -> None:
-        """Pass a result on, or begin again what died with its process."""
+        """Pass a result on, or restart a piece whose process died."""
         if done.cancelled():
             piece.future.cancel()
             return
@@ -165,16 +165,16 @@ class Local:
             piece.future.set_result(done.result())
 
     def _renew(self, broken: ProcessPoolExecutor | ThreadPoolExecutor) -> None:
-        """Take a new pool in the place of a broken one, once."""
+        """Replace a broken pool by a new one, once."""
         with self._renewing:
             if self._pool is broken:
                 self._pool = self._new_pool()
 
     def forget(self, name: str) -> None:
-        """Nothing is kept by name: a process keeps what was shared latest, twice."""
+        """Do nothing: a process keeps only its two latest shared values."""
 
     def check(self) -> None:
-        """A process that dies ends its work at once."""
+        """Do nothing: the death of a process ends its work immediately."""
 
     def __enter__(self) -> Local:
         return self
@@ -192,7 +192,7 @@ class Local:
 
 
 def _start() -> None:
-    """Leave Ctrl-C to the first process, and end with it, even if it is killed."""
+    """Ignore Ctrl-C in this child process, and exit with the parent, even if the parent is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     collect_seldom()
     parent = multiprocessing.parent_process()
@@ -218,7 +218,7 @@ def _call(work: Callable[..., Any], packed: bytes | None, arguments: tuple[Any, 
 
 
 def next_landed(landed: queue.SimpleQueue[Any], pool: WorkerPool) -> Any:
-    """Wait for what a callback puts into a queue, as long as a result can come."""
+    """Wait for the next item in a queue filled by callbacks, as long as results can arrive."""
     while True:
         try:
             return landed.get(timeout=1.0)
@@ -229,7 +229,7 @@ def next_landed(landed: queue.SimpleQueue[Any], pool: WorkerPool) -> Any:
 def each(
     pool: WorkerPool, work: Callable[..., Any], jobs: Iterable[tuple[Any, ...]], shared: Shared | None = None
 ) -> Iterator[Any]:
-    """Give what a function makes of every job, in their order.
+    """Yield the results of a function for all jobs, in their order.
 
     Parameters
     ----------
@@ -278,7 +278,7 @@ def _result(future: Any) -> Any:
 
 
 def sentence(error: BaseException) -> str | None:
-    """Return what a user is told of failed work; None if the error is a defect of the program."""
+    """Return the sentence that reports failed work to the user; None for a defect of the program."""
     if isinstance(error, InputError):
         return str(error)
     if isinstance(error, BrokenProcessPool):

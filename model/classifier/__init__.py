@@ -1,1 +1,1 @@
-"""The classifier in whole numbers: its parameters, its arithmetic, its clocks, its file."""
+"""The integer classifier: parameters, arithmetic, timing, and file."""

@@ -1,4 +1,4 @@
-"""A chip without its RTL: readout and classifier together, exact in every clock, burst and stall."""
+"""Simulate a chip of readout and classifier, exact in every clock, burst and stall, without RTL."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from eskin.model.classifier.run import ClassifierRun, first_ready, simulate, wor
 
 @dataclass(frozen=True)
 class ChipRun:
-    """What a chip does with some samples.
+    """Results of a chip for some samples.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class ChipRun:
 
 
 def clocks_of(config: ChipConfig, ticks: int) -> tuple[int, int]:
-    """Return the whole bins of a scan of so many sample ticks, and the clocks until the class of the last is there.
+    """Return the number of complete bins of a scan, and the clocks until the class of the last bin.
 
     These end before the next bin does, so that the class is that of the scan.
     """
@@ -42,13 +42,13 @@ def clocks_of(config: ChipConfig, ticks: int) -> tuple[int, int]:
 
 
 def channels_of(config: ChipConfig, events: Events) -> NDArray[np.int64]:
-    """Return the channel of every event: row * columns + column, behind all taxels for OFF events kept apart."""
+    """Return the channel of every event: row * columns + column, plus the taxels for separate OFF events."""
     off = config.readout.taxels if config.polarity else 0
     return taxel_of(events, config.readout) + np.where(events["p"], 0, off)
 
 
 def events_of(config: ChipConfig, clock: NDArray[np.int64], channel: NDArray[np.int64]) -> Events:
-    """Return events with the addresses that their channels stand for."""
+    """Return events with the addresses of their channels."""
     readout = config.readout
     found = np.empty(len(clock), EVENT_DTYPE)
     taxel = channel % readout.taxels
@@ -58,7 +58,7 @@ def events_of(config: ChipConfig, clock: NDArray[np.int64], channel: NDArray[np.
 
 
 def simulate_chip(config: ChipConfig, network: IntegerNetwork, samples: NDArray[np.integer], clocks: int) -> ChipRun:
-    """Return what a chip does from the end of reset on.
+    """Simulate a chip from the end of reset on.
 
     The readout is told when the classifier is ready, and the classifier when events are offered. What happens by a
     clock depends only on what was before it, so each round is right for longer than the one before, and where nothing
@@ -93,7 +93,7 @@ def simulate_chip(config: ChipConfig, network: IntegerNetwork, samples: NDArray[
 
 
 def ready_of(config: ClassifierConfig, run: ClassifierRun, clocks: int) -> NDArray[np.uint8]:
-    """Return whether a classifier takes an event, for every clock of a run from the end of reset on."""
+    """Return for every clock of a run whether the classifier takes an event."""
     change = np.zeros(clocks + 1, np.int64)
     taken = np.asarray(run.accepted, np.int64)
     # A clock after an event, for the rest of its row; from a bin's end to the last clock of its work; while it clears.

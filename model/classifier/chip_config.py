@@ -1,4 +1,4 @@
-"""The parameter object of a chip: a spiking readout with the classifier behind its arbiter."""
+"""Configure a chip: a spiking readout with a classifier behind its arbiter."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PREFIX = "classifier_"
 
 @dataclass(frozen=True, kw_only=True)
 class ChipConfig:
-    """A readout and a classifier that fit each other.
+    """A matching pair of readout and classifier.
 
     Reset and clock are those of the readout: the clocks of a time bin follow from them and the bin's seconds.
 
@@ -60,7 +60,7 @@ class ChipConfig:
 
     @property
     def polarity(self) -> bool:
-        """Whether OFF events have channels of their own, those behind the taxels'."""
+        """Whether OFF events have separate channels, after those of all taxels."""
         return self.classifier.inputs > self.readout.taxels
 
     @property
@@ -74,13 +74,13 @@ class ChipConfig:
         return self.readout.clock_hz
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as one flat dictionary, those of the classifier with a prefix."""
+        """Return all fields as one flat dictionary, with a prefix for those of the classifier."""
         own = {f"{PREFIX}{name}": value for name, value in self.classifier.to_dict().items()}
         return self.readout.to_dict() | own
 
     @classmethod
     def from_dict(cls, fields: dict[str, Any]) -> ChipConfig:
-        """Return the chip of such a dictionary."""
+        """Return the chip of a dictionary made by ``to_dict``."""
         own = {name.removeprefix(PREFIX): value for name, value in fields.items() if name.startswith(PREFIX)}
         readout = {name: value for name, value in fields.items() if not name.startswith(PREFIX)}
         return cls(readout=ReadoutConfig.from_dict(readout), classifier=ClassifierConfig.from_dict(own))

@@ -1,4 +1,4 @@
-"""The parameter object of the classifier in hardware (docs/reference/classifier.md)."""
+"""Configure the hardware classifier (docs/reference/classifier.md)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ CLASSIFIER = "docs/reference/classifier.md"
 
 @dataclass(frozen=True, kw_only=True)
 class ClassifierConfig:
-    """All parameters of one integer network but its weights. Immutable, validated on construction.
+    """All parameters of one integer network except its weights. Immutable, validated on construction.
 
     Hidden and output potentials have units of their own; a weight counts ``2**shift`` of them. What is added to a
     potential stays within its bits: where ``saturates`` says that it could leave them, it stops at their end.
@@ -128,12 +128,12 @@ class ClassifierConfig:
 
     @property
     def groups(self) -> int:
-        """Words of weights in a row: clocks of an event."""
+        """Memory words per row of weights, which is also the number of clocks per event."""
         return -(-self.hidden // self.lanes)
 
     @property
     def weight_bits(self) -> int:
-        """Bits of a weight in the memory of rows, which holds input and recurrent weights."""
+        """Bits of a weight in the row memory, which holds input and recurrent weights."""
         return max(self.in_bits, self.rec_bits)
 
     @property
@@ -143,12 +143,12 @@ class ClassifierConfig:
 
     @property
     def weight_words(self) -> int:
-        """Words of ``lanes`` weights: a row per hidden neuron, then one per input, filled up to a power of two."""
+        """Words of ``lanes`` weights: a row per hidden neuron, then one per input, rounded up to a power of two."""
         return (self.hidden + self.inputs) << self.row_bits
 
     @property
     def neuron_row_bits(self) -> int:
-        """Bits of the address of a word within the row of a neuron: outputs, its bias, the bias of an output."""
+        """Bits of the address of a word within a neuron's row: outputs, its bias, the bias of an output."""
         return (self.classes + 1).bit_length()
 
     @property
@@ -158,7 +158,7 @@ class ClassifierConfig:
 
     @property
     def neuron_bits(self) -> int:
-        """Bits of a word of that memory."""
+        """Bits of a word in the memory of output weights and biases."""
         return max(self.out_bits, self.bias_bits)
 
     @property
@@ -167,13 +167,13 @@ class ClassifierConfig:
         return self.weight_words * self.lanes * self.weight_bits + self.neuron_words * self.neuron_bits
 
     def additions(self, events: float, spikes: float, bins: float) -> float:
-        """Return how many numbers are added: a row for each event and each hidden spike, a bias for each bin."""
+        """Return the number of additions: a row for each event and each hidden spike, a bias for each bin."""
         neurons = self.hidden + self.classes
         return events * self.hidden + (spikes + bins) * neurons
 
     @property
     def channel_bits(self) -> int:
-        """Bits of the channel of an event; 0 for one input."""
+        """Bits of the channel of an event; 0 for a single input."""
         return (self.inputs - 1).bit_length()
 
     @property
@@ -183,7 +183,7 @@ class ClassifierConfig:
 
     @property
     def events_per_bin(self) -> int:
-        """Events that a bin can take at most: one in ``groups`` clocks."""
+        """Largest number of events in a bin: one in ``groups`` clocks."""
         return -(-self.clocks_per_bin // self.groups)
 
     @property
@@ -193,7 +193,7 @@ class ClassifierConfig:
 
     @property
     def hidden_range(self) -> tuple[int, int] | None:
-        """Ends between which every hidden potential stays with any weights, None where there are none."""
+        """Limits of every hidden potential for any weights, or None if unlimited."""
         low = self.events_per_bin * lowest(self.in_bits, self.in_shift)
         low += self.hidden * lowest(self.rec_bits, self.rec_shift) + lowest(self.bias_bits, self.bias_shift)
         high = self.events_per_bin * highest(self.in_bits, self.in_shift)
@@ -202,29 +202,29 @@ class ClassifierConfig:
 
     @property
     def output_range(self) -> tuple[int, int] | None:
-        """Ends between which every output potential stays with any weights, None where there are none."""
+        """Limits of every output potential for any weights, or None if unlimited."""
         low = self.hidden * lowest(self.out_bits, self.out_shift) + lowest(self.bias_bits, self.out_bias_shift)
         high = self.hidden * highest(self.out_bits, self.out_shift) + highest(self.bias_bits, self.out_bias_shift)
         return self.output_ends(low, high)
 
     def hidden_ends(self, low: int, high: int) -> tuple[int, int] | None:
-        """Return the ends of the hidden potentials where a bin adds from ``low`` to ``high`` to them."""
+        """Return the limits of the hidden potentials if a bin adds between ``low`` and ``high``."""
         return ends(low, high, self.threshold, self.floor, self.neuron_reset, self.leak_shift)
 
     def output_ends(self, low: int, high: int) -> tuple[int, int] | None:
-        """Return the ends of the output potentials where a bin adds from ``low`` to ``high`` to them."""
+        """Return the limits of the output potentials if a bin adds between ``low`` and ``high``."""
         if self.readout == "membrane":
             return ends(low, high, None, None, "zero", self.out_leak_shift)
         return ends(low, high, self.out_threshold, self.out_floor, self.neuron_reset, self.out_leak_shift)
 
     @property
     def saturates(self) -> bool:
-        """Whether a hidden potential could leave its bits, with some weights: then it stops at their end."""
+        """Whether a hidden potential can exceed its bits for some weights and therefore saturates."""
         return bits_of(self.hidden_range) > self.membrane_bits
 
     @property
     def output_saturates(self) -> bool:
-        """Whether an output potential could leave its bits."""
+        """Whether an output potential can exceed its bits."""
         return bits_of(self.output_range) > self.output_bits
 
     # -- construction and exchange ---------------------------------------------------------------
@@ -256,17 +256,17 @@ SHIFTS = ("in_shift", "rec_shift", "bias_shift", "out_shift", "out_bias_shift", 
 
 
 def lowest(bits: int, shift: int = 0) -> int:
-    """Return the lowest signed number of some bits, shifted."""
+    """Return the lowest signed number of a number of bits, shifted."""
     return -(1 << bits - 1 + shift)
 
 
 def highest(bits: int, shift: int = 0) -> int:
-    """Return the highest signed number of some bits, shifted."""
+    """Return the highest signed number of a number of bits, shifted."""
     return (1 << bits - 1) - 1 << shift
 
 
 def bits_of(ends: tuple[int, int] | None) -> float:
-    """Return the bits of a signed number that holds all from one end to the other; infinite for no ends."""
+    """Return the bits of a signed number that covers a range; infinite for an unlimited range."""
     if ends is None:
         return math.inf
     low, high = ends
@@ -276,7 +276,7 @@ def bits_of(ends: tuple[int, int] | None) -> float:
 def ends(
     low: int, high: int, threshold: int | None, floor: int | None, reset: NeuronReset, leak_shift: int
 ) -> tuple[int, int] | None:
-    """Return ends that a potential never leaves, whatever the order of additions; None where there are none.
+    """Return limits that a potential never leaves for any order of additions; None if unlimited.
 
     ``x - (x >> k)`` rises with x, and with A = high its value at X = ((A + 1) << k) - 1 is X - A: a potential that is
     at most X in one bin is so in the next. Below it is the same with X = low << k. A reset to zero leaves at most

@@ -1,4 +1,4 @@
-"""The file of an integer network, and the memory images that hold its weights (docs/reference/classifier.md)."""
+"""Read and write the file of an integer network, and the images of its weight memories."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ARRAYS = {"w_in": np.int8, "w_rec": np.int8, "w_out": np.int8, "b_hidden": np.in
 
 @dataclass(frozen=True)
 class IntegerWeights:
-    """An integer network with what is needed to use it.
+    """An integer network with its class names and notes.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class IntegerWeights:
 
     @classmethod
     def load(cls, path: Path) -> IntegerWeights:
-        """Return the network of a file that ``save`` wrote.
+        """Return the network of a file written by ``save``.
 
         Raises
         ------
@@ -92,7 +92,7 @@ class IntegerWeights:
 
 
 def weight_image(network: IntegerNetwork) -> list[int]:
-    """Return the words of the memory of rows: word g of row r stands at ``r << row_bits | g``.
+    """Return the words of the row memory: word g of row r is at ``r << row_bits | g``.
 
     Row n belongs to the hidden neuron n, row ``hidden`` + c to channel c; word g holds the weights to the neurons
     from ``g * lanes`` on, the first in the least significant bits.
@@ -109,7 +109,7 @@ def weight_image(network: IntegerNetwork) -> list[int]:
 
 
 def neuron_image(network: IntegerNetwork) -> list[int]:
-    """Return the words of the memory of neurons: word k of neuron n stands at ``n << neuron_row_bits | k``.
+    """Return the words of the neuron memory: word k of neuron n is at ``n << neuron_row_bits | k``.
 
     Words 0 to ``classes`` - 1 are its weights to the outputs, the next is its bias, and the one behind it the bias of
     output n.
@@ -128,7 +128,7 @@ def neuron_image(network: IntegerNetwork) -> list[int]:
 
 
 def write_images(network: IntegerNetwork, folder: Path, name: str) -> list[Path]:
-    """Write both memory images as texts for ``$readmemh``, a word on each line, and return their paths."""
+    """Write both memory images for ``$readmemh``, one word per line, and return their paths."""
     config, paths = network.config, []
     images = {
         "weights": (weight_image(network), config.lanes * config.weight_bits),
@@ -144,6 +144,6 @@ def write_images(network: IntegerNetwork, folder: Path, name: str) -> list[Path]
 
 
 def _packed(values: list[int], bits: int) -> int:
-    """Return signed numbers as one word, the first in the least significant bits."""
+    """Pack signed numbers into one word, the first in the least significant bits."""
     mask = (1 << bits) - 1
     return sum((value & mask) << number * bits for number, value in enumerate(values))

@@ -1,4 +1,4 @@
-"""The integer network, exact in every potential and spike of every bin (docs/reference/classifier.md).
+"""Compute the integer network, exact in every potential and spike of every bin (docs/reference/classifier.md).
 
 This is the golden model that ``rtl/classifier`` is held to; it knows no lanes and no words, only numbers.
 """
@@ -19,7 +19,7 @@ Whole = NDArray[np.int64]
 
 
 class Bin(NamedTuple):
-    """What a bin ends with.
+    """Results at the end of a bin.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ def _arrays(config: ClassifierConfig) -> dict[str, tuple[tuple[int, ...], int]]:
 
 @dataclass(frozen=True, eq=False)
 class IntegerNetwork:
-    """A network of whole numbers.
+    """A network with integer weights.
 
     Parameters
     ----------
@@ -92,12 +92,12 @@ class IntegerNetwork:
 
     @classmethod
     def filled(cls, config: ClassifierConfig, fill: Callable[..., Whole]) -> IntegerNetwork:
-        """Return a network whose arrays a function makes, one after the other, from their bits and their shape."""
+        """Return a network with arrays made by a function of their bits and shape, one after the other."""
         return cls(config, **{name: fill(bits, *shape) for name, (shape, bits) in _arrays(config).items()})
 
     @property
     def hidden_ends(self) -> tuple[int, int] | None:
-        """Ends that no hidden potential leaves with these weights in a bin of so many clocks; None for no ends."""
+        """Limits of all hidden potentials for these weights in a bin of some clocks; None if unlimited."""
         config = self.config
         added = [
             config.events_per_bin * part(self.w_in.T << config.in_shift, 1)
@@ -109,7 +109,7 @@ class IntegerNetwork:
 
     @property
     def output_ends(self) -> tuple[int, int] | None:
-        """Ends that no output potential leaves with these weights; None for no ends."""
+        """Limits of all output potentials for these weights; None if unlimited."""
         config = self.config
         added = [
             total(self.w_out.T << config.out_shift) + part((self.b_out << config.out_bias_shift)[:, None], 1)
@@ -118,7 +118,7 @@ class IntegerNetwork:
         return _widest(config.output_ends, *added)
 
     def sized(self) -> IntegerNetwork:
-        """Return the network with the fewest bits in which none of its potentials can ever saturate.
+        """Return the network with the fewest bits in which none of its potentials can saturate.
 
         A bit more is taken where it holds any weights, since that needs no saturation. Where there is no such width, or
         it has more than 32 bits, the widths stay and potentials saturate.
@@ -135,7 +135,7 @@ class IntegerNetwork:
         return IntegerNetwork(self.config.replace(**changes), **arrays)
 
     def run_counts(self, counts: NDArray[Any]) -> tuple[Whole, float]:
-        """Return the evidence after the last bin of many scans at once, and the mean spikes per bin and neuron.
+        """Return the evidence after the last bin of several scans, and the mean spikes per bin and neuron.
 
         Events of a bin count in rising order of their channel. The order matters only where a potential reaches the
         end of its bits.
@@ -162,7 +162,7 @@ class IntegerNetwork:
 
 
 class State:
-    """Potentials, spikes and evidence of some scans side by side, between two events.
+    """Potentials, spikes and evidence of several scans, between two events.
 
     The order of additions is part of the contract: leaked potential, bias, events as they are taken, recurrent spikes
     in rising order of their neuron. Each addition stops at the end of the bits.
@@ -203,7 +203,7 @@ class State:
             self.v = self._sum(self.v, self._in[channel])
 
     def add_counts(self, counts: NDArray[Any]) -> None:
-        """Add the events of a bin, shape (scans, inputs), in rising order of their channel."""
+        """Add the events of a bin, shape (scans, inputs), in rising order of channels."""
         if self._stays_within(self.v, counts.sum(1).max(initial=0) * np.abs(self._in).max(), self.config.membrane_bits):
             self.v = self.v + _product(counts, self._in)
             return
@@ -216,7 +216,7 @@ class State:
         return bool(np.abs(v).max(initial=0) + added <= highest(bits))
 
     def end_bin(self) -> tuple[Whole, Whole, Whole, Whole]:
-        """End the bin: recurrent spikes, floor, comparison, reset; outputs and evidence; leak and bias of the next.
+        """End the bin: recurrent spikes, floor, comparison, reset; outputs and evidence; leak and bias of the next bin.
 
         Returns
         -------
@@ -256,7 +256,7 @@ class State:
 
 
 def _fire(v: Whole, threshold: int, floor: int | None, reset: str) -> tuple[Whole, Whole, Whole]:
-    """Return potentials held from the floor on, who fires (0 or 1), and what the reset leaves."""
+    """Return the potentials limited by the floor, the spikes (0 or 1), and the potentials after reset."""
     if floor is not None:
         v = np.maximum(v, floor)
     fired = (v > threshold).astype(np.int64)
@@ -264,12 +264,12 @@ def _fire(v: Whole, threshold: int, floor: int | None, reset: str) -> tuple[Whol
 
 
 def _leak(v: Whole, shift: int) -> Whole:
-    """Return what a bin leaves of a potential; the shift rounds down."""
+    """Return a potential after the leak of one bin; the shift rounds down."""
     return v - (v >> shift) if shift else v
 
 
 def _product(counts: NDArray[Any], weights: Whole) -> Whole:
-    """Return a product of whole numbers, exact: all sums stay far below 2**53."""
+    """Return an exact integer product: all sums stay far below 2**53."""
     product: Whole = (counts.astype(np.float64) @ weights.astype(np.float64)).astype(np.int64)
     return product
 
@@ -291,7 +291,7 @@ def _positive(values: Whole) -> Whole:
 
 
 def _widest(of: Any, low: Whole, high: Whole) -> tuple[int, int] | None:
-    """Return the ends that hold for all neurons, whose bins add from ``low`` to ``high``."""
+    """Return the limits that cover all neurons, whose bins add between ``low`` and ``high``."""
     found = [of(int(a), int(b)) for a, b in zip(low, high, strict=True)]
     if None in found:
         return None

@@ -1,4 +1,4 @@
-"""The classifier's clocks: when an event is taken, when a bin's work is done, and what comes out (closed form).
+"""Compute the classifier's timing in closed form: clocks of events, ends of work, and outputs.
 
 Clocks are counted from the end of reset or, after a ``scan_start``, from any clock the caller likes.
 """
@@ -14,7 +14,7 @@ from eskin.model.classifier.network import Bin, IntegerNetwork, State
 
 @dataclass
 class ClassifierRun:
-    """What the classifier does from the start of a scan on.
+    """Results of the classifier from the start of a scan on.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ def first_ready(config: ClassifierConfig, start: int) -> int:
 
 
 def work_clocks(config: ClassifierConfig, before: int, now: int) -> int:
-    """Return the clocks that the end of a bin takes.
+    """Return the clocks of the work at the end of a bin.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def work_clocks(config: ClassifierConfig, before: int, now: int) -> int:
 def simulate(
     network: IntegerNetwork, offered: Sequence[tuple[int, int]], ends: Sequence[int], clocks: int, start: int = -1
 ) -> ClassifierRun:
-    """Return what the classifier does.
+    """Simulate the classifier.
 
     Parameters
     ----------
@@ -112,14 +112,14 @@ def simulate(
 
 
 class _Offers:
-    """Events on their way in: one is offered after the other, and the clocks in which it waits are counted."""
+    """Incoming events, offered one after the other, with a count of the clocks in which they wait."""
 
     def __init__(self, offered: Sequence[tuple[int, int]], run: ClassifierRun, begin: int) -> None:
         self.offered, self.run, self.begin = offered, run, begin
 
     @property
     def since(self) -> int | None:
-        """Clock from which the next event is offered, None where there is none."""
+        """Clock from which the next event is offered, or None."""
         number = len(self.run.accepted)
         if number == len(self.offered):
             return None
@@ -127,7 +127,7 @@ class _Offers:
         return max(self.offered[number][0], behind)
 
     def take(self, free: int, last: int) -> int | None:
-        """Return the clock in which the next event is taken, None if that would be after ``last``."""
+        """Return the clock in which the next event is taken, or None if it is after ``last``."""
         since = self.since
         if since is None or max(since, free) > last:
             return None
@@ -137,7 +137,7 @@ class _Offers:
         return clock
 
     def finish(self, clocks: int) -> None:
-        """Count the clocks that the event which is offered at the end has waited."""
+        """Count the waiting clocks of the event that is still offered at the end."""
         since = self.since
         if since is not None:
             self.run.stalled += max(clocks - since, 0)

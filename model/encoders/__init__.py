@@ -1,1 +1,1 @@
-"""The encoders of a taxel: one file each, and the registry of them all."""
+"""The encoders of a taxel: one file for each, and their registry."""

@@ -1,4 +1,4 @@
-"""CW-LCS, LCS whose window closes in steps while nothing happens (docs/specification.md, section 2)."""
+"""CW-LCS: LCS with a window that closes in steps while no event happens (docs/specification.md, section 2)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class CwLcsRule(NamedTuple):
-    """D and the closing step in codes, as a host has set them and as built; half-widths; ticks of a closing step.
+    """D and closing step in codes, as set by a host and as built; half-widths; ticks per closing step.
 
     ``grid_log2`` is log2 of the closing step as built, ``levels_log2`` that of the half-widths, ``cap`` the most events
     of one tick.
@@ -46,7 +46,7 @@ class CwLcs(Encoder):
         return config.closing_step
 
     def check(self, config: ReadoutConfig) -> None:
-        """Refuse registers where D has too few codes for all closing steps.
+        """Refuse registers if D has too few codes for all closing steps.
 
         Then a coarser D, which a host may set, would have more closing steps than the window was built for.
         """
@@ -65,7 +65,7 @@ class CwLcs(Encoder):
         return CwLcsRule(*now, step, closing, log2(closing), levels, config.most_events_per_tick)
 
     def state_dtype(self, config: ReadoutConfig) -> type[np.signedinteger[Any]]:
-        """Return 16 bits where they hold a difference of samples, in closing steps, and the ticks of a window."""
+        """Return int16 if it holds differences of samples, in closing steps, and the ticks of a window."""
         fits = config.sample_bits - log2(config.closing_step) <= 15 and config.window_period <= np.iinfo(np.int16).max
         return np.int16 if fits else np.int32
 
@@ -74,18 +74,18 @@ class CwLcs(Encoder):
         return config.step - taxels["closed"] * config.closing_step
 
     def error_bound(self, config: ReadoutConfig) -> tuple[float, float]:
-        """Return -D <= x - u < D; with several decisions per tick even -h <= x - u < h, h being the half-width."""
+        """Return -D <= x - u < D, or with several decisions per tick -h <= x - u < h, h being the half-width."""
         return -config.step, config.step - 1
 
     def slope_limit(self, config: ReadoutConfig) -> float:
-        """Return D for every decision of a tick; for a single one a closing step less, where the window closes."""
+        """Return D for each decision of a tick; for a single decision and a closing window one step less."""
         decisions = config.decisions_per_tick
         closing = config.closing_step if decisions == 1 and config.closing_levels_log2 else 0
         return float(config.step * decisions - closing)
 
     @staticmethod
     def compare(rule: Any, taxel: Any) -> tuple[bool, bool]:
-        """Compare with the half-width, upwards inclusive."""
+        """Compare with the half-width; the upper threshold is inclusive."""
         d, h = taxel.x - taxel.u, window.half_width(rule, taxel)
         return d >= h, d < -h
 
@@ -96,7 +96,7 @@ class CwLcs(Encoder):
 
     @staticmethod
     def move(rule: Any, taxel: Any, on: bool, off: bool, tick: bool, leaks: bool) -> bool:
-        """Move the reference by the half-width and open the window, or let a tick without an event pass."""
+        """Move the reference by the half-width and open the window, or count a tick without an event."""
         if on or off:
             h = window.half_width(rule, taxel)
             taxel.u += h if on else -h
@@ -112,7 +112,7 @@ class CwLcs(Encoder):
 
     @staticmethod
     def told(rule: Any, now: Any) -> Any:
-        """Take a coarser D, a closing step that grows by the same factor, and a period."""
+        """Set a coarser D, a closing step that grows by the same factor, and a period."""
         return CwLcsRule(
             rule.built_step << now.coarser,
             rule.built_closing_step << now.coarser,
@@ -127,7 +127,7 @@ class CwLcs(Encoder):
 
     @staticmethod
     def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
-        """Write the events; u and half-widths in closing steps.
+        """Write the events; u and half-widths are in closing steps.
 
         An event in the first decision moves u by the half-width and opens the window; others follow as in LCS.
         If the first is quiet the window may close, which the second decision sees; a third finds nothing new.
@@ -172,7 +172,7 @@ class CwLcs(Encoder):
 
     @staticmethod
     def decode(rule: Any, counts: Any, late: Any, phase: Any, ends: Any, u: Any, reference: Any) -> None:
-        """Rebuild every window from the ticks without events, to know by how much an event moved the reference."""
+        """Rebuild every window from the ticks without events, which gives the step of every event."""
         bottom, top = ends
         half = np.full(counts.shape[1], rule.step)
         quiet = np.zeros(counts.shape[1], np.int64)

@@ -1,4 +1,4 @@
-"""What an encoder is: its names and traits, its rule, its decoder, and what these promise.
+"""Define the interface of an encoder: names and traits, rule, decoder, and bounds.
 
 The functions under "compiled" are plain Python that Numba understands; ``model.encoders.compiled`` compiles them. They
 know their encoder by the type of ``rule``, so every encoder has a rule class of its own, of its own name.
@@ -16,7 +16,7 @@ if TYPE_CHECKING:  # a configuration knows its encoder, so no encoder imports th
 
 
 class Encoder(ABC):
-    """The rule by which one taxel turns samples into events. One object for each encoder, without state.
+    """The rule by which a taxel converts samples into events; one stateless object per encoder.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Encoder(ABC):
 
     @property
     def late(self) -> bool:
-        """Whether the first event of a tick may come in its second decision: a threshold moved in the first."""
+        """Whether the first event of a tick may come in the second decision, because a threshold moved in the first."""
         return self.leaks or self.windowed
 
     # -- of a configuration ----------------------------------------------------------------------
@@ -89,18 +89,18 @@ class Encoder(ABC):
         return self.leaks or self.closes(config)
 
     def check(self, config: ReadoutConfig) -> None:  # noqa: B027 (most encoders take every configuration)
-        """Raise InputError for a configuration that this encoder cannot have."""
+        """Raise InputError for a configuration that this encoder does not support."""
 
     @abstractmethod
     def rule(self, config: ReadoutConfig) -> Any:
         """Return the rule, of type ``Rule``."""
 
     def state_dtype(self, config: ReadoutConfig) -> type[np.signedinteger[Any]]:
-        """Return a type that holds every number of ``ticks``: differences of samples, and the state."""
+        """Return a type for every number of ``ticks``: differences of samples, and the state."""
         return np.int32
 
     def half_width(self, config: ReadoutConfig, taxels: Any) -> Any:
-        """Return how far the thresholds of taxels, records of their state, are from their references, in codes."""
+        """Return the distance of the thresholds from the references, in codes, for records of taxel state."""
         return np.full(taxels.shape, config.step)
 
     # -- what the decoder promises ---------------------------------------------------------------
@@ -119,12 +119,12 @@ class Encoder(ABC):
     @staticmethod
     @abstractmethod
     def compare(rule: Any, taxel: Any) -> tuple[bool, bool]:
-        """Return whether the sample is above the upper threshold, and whether below the lower."""
+        """Return whether the sample is above the upper threshold, and whether it is below the lower threshold."""
 
     @staticmethod
     @abstractmethod
     def reach(rule: Any, taxel: Any) -> Any:
-        """Return how far an event moves the reference now."""
+        """Return the distance by which an event moves the reference now."""
 
     @staticmethod
     @abstractmethod
@@ -136,13 +136,13 @@ class Encoder(ABC):
 
     @staticmethod
     def clear(rule: Any, taxel: Any) -> None:
-        """Put the state in its reset state; the reference is there already."""
+        """Reset the encoder's state; the reference is reset already."""
         return  # most encoders have no state
 
     @staticmethod
     @abstractmethod
     def told(rule: Any, now: Any) -> Any:
-        """Return the rule with the settings of a host, a record of ``model.registers.settings``."""
+        """Return the rule with a host's settings, a record of ``model.registers.settings``."""
 
     # -- compiled: all taxels, tick by tick ------------------------------------------------------
 
@@ -168,7 +168,7 @@ class Encoder(ABC):
     @staticmethod
     @abstractmethod
     def decode(rule: Any, counts: Any, late: Any, phase: Any, ends: Any, u: Any, reference: Any) -> None:
-        """Write the reference in codes at the end of every tick, as ``ticks`` moved it.
+        """Write the reference in codes at the end of every tick, equal to that of ``ticks``.
 
         ``u``, shape (taxels,), starts as the reference after reset; it and ``ends``, the bottom and the top of the
         scale, are in 2**-fraction_bits codes.

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class LcsRule(NamedTuple):
-    """D in codes, as a host has set it and as built; log2 of the latter; the most events of one tick."""
+    """D in codes, as set by a host and as built; log2 of D as built; the most events of one tick."""
 
     step: int
     built_step: int
@@ -28,7 +28,7 @@ class Lcs(Encoder):
     Rule = LcsRule
 
     def grid(self, config: ReadoutConfig) -> int:
-        """Return D: every event moves the reference by as much."""
+        """Return D: every event moves the reference by D."""
         return config.step
 
     def rule(self, config: ReadoutConfig) -> LcsRule:
@@ -36,7 +36,7 @@ class Lcs(Encoder):
         return LcsRule(config.step, config.step, log2(config.step), config.most_events_per_tick)
 
     def state_dtype(self, config: ReadoutConfig) -> type[np.signedinteger[Any]]:
-        """Return 16 bits where they hold the most events of a tick: 2**(N + 2) steps take N + 4 bits."""
+        """Return int16 if it holds the most events of a tick: 2**(N + 2) steps need N + 4 bits."""
         return np.int16 if config.resolution <= 12 else np.int32
 
     def error_bound(self, config: ReadoutConfig) -> tuple[float, float]:
@@ -44,12 +44,12 @@ class Lcs(Encoder):
         return -config.step, config.step - 1
 
     def slope_limit(self, config: ReadoutConfig) -> float:
-        """Return D for every decision of a tick."""
+        """Return D for each decision of a tick."""
         return float(config.step * config.decisions_per_tick)
 
     @staticmethod
     def compare(rule: Any, taxel: Any) -> tuple[bool, bool]:
-        """Compare with D, upwards inclusive."""
+        """Compare with D; the upper threshold is inclusive."""
         d = taxel.x - taxel.u
         return d >= rule.step, d < -rule.step
 
@@ -69,12 +69,12 @@ class Lcs(Encoder):
 
     @staticmethod
     def told(rule: Any, now: Any) -> Any:
-        """Take a coarser D."""
+        """Set a coarser D."""
         return LcsRule(rule.built_step << now.coarser, rule.built_step, rule.step_log2, rule.cap)
 
     @staticmethod
     def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
-        """Write the events; u in steps D.
+        """Write the events; u is in steps of D.
 
         With y = floor(x / D): ON while y - u >= 1 ends at u = y; OFF while y - u < -1 ends at u = y + 1.
         """

@@ -1,4 +1,4 @@
-"""N-LCS, a leaky neuron: one comparator against a threshold that decays (docs/specification.md, section 2)."""
+"""N-LCS: a leaky neuron with one comparator and a decaying threshold (docs/specification.md, section 2)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class NlcsRule(NamedTuple):
-    """D in 2**-F codes, as a host has set it and as built; k, P and F; log2 of D as built; the most events a tick."""
+    """D in 2**-F codes, as set by a host and as built; k, P and F; log2 of D as built; the most events of a tick."""
 
     step: int
     built_step: int
@@ -35,11 +35,11 @@ class Nlcs(Encoder):
     Rule: ClassVar[type[Any]] = NlcsRule
 
     def grid(self, config: ReadoutConfig) -> int:
-        """Return one code: the leak takes the reference anywhere."""
+        """Return one code: a leak may move the reference to any code."""
         return 1
 
     def check(self, config: ReadoutConfig) -> None:
-        """Refuse more fraction bits than a word of 32 bits has room for, and a host's period below the rows."""
+        """Refuse fraction bits that exceed a word of 32 bits, and a host's period shorter than the number of rows."""
         most = 31 - config.sample_bits
         if not 0 <= config.fraction_bits <= most:
             raise InputError(f"fraction_bits must be in 0..31 - sample_bits = {most}, not {config.fraction_bits}")
@@ -56,7 +56,7 @@ class Nlcs(Encoder):
         return self.Rule(step, step, *leak, log2(step), config.most_events_per_tick)
 
     def error_bound(self, config: ReadoutConfig) -> tuple[float, float]:
-        """Return x - u <= D, a leak more with one decision per tick, and a low for slow falls.
+        """Return x - u <= D, plus a leak with one decision per tick, and a lower bound for slow falls.
 
         No event follows a fall: there u stays below the leaky peak hold of x (it leaks as u does, and never lies
         below x). While x, from one decay tick to the next, falls by no more than the leak of its own level, that is
@@ -66,7 +66,7 @@ class Nlcs(Encoder):
         return -leak, config.step + (leak if config.decisions_per_tick == 1 else 0)
 
     def slope_limit(self, config: ReadoutConfig) -> float:
-        """Return D for every decision of a tick, less the leak.
+        """Return D for each decision of a tick, minus the leak.
 
         With several decisions one is spent on waiting for the leak, which the others have to catch up as well; a
         negative limit means that the leak of a full-scale reference alone is too much.
@@ -80,7 +80,7 @@ class Nlcs(Encoder):
 
     @staticmethod
     def compare(rule: Any, taxel: Any) -> tuple[bool, bool]:
-        """Compare with D, exclusive; there is no lower threshold."""
+        """Compare with D, exclusive; N-LCS has no lower threshold."""
         return (taxel.x << rule.fraction_bits) - taxel.u > rule.step, False
 
     @staticmethod
@@ -97,7 +97,7 @@ class Nlcs(Encoder):
 
     @staticmethod
     def told(rule: Any, now: Any) -> Any:
-        """Take a coarser D, and a leak."""
+        """Set a coarser D, and a leak."""
         return NlcsRule(
             rule.built_step << now.coarser,
             rule.built_step,
@@ -110,7 +110,7 @@ class Nlcs(Encoder):
 
     @staticmethod
     def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
-        """Write the events; u and D in units of 2**-F code.
+        """Write the events; u and D are in units of 2**-F code.
 
         The first decision and, where it is due, the leak of the old u; then events while x - u > D, which are
         ceil((x - u) / D) - 1.
@@ -135,7 +135,7 @@ class Nlcs(Encoder):
 
     @staticmethod
     def decode(rule: Any, counts: Any, late: Any, phase: Any, ends: Any, u: Any, reference: Any) -> None:
-        """Let a copy of the reference leak as the encoder does."""
+        """Leak a copy of the reference as the encoder does."""
         unit, top, shift = 2.0**-rule.fraction_bits, ends[1], rule.step_log2
         for i in range(counts.shape[0]):
             now = i % rule.leak_period

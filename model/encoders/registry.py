@@ -1,4 +1,4 @@
-"""All encoders. Everything that needs an encoder, or a list of them, asks here."""
+"""List all encoders, for everything that needs one or all of them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NAMES = tuple(encoder.name for encoder in ENCODERS)
 
 
 def named(name: str) -> Encoder:
-    """Return the encoder of a name.
+    """Return the encoder with a name.
 
     Raises
     ------
@@ -38,7 +38,7 @@ def named(name: str) -> Encoder:
 
 
 def check(encoders: tuple[Encoder, ...]) -> None:
-    """Refuse two encoders with the same name, title, code, colour, marker or rule: one would be taken for the other.
+    """Refuse two encoders with equal name, title, code, colour, marker or rule.
 
     Two rule classes of one name would even share the compiled loops that Numba caches.
     """

@@ -1,1 +1,1 @@
-"""What leaves the array: address events in memory and on disk, and where two recordings differ."""
+"""Address events in memory and on disk, and the differences of two recordings."""

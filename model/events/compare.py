@@ -1,4 +1,4 @@
-"""Where two event recordings first differ, and by how much."""
+"""Find the first difference of two event recordings."""
 
 from __future__ import annotations
 
@@ -63,14 +63,14 @@ class Difference:
 
     @property
     def fields(self) -> tuple[str, ...]:
-        """Names of what differs: of clock, row, column and polarity; empty where a recording has ended."""
+        """Names of the fields that differ: clock, row, column, polarity; empty if a recording has ended."""
         if self.a is None or self.b is None:
             return ()
         names = ("clock", "row", "column", "polarity")
         return tuple(n for n, a, b in zip(names, self.a, self.b, strict=True) if a != b)
 
     def describe(self, labels: tuple[str, str] = ("expected", "got")) -> str:
-        """Return the difference as text: one sentence, then the events around it side by side.
+        """Return the difference as text: one sentence, then the surrounding events side by side.
 
         Parameters
         ----------
@@ -111,7 +111,7 @@ def _address_events(events: Events) -> tuple[AddressEvent, ...]:
 
 
 def first_difference(a: Events, b: Events) -> Difference | None:
-    """Return where two recordings first differ, or None if they are equal.
+    """Return the first difference of two recordings, or None if they are equal.
 
     Equal means the same events in the same order: clock, row, column and polarity.
 
@@ -148,7 +148,7 @@ def count_per_taxel(events: Events, config: ReadoutConfig) -> NDArray[np.int64]:
 
 
 def covering_config(a: ReadoutConfig, b: ReadoutConfig) -> ReadoutConfig:
-    """Return a configuration whose array holds the addresses of both; polarity as either has it, the rest as in a."""
+    """Return a configuration whose array covers the addresses of both; other fields as in the first."""
     polar = next((c for c in (a, b) if c.has_polarity), a)
     return polar.replace(
         rows=max(a.rows, b.rows),
@@ -159,7 +159,7 @@ def covering_config(a: ReadoutConfig, b: ReadoutConfig) -> ReadoutConfig:
 
 
 def unmatched(a: Events, b: Events) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return which events of each recording have no equal in the other, whatever their order.
+    """Return the events of each recording without an equal in the other, whatever their order.
 
     An event that stands n times in one and m times in the other is unmatched in the last n - m places.
 

@@ -35,7 +35,7 @@ _HEADER_TYPES: dict[str, type] = {
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Address events with everything that is needed to read them. Immutable, validated on construction.
+    """Address events with everything needed to read them. Immutable, validated on construction.
 
     Parameters
     ----------
@@ -91,17 +91,17 @@ class Recording:
 
     @property
     def clock_hz(self) -> float:
-        """Clock frequency in hertz, by which t becomes time; the file carries it for other readers."""
+        """Clock frequency in hertz; t / clock_hz is the time in seconds. The file contains it for other readers."""
         return self.config.clock_hz
 
     @property
     def duration_s(self) -> float:
-        """Observed time in seconds."""
+        """Length of the recording in seconds."""
         return self.duration_clocks / self.clock_hz
 
     @property
     def rate_hz(self) -> float:
-        """Population event rate: events per second of the whole array; 0 for an empty observation."""
+        """Events per second of the whole array; 0 for an empty recording."""
         return len(self.events) / self.duration_s if self.duration_clocks else 0.0
 
     def _header(self) -> dict[str, Any]:
@@ -132,7 +132,7 @@ class Recording:
 
     @classmethod
     def load(cls, path: Path) -> Recording:
-        """Read an ``.npz`` file that :meth:`save` wrote.
+        """Read an ``.npz`` file written by :meth:`save`.
 
         Raises
         ------
@@ -166,7 +166,7 @@ class Recording:
 
 
 def check_event_path(path: Path) -> None:
-    """Refuse an output name that does not say what the file will be."""
+    """Refuse an output name whose suffix does not determine the format."""
     if path.suffix != ".npz":
         raise InputError(f"event files end in .npz, {path.name} does not; rename the output")
 
@@ -175,7 +175,7 @@ def check_event_path(path: Path) -> None:
 
 
 def _read_members(path: Path) -> tuple[NDArray[Any], str]:
-    """Return the two arrays of an event file, the events and the text of its metadata."""
+    """Return the events and the metadata text of an event file."""
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -196,6 +196,6 @@ def _read_members(path: Path) -> tuple[NDArray[Any], str]:
 
 
 def _read_array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
-    """Return one member; reading it whole checks its sum before its header is believed."""
+    """Return one member; read it completely, to verify its checksum before using its header."""
     array: NDArray[Any] = np.lib.format.read_array(io.BytesIO(archive.read(name)), allow_pickle=False)
     return array

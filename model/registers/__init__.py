@@ -1,1 +1,1 @@
-"""The registers that a host sets at run time: their description, their model and their driver."""
+"""The registers for settings at run time: description, model and driver."""

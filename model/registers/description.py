@@ -1,4 +1,4 @@
-"""The registers of a configuration, read from their one description, ``eskin_registers.rdl`` (SystemRDL)."""
+"""Read the registers of a configuration from their only description, ``eskin_registers.rdl`` (SystemRDL)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Kind = Literal["constant", "setting", "pulse", "counter"]
 
 @dataclass(frozen=True)
 class Field:
-    """Some bits of a register.
+    """A field of a register.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class Field:
 
     @property
     def bits(self) -> int:
-        """Bits that can differ from 0: those above what is never written need no flop."""
+        """Bits that can differ from 0; bits above the largest writable value need no flop."""
         return min(self.width, self.most.bit_length())
 
     def of(self, word: int) -> int:
@@ -59,7 +59,7 @@ class Field:
         return word >> self.low & (1 << self.width) - 1
 
     def allows(self, word: int) -> bool:
-        """Return whether a word may be written, as far as this field goes."""
+        """Return whether this field allows a word to be written."""
         return self.kind != "setting" or self.least <= self.of(word) <= self.most
 
 
@@ -86,12 +86,12 @@ class Register:
 
     @property
     def key(self) -> str:
-        """Name, with the number of one in an array."""
+        """Name, with the index for a register of an array."""
         return self.name if self.index is None else f"{self.name}[{self.index}]"
 
     @property
     def writable(self) -> bool:
-        """Whether a write does anything."""
+        """Whether a write has an effect."""
         return any(field.kind in ("setting", "pulse") for field in self.fields)
 
     @property
@@ -100,11 +100,11 @@ class Register:
         return sum(field.reset << field.low for field in self.fields)
 
     def allows(self, word: int) -> bool:
-        """Return whether a word may be written: every field of it is in its range."""
+        """Return whether a word may be written: all its fields must be in range."""
         return self.writable and all(field.allows(word) for field in self.fields)
 
     def signal(self, field: Field) -> str:
-        """Return the name of the signal behind a field; that of an array's field has the bits of all."""
+        """Return the signal name of a field; the fields of a register array share one signal."""
         return f"{self.name}_{field.name}"
 
 
@@ -130,7 +130,7 @@ def parameters(config: ReadoutConfig) -> dict[str, Any]:
 
 
 def compiled(given: dict[str, Any]) -> Any:
-    """Return the address map of the description with some parameters, as systemrdl-compiler elaborates it.
+    """Return the address map of the description for some parameters, elaborated by systemrdl-compiler.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The registers of a chip from Python, over any SPI adapter."""
+"""Access the registers of a chip from Python, through any SPI adapter."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from eskin.model.registers.spi import COMMAND_BITS, command
 
 
 class Registers:
-    """Reads and writes registers by the names of the description.
+    """Read and write registers by their names in the description.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class Registers:
         self.named = {register.key: register for register in registers(config)}
 
     def register(self, name: str) -> Register:
-        """Return a register by its name, with the number of one in an array: ``mask[3]``."""
+        """Return a register by name, with an index for an array: ``mask[3]``."""
         if name not in self.named:
             raise InputError(f"there is no register {name!r}; there are {', '.join(self.named)}")
         return self.named[name]
@@ -69,7 +69,7 @@ class Registers:
         self.exchange(sent)
 
     def write(self, name: str, **values: int) -> None:
-        """Write some fields of a register; the others keep what they have."""
+        """Write some fields of a register; the other fields keep their values."""
         register = self.register(name)
         known = {field.name: field for field in register.fields}
         word = self.read_word(name) if set(known) - set(values) else 0
@@ -83,7 +83,7 @@ class Registers:
         self.write_word(name, word)
 
     def silence(self, taxels: Collection[int]) -> None:
-        """Mask some taxels, by their indices row * columns + column, and no others."""
+        """Mask exactly the given taxels, by index row * columns + column."""
         mask = ~sum(1 << taxel for taxel in set(taxels))
         for name, register in self.named.items():
             if register.name.startswith("mask"):

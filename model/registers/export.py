@@ -1,4 +1,4 @@
-"""What a description of registers is made into, beside the RTL: the C header and the page."""
+"""Write the C header and the page of a register description."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ACCESS = {"constant": "read", "setting": "read, write", "pulse": "write", "count
 
 
 def c_header(config: ReadoutConfig) -> str:
-    """Return the C header of a configuration's registers, as PeakRDL makes it: offsets as a struct, masks of fields.
+    """Return the C header of a configuration's registers from PeakRDL: a struct of offsets, and field masks.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def page(config: ReadoutConfig) -> str:
 
 
 def page_of_all(config: ReadoutConfig) -> str:
-    """Return the page on all registers that any encoder has."""
+    """Return the page on all registers of all encoders."""
     given = parameters(config) | {"LEAKS": True, "CLOSES": True, "POLARITY": True}
     scope = "an encoder has those that it has a use for."
     return _page(config, walk(compiled(given)), scope)
@@ -82,7 +82,7 @@ def _page(config: ReadoutConfig, found: Iterable[Register], scope: str) -> str:
 
 
 def _table(found: Iterable[Register]) -> str:
-    """Return the table of all fields; an array of registers is one line."""
+    """Return the table of all fields; a register array takes one line."""
     lines = ["| address | register | bits | field | access | reset | range | |", "|" + "---|" * 8]
     arrays: dict[str, list[Register]] = {}
     for register in found:
@@ -101,13 +101,13 @@ def _table(found: Iterable[Register]) -> str:
 
 
 def _range(field: Field) -> str:
-    """Return what may be written, where that is not every value."""
+    """Return the range of writable values, empty if all values are allowed."""
     every = field.kind != "setting" or (field.least == 0 and field.most == (1 << field.width) - 1)
     return "" if every else f"{field.least} to {field.most}"
 
 
 def constants(config: ReadoutConfig) -> dict[str, int]:
-    """Return the constants of the C header by their names, from the description: masks, positions, widths, resets."""
+    """Return the constants of the C header by name, from the description: masks, positions, widths, resets."""
     found: dict[str, int] = {}
     for register in registers(config):
         place = register.name.upper() + ("X" if register.index is not None else "")

@@ -1,4 +1,4 @@
-"""The register file: what is written, read back and counted."""
+"""Simulate the register file: writes, reads and counters."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from eskin.model.registers.description import WORD_BITS, Register, registers
 
 
 class Write(NamedTuple):
-    """A word that is written."""
+    """A written word."""
 
     address: int
     word: int
@@ -40,7 +40,7 @@ class RegisterFile:
         self.told: frozenset[str] = frozenset()
 
     def read(self, address: int) -> int:
-        """Return what is read at an address; 0 at a hole. A pulse reads 0."""
+        """Return the word read at an address; 0 for an address without a register, and for a pulse."""
         if address not in self.at:
             return 0
         word = self.words[address]
@@ -50,7 +50,7 @@ class RegisterFile:
         return word
 
     def signals(self) -> dict[str, int]:
-        """Return the value of every setting and pulse by its signal."""
+        """Return the value of every setting and pulse by its signal name."""
         found: dict[str, int] = {}
         for address, register in self.at.items():
             for field in register.fields:
@@ -60,7 +60,7 @@ class RegisterFile:
         return found
 
     def clock(self, write: Write | None, counted: Collection[str] = (), clear: bool = False) -> None:
-        """Take a rising edge.
+        """Apply a rising edge.
 
         Parameters
         ----------
@@ -92,7 +92,7 @@ class RegisterFile:
 
 
 class Settings(NamedTuple):
-    """What the registers say to the readout.
+    """The settings that the registers give to the readout.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class Settings(NamedTuple):
 
     @classmethod
     def of(cls, config: ReadoutConfig, signals: Mapping[str, int]) -> Settings:
-        """Return the settings that signals of the register file stand for; those that are absent are as built."""
+        """Return the settings for signals of the register file; missing signals have their built values."""
         whole = config.taxels // WORD_BITS * WORD_BITS
         return cls(
             resolution=signals["resolution_bits"],

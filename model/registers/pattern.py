@@ -1,4 +1,4 @@
-"""The test pattern, clock by clock: requests in place of those of the array, one after the other.
+"""Simulate the test pattern, clock by clock: its requests replace those of the array, one after the other.
 
 Plain functions, which the loop of the readout's model compiles.
 """
@@ -32,12 +32,12 @@ def new_state() -> list[int]:
 
 
 def requests(state: Sequence[int], restart: bool) -> bool:
-    """Return whether the pattern requests in this clock; in that of a restart it does not."""
+    """Return whether the pattern requests in this clock; never in the clock of a restart."""
     return state[REQUEST] == 1 and not restart
 
 
 def advance(state: Any, p: Any, shape: Any, restart: bool, taken: bool) -> None:
-    """Take a rising edge.
+    """Apply a rising edge.
 
     Parameters
     ----------

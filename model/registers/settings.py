@@ -1,4 +1,4 @@
-"""What the registers say to the array, from some clock on: parts of the loop of the readout's model."""
+"""Apply settings of the registers to the array from a clock on, inside the loop of the readout's model."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def next_change(host: Any, given: Any, clocks: int) -> Any:
 
 @njit(inline="always")
 def hear(host: Any, given: Any, t: int, ticks: int, rows: Any, latch: Any) -> tuple[bool, bool]:
-    """Take the settings of a clock; return whether there are any, and whether a test pattern runs.
+    """Apply the settings of a clock; return whether there are any, and whether a test pattern runs.
 
     A pattern that starts anew takes its request back.
     """
@@ -87,20 +87,20 @@ def _take(host: Any, now: Any, ticks: int, rows: Any, latch: Any) -> None:
 
 @njit(cache=True)
 def set_phases(phases: NDArray[np.int64], leak_period: int) -> None:
-    """Give every row the phase of its leak in a new period."""
+    """Set the phase of every row's leak for a new period."""
     for row in range(len(phases)):
         phases[row] = row * leak_period // len(phases)
 
 
 @njit(inline="always")
 def leaks(host: Any, p: Any, phase: Any, ticks: int) -> bool:
-    """Return whether a row of some phase leaks at the newest of some sample ticks."""
+    """Return whether a row of a phase leaks at the latest of several sample ticks."""
     return host[DECAY_ANEW] == 0 and decay.is_due(p.leak_period, phase, ticks - 1 - host[FIRST_TICK])
 
 
 @njit(inline="always")
 def advance(host: Any, given: Any, columns: int, granted: int, rows: Any, latch: Any) -> None:
-    """Take the test pattern, if one runs, over a rising edge; -1 stands for no row that is granted."""
+    """Advance a running test pattern by a clock edge; -1 means that no row is granted."""
     if host[TESTING] or host[PATTERN_ANEW]:
         _advance(host, given[host[NUMBER] - 1], columns, granted, rows, latch)
 

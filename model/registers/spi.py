@@ -1,4 +1,4 @@
-"""The SPI slave, clock by clock: mode 0, sampled by the clock of the readout.
+"""Simulate the SPI slave, clock by clock: mode 0, sampled by the clock of the readout.
 
 A transfer is a command of 16 bits, the most significant first, {write, address of 15 bits}, and then any number of
 words of 32 bits, which go to rising addresses or come from them.
@@ -23,7 +23,7 @@ LEAD_CLOCKS, LAG_CLOCKS, GAP_CLOCKS = 2, 2, 3
 
 
 class Pins(NamedTuple):
-    """What the host drives."""
+    """Levels driven by the host."""
 
     sck: int = 0
     cs_n: int = 1
@@ -31,7 +31,7 @@ class Pins(NamedTuple):
 
 
 class SpiSlave:
-    """The slave, clock by clock; what it shows before a rising edge are its properties, and ``clock`` is that edge.
+    """The slave, clock by clock; properties give its outputs before a rising edge, and ``clock`` applies the edge.
 
     Attributes
     ----------
@@ -54,44 +54,44 @@ class SpiSlave:
         self.reset()
 
     def reset(self) -> None:
-        """Take the reset state: nothing is taken before CS has been high."""
+        """Take the reset state: ignore everything until CS has been high."""
         self.sck, self.cs_n, self.mosi = [0, 0, 0], [0, 0, 0, 0], [0, 0]
         self.active = self.in_data = self.writes = False
         self.count = self.address = self.shift = self.bit = 0
 
     @property
     def rises(self) -> bool:
-        """A bit is taken in this clock."""
+        """Whether the slave takes a bit in this clock."""
         return self.active and not self.cs_n[1] and self.sck[1] == 1 and self.sck[2] == 0
 
     @property
     def falls(self) -> bool:
-        """The next bit is shown from the next clock on."""
+        """Whether the slave shows the next bit from the next clock on."""
         return self.active and not self.cs_n[1] and self.sck[1] == 0 and self.sck[2] == 1
 
     @property
     def last(self) -> bool:
-        """The bit that is taken next is the last of its word or command."""
+        """Whether the next bit is the last of its word or command."""
         return self.count == (WORD_BITS if self.in_data else COMMAND_BITS) - 1
 
     @property
     def received(self) -> int:
-        """The last 32 bits with the one that is taken in this clock."""
+        """The last 32 bits, including the bit taken in this clock."""
         return (self.shift << 1 | self.mosi[1]) & (1 << WORD_BITS) - 1
 
     @property
     def write(self) -> Write | None:
-        """The word that is written in this clock."""
+        """The word written in this clock."""
         complete = self.rises and self.last and self.in_data and self.writes
         return Write(self.address, self.received) if complete else None
 
     @property
     def miso(self) -> int:
-        """What the host reads; 0 but within the words of a transfer that reads."""
+        """The bit for the host; 0 except during the words of a read transfer."""
         return self.shift >> WORD_BITS - 1 if self.in_data and not self.writes else 0
 
     def clock(self, pins: Pins, read_data: int = 0) -> None:
-        """Take a rising edge with the levels of the pins and the word at ``address``."""
+        """Apply a rising edge with the levels of the pins and the word at ``address``."""
         if self.rises:
             if self.last:
                 if self.in_data:
@@ -120,12 +120,12 @@ def command(address: int, write: bool) -> int:
 
 
 def bits(value: int, count: int) -> Iterator[int]:
-    """Yield bits, the most significant first."""
+    """Yield bits, most significant first."""
     return (value >> place & 1 for place in reversed(range(count)))
 
 
 def transfer(address: int, words: Iterable[int], write: bool) -> list[int]:
-    """Return the bits that a host sends: the command and the words; those are anything where it reads."""
+    """Return the bits that a host sends: command and words; for a read, the words are arbitrary."""
     sent = list(bits(command(address, write), COMMAND_BITS))
     for word in words:
         sent += bits(word, WORD_BITS)

@@ -1,1 +1,1 @@
-"""Skins of several readouts: their addresses, the merge of their events, and all of it together."""
+"""Skins of several readouts: their addresses, the merge of their events, and their simulation."""

@@ -1,4 +1,4 @@
-"""The parameter object of a skin made of tiles, each a readout of its own (docs/reference/tiles.md)."""
+"""Configure a skin of tiles, each with its own readout (docs/reference/tiles.md)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TILES = "docs/reference/tiles.md"
 
 @dataclass(frozen=True, kw_only=True)
 class TilesConfig(ReadoutConfig):
-    """A skin: tiles in rows and columns, all alike, whose events one merge brings onto one stream.
+    """A skin: identical tiles in rows and columns, and a merge that joins their events into one stream.
 
     ``rows`` and ``columns`` are those of the whole skin, so its event files are read as any other's; ``tile`` is the
     readout of one tile. Tile (r, c) of the skin has index ``r * tile_columns + c``.
@@ -55,7 +55,7 @@ class TilesConfig(ReadoutConfig):
 
     @classmethod
     def of(cls, tile: ReadoutConfig, tile_rows: int, tile_columns: int, relays: int = 0) -> TilesConfig:
-        """Return the skin of some rows and columns of a tile."""
+        """Return the skin with some rows and columns of a tile."""
         own = {"tile_rows": tile_rows, "tile_columns": tile_columns}
         for name, value in own.items():
             if not 1 <= value <= MAX_TILES:
@@ -111,7 +111,7 @@ class TilesConfig(ReadoutConfig):
         return self.tile_bits + self.tile.event_bits
 
     def on_skin(self, tile: Any, events: Events) -> Events:
-        """Return events of tiles with the addresses of the skin.
+        """Convert the addresses of a tile's events to those of the skin.
 
         Parameters
         ----------
@@ -126,7 +126,7 @@ class TilesConfig(ReadoutConfig):
         return moved
 
     def in_tiles(self, events: Events) -> tuple[NDArray[np.int64], Events]:
-        """Return the tile of every event of the skin, shape (events,), and the events with addresses within it."""
+        """Return the tile of every event of the skin, shape (events,), and the events with addresses within the tile."""
         tile_row, y = np.divmod(events["y"], self.rows // self.tile_rows)
         tile_column, x = np.divmod(events["x"], self.columns // self.tile_columns)
         moved = events.copy()
@@ -134,7 +134,7 @@ class TilesConfig(ReadoutConfig):
         return tile_row.astype(np.int64) * self.tile_columns + tile_column, moved
 
     def taxels_of(self, tile: int) -> NDArray[np.int64]:
-        """Return the taxels of a tile by their index on the skin, in the tile's order, shape (taxels of a tile,)."""
+        """Return a tile's taxels by their index on the skin, in the tile's order, shape (taxels of a tile,)."""
         rows, columns = self.rows // self.tile_rows, self.columns // self.tile_columns
         tile_row, tile_column = divmod(tile, self.tile_columns)
         row, column = np.arange(rows) + tile_row * rows, np.arange(columns) + tile_column * columns
@@ -143,7 +143,7 @@ class TilesConfig(ReadoutConfig):
 
 @dataclass(frozen=True)
 class MergeConfig:
-    """The merge of a skin alone, for tiles that are chips of their own.
+    """The merge of a skin alone, for tiles that are separate chips.
 
     Attributes
     ----------
@@ -168,7 +168,7 @@ class MergeConfig:
 
 
 def tiles_of(text: str) -> tuple[int, int]:
-    """Return rows and columns of tiles of a text as ``4x4``.
+    """Return rows and columns of tiles for a text such as ``4x4``.
 
     Raises
     ------
@@ -182,7 +182,7 @@ def tiles_of(text: str) -> tuple[int, int]:
 
 
 def skin_of(tile: ReadoutConfig, tiles: str, relays: int = 0) -> TilesConfig:
-    """Return the skin of a tile and a text as ``4x4``, rows and columns of tiles, with relay stations.
+    """Return the skin of a tile and a text such as ``4x4`` (rows and columns of tiles), with relay stations.
 
     Raises
     ------
@@ -193,6 +193,6 @@ def skin_of(tile: ReadoutConfig, tiles: str, relays: int = 0) -> TilesConfig:
 
 
 def config_of(fields: Any) -> ReadoutConfig:
-    """Return the configuration of a dictionary: a skin's where it has tiles, else that of one readout."""
+    """Return the configuration of a dictionary: of a skin if it has tiles, else of one readout."""
     has_tiles = isinstance(fields, dict) and "tile_rows" in fields
     return TilesConfig.from_dict(fields) if has_tiles else ReadoutConfig.from_dict(fields)

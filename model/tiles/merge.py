@@ -1,4 +1,4 @@
-"""The merge of several event streams: round robin over the tiles, two events deep, clock by clock.
+"""Simulate the merge of several event streams, clock by clock: round robin over the tiles, two events deep.
 
 What a tile offers is taken while fewer than two events are held, so whether a tile's event is taken depends on flops
 alone, never on the sink in the same clock.
@@ -34,7 +34,7 @@ def new_state() -> NDArray[np.uint64]:
 
 @njit(cache=True)
 def chosen(state: NDArray[np.uint64], asking: np.uint64) -> int:
-    """Return the tile whose event is taken in this clock, or -1; ``asking`` has a bit for each that offers one."""
+    """Return the tile whose event is taken in this clock, or -1; ``asking`` has a bit for each offering tile."""
     if state[HELD] > ONE or asking == np.uint64(0):
         return -1
     return next_row(asking, state[BEHIND])
@@ -42,7 +42,7 @@ def chosen(state: NDArray[np.uint64], asking: np.uint64) -> int:
 
 @njit(cache=True)
 def advance(state: NDArray[np.uint64], tile: int, event: Any, ready: bool) -> None:
-    """Advance the merge by the rising edge of a clock.
+    """Advance the merge by a clock edge.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def advance(state: NDArray[np.uint64], tile: int, event: Any, ready: bool) -> No
 
 
 class Merged(NamedTuple):
-    """What left a merge.
+    """The events that left a merge.
 
     Attributes
     ----------

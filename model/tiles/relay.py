@@ -1,4 +1,4 @@
-"""The relay stations on the lines from the tiles to their merge, clock by clock.
+"""Simulate the relay stations on the lines from tiles to merge, clock by clock.
 
 A station is two places deep and takes what it is offered while one of them is free: the merge of a single stream. So
 its state, and its clock, are those of ``model.tiles.merge``.
@@ -23,7 +23,7 @@ ZERO = np.uint64(0)
 
 @njit(cache=True)
 def room(line: NDArray[np.uint64]) -> bool:
-    """Return whether the first station of a line, shape (stations, 4), takes what the tile offers in this clock."""
+    """Return whether the first station of a line, shape (stations, 4), takes the tile's event in this clock."""
     return bool(line[0, merge.HELD] <= merge.ONE)
 
 
@@ -35,7 +35,7 @@ def offers(line: NDArray[np.uint64]) -> bool:
 
 @njit(cache=True)
 def advance(line: NDArray[np.uint64], comes: bool, event: Any, ready: bool) -> None:
-    """Advance all stations of a line by the rising edge of a clock.
+    """Advance all stations of a line by a clock edge.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def advance(line: NDArray[np.uint64], comes: bool, event: Any, ready: bool) -> N
 
 
 class Relayed(NamedTuple):
-    """What left a line.
+    """The events that left a line.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ def relay(offered: NDArray[np.int64], ready: NDArray[np.uint8], clocks: int, sta
 
 @njit(cache=True, nogil=True)
 def _relay(offered: NDArray[np.int64], ready: NDArray[np.uint8], clocks: int, stations: int) -> Any:
-    """Return the clocks in which events were taken, and those in which they left."""
+    """Return the clocks in which events were taken, and the clocks in which they left."""
     line = np.zeros((stations, 4), np.uint64)
     taken, left = np.zeros(len(offered), np.int64), np.zeros(len(offered), np.int64)
     came = gone = 0

@@ -1,4 +1,4 @@
-"""A whole skin, clock by clock: all tiles in step, and the merge that takes their events.
+"""Simulate a whole skin, clock by clock: all tiles, and the merge of their events.
 
 A tile's clock is that of ``model.readout``, whose loop for a single readout is kept apart for its speed.
 """
@@ -139,13 +139,13 @@ def _loop(p: Parameters, s: Inputs, r: Registers, taxels: int, relays: int) -> N
 
 @njit(cache=True)
 def _take(p: Any, r: Any, tile: int, taxels: int) -> np.int64:
-    """Take the event that a tile offers; return 2 * (tile * taxels + taxel) + polarity."""
+    """Take the event offered by a tile; return 2 * (tile * taxels + taxel) + polarity."""
     return np.int64(2 * tile * taxels + arbiter.take(r.latch[tile], p.columns))
 
 
 @njit(cache=True, nogil=True)
 def _clock(p: Any, s: Any, t: int, tile: int, taxels: Any, rows: Any, latch: Any, at: NDArray[np.int64]) -> None:
-    """Advance a tile by clock ``t``, in which its event has been taken or not; see ``model.readout._loop``."""
+    """Advance a tile by clock ``t``, whether its event was taken or not; see ``model.readout._loop``."""
     masked = at[CHANGES] < len(s.enable_clock) and s.enable_clock[at[CHANGES]] == t
     if masked:
         mask_rows(p, s.enable[tile, at[CHANGES]], taxels, rows, latch)
