@@ -1,1 +1,1 @@
-"""Signals that go in: textures and their scans, and a user's recordings."""
+"""Input signals: textures and their scans, and a user's recordings."""

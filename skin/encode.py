@@ -1,4 +1,4 @@
-"""Encode an image, or samples of one's own, into address events (docs/guide/files.md)."""
+"""Encode an image, or a user's samples, into address events (docs/guide/files.md)."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Model = Literal["cycle", "functional"]
 
 @dataclass(frozen=True)
 class Encoded:
-    """Events of one input, and the samples that they encode.
+    """The events of one input, and the encoded samples.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class Encoded:
     warnings: tuple[str, ...] = ()
 
     def quality(self) -> Quality:
-        """Return load, late and merged decisions, SNR and bound; of events of the cycle model."""
+        """Return load, late and merged decisions, SNR and bound; only for events of the cycle model."""
         from eskin.skin.recordings.quality import measure_quality
 
         return measure_quality(self.recording.config, self.codes, self.recording.events)
@@ -101,7 +101,7 @@ def encode_samples(
     prepared: Mapping[str, Any] | None = None,
     model: str = "cycle",
 ) -> Encoded:
-    """Return the events of samples in a file: taken as they stand, or prepared where time stamps or options ask for it.
+    """Return the events of a file of samples, used directly, or prepared if time stamps or options require it.
 
     Parameters
     ----------
@@ -173,7 +173,7 @@ def _encode_prepared(
 def _encoded(
     path: Path, config: ReadoutConfig, codes: NDArray[np.int32], clipped: int, model: str, metadata: dict[str, Any]
 ) -> Encoded:
-    """Return the events that leave while the samples last; events that would leave later are not seen."""
+    """Return the events that leave during the samples; later events are not recorded."""
     if model not in get_args(Model):
         raise InputError(f"model must be one of {', '.join(get_args(Model))}, not {model!r}")
     duration = len(codes) * config.clocks_per_sample
@@ -222,7 +222,7 @@ def _gray(image: Image) -> NDArray[Any]:
 
 
 def _has_time(source: Path) -> bool:
-    """Return whether a .csv has a column that is no taxel; errors of the file are left to its reader."""
+    """Return whether a .csv has a time column; leave errors of the file to its reader."""
     from eskin.skin.recordings.table import read_table
 
     try:
@@ -245,7 +245,7 @@ def _checked_codes(source: Path, values: NDArray[Any], config: ReadoutConfig) ->
 
 
 def _scale_factor(scale: str | None, values: NDArray[Any], config: ReadoutConfig) -> float:
-    """Return the factor from the unit of the values to full scale; "max" puts the largest at full scale."""
+    """Return the factor from the values to full scale; "max" scales the largest to full scale."""
     if scale == "max":
         largest = float(np.abs(values.astype(np.float64)).max())
         # The positive end of the range is one code short of full scale.

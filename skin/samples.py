@@ -1,4 +1,4 @@
-"""Reads a user's own samples, .npy, .npz or .csv, and writes reconstructed ones (docs/guide/files.md)."""
+"""Read a user's samples from .npy, .npz or .csv, and write reconstructed ones (docs/guide/files.md)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _NOT_A_CODE = re.compile(rb"[.eEnN]")  # what only a floating-point number has: 
 
 @dataclass(frozen=True)
 class Samples:
-    """Samples as they stand in a file.
+    """Samples as in a file.
 
     Attributes
     ----------
@@ -171,7 +171,7 @@ def fit_array(values: NDArray[Any], rows: int, columns: int, size_given: bool) -
 
 
 def _suggest_size(taxels: int) -> str:
-    """Return a remedy: the array size nearest to one row, or to a square, that has this many taxels."""
+    """Return a remedy: the array sizes with this number of taxels."""
     if taxels <= MAX_SIDE:
         return f"use --rows 1 --columns {taxels}"
     for rows in range(math.isqrt(taxels), 1, -1):
@@ -184,14 +184,14 @@ def _suggest_size(taxels: int) -> str:
 
 
 def check_samples_path(path: Path) -> None:
-    """Refuse an output of unknown kind, or in a folder that does not exist, before any work is done."""
+    """Refuse an output of unknown format or in a missing folder, before any work."""
     if path.suffix.lower() not in ARRAY_SUFFIXES:
         raise InputError(f"signals are written as {', '.join(ARRAY_SUFFIXES)}, not {path.name}; rename the output")
     check_file(path)
 
 
 def write_samples(path: Path, values: NDArray[np.float64], rate_hz: float) -> None:
-    """Write signals, shape (ticks, taxels), in full scale; :func:`read_samples` reads them again.
+    """Write signals, shape (ticks, taxels), in full scale, in a format of :func:`read_samples`.
 
     The .npz also holds the sampling rate. The .csv has a header and twelve decimals.
     """

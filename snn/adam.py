@@ -32,13 +32,13 @@ class Adam:
         self.state: dict[int, dict[str, Tensor]] = {}
 
     def zero_grad(self) -> None:
-        """Forget the gradients."""
+        """Delete the gradients."""
         for parameter in self.parameters:
             parameter.grad = None
 
     @torch.no_grad()
     def step(self) -> None:
-        """Change every parameter that has a gradient."""
+        """Update every parameter that has a gradient."""
         for number, parameter in enumerate(self.parameters):
             if (grad := parameter.grad) is None:
                 continue
@@ -55,11 +55,11 @@ class Adam:
             parameter.addcdiv_(mean, spread, value=-(self.learning_rate / (1 - BETA_1**steps)))
 
     def state_dict(self) -> dict[str, Any]:
-        """Return what a checkpoint keeps."""
+        """Return the state for a checkpoint."""
         return {"state": self.state}
 
     def load_state_dict(self, content: dict[str, Any]) -> None:
-        """Take what a checkpoint kept; raise ValueError where it is of other parameters."""
+        """Load the state of a checkpoint; raise ValueError if it is for other parameters."""
         found = {}
         for number, state in content["state"].items():
             parameter = self.parameters[number]

@@ -1,4 +1,4 @@
-"""The folder in which compiled kernels and recorded scans are kept between runs: the user's own, or none.
+"""Find the cache folder for compiled kernels and recorded scans; it must belong to the user alone.
 
 What lies there is run as code (a kernel) or believed (scans), so a folder that another user owns or can write to is
 never used, and nor is a predictable place that any user could have made first, such as one under /tmp.
@@ -18,14 +18,14 @@ _NAME = "spiking-eskin-readout"
 
 
 def folder() -> Path:
-    """Return the place of the cache: ``$ESKIN_CACHE``, else a folder in ``$XDG_CACHE_HOME`` or ``~/.cache``."""
+    """Return the path of the cache: ``$ESKIN_CACHE``, else a folder in ``$XDG_CACHE_HOME`` or ``~/.cache``."""
     if named := os.environ.get(CACHE_VARIABLE):
         return Path(named)
     return Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")) / _NAME
 
 
 def usable(*parts: str) -> Path | None:
-    """Return a folder in the cache, made where it is not there; None where it cannot be trusted or written."""
+    """Return a folder in the cache, created if missing; None if it cannot be trusted or written."""
     place = folder()
     if str(place).startswith("~"):  # this user has no home
         return None
@@ -42,7 +42,7 @@ def usable(*parts: str) -> Path | None:
 
 
 def is_private(path: Path) -> bool:
-    """Return whether a file or folder is no link, belongs to this user, and no other user can change it."""
+    """Return whether a file or folder is not a link, belongs to this user, and no other user can change it."""
     try:
         found = path.lstat()
     except OSError:

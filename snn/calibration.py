@@ -1,4 +1,4 @@
-"""What a network takes from its training scans before it learns: the scale of its inputs and its first biases.
+"""Calibrate a network on its training scans before training: input scale and initial biases.
 
 Integrate-and-fire neurons without a leak whose input has a negative mean stay at the floor, where they never fire and
 no gradient reaches them. With the biases set here each neuron starts at a given mean rate, as a data-dependent
@@ -22,7 +22,7 @@ ROUNDS = 30
 
 @torch.no_grad()
 def calibrate(network: nn.Module, scans: Tensor) -> None:
-    """Set input scale and offset, and the biases of a spiking network, as its configuration asks; in place.
+    """Set input scale and offset, and the biases of a spiking network, as configured; in place.
 
     Parameters
     ----------

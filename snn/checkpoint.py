@@ -1,4 +1,4 @@
-"""Checkpoints from which a training goes on as if it had never stopped."""
+"""Write and load checkpoints, from which a training continues with the same result."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CHECKPOINT_FORMAT = 1
 
 
 def digest(data: ScanData) -> str:
-    """Return a text that is the same only for the same scans of the same images."""
+    """Return a text that is equal only for equal scans of the same images."""
     found = hashlib.sha256(np.ascontiguousarray(data.values).tobytes())
     found.update(data.labels.tobytes() + data.images.tobytes())
     return found.hexdigest()
@@ -34,14 +34,14 @@ def digest(data: ScanData) -> str:
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A file to go on from, if it is there, and to write every so many epochs and at the end."""
+    """A checkpoint file, loaded if present, and written every few epochs and at the end."""
 
     path: Path
     every: int = 5
 
 
 def fingerprint(split: Split, network_config: NetworkConfig, train_config: TrainConfig, seed: int) -> str:
-    """Return a text that is the same only where a training would give the same network."""
+    """Return a text that is equal only for trainings with the same result."""
     parts = {
         "network": network_config.to_dict(),
         "train": train_config.to_dict(),
@@ -55,7 +55,7 @@ def fingerprint(split: Split, network_config: NetworkConfig, train_config: Train
 
 
 def save_checkpoint(path: Path, training: Training, key: str) -> None:
-    """Write everything that is needed to go on, whole or not at all."""
+    """Write the complete state of a training, atomically."""
     content = {
         "format": CHECKPOINT_FORMAT,
         "key": key,
@@ -71,7 +71,7 @@ def save_checkpoint(path: Path, training: Training, key: str) -> None:
 
 
 def load_checkpoint(path: Path, training: Training, key: str) -> None:
-    """Put a training where a checkpoint left it.
+    """Restore a training from a checkpoint.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def load_checkpoint(path: Path, training: Training, key: str) -> None:
 
 
 def _check_sound(training: Training) -> None:
-    """Raise ValueError unless all that was loaded is finite numbers of the right types."""
+    """Raise ValueError unless all loaded values are finite and have the right types."""
     tensors = [*training.network.state_dict().values()]
     for state in training.optimizer.state_dict()["state"].values():
         tensors += [value for value in state.values() if isinstance(value, torch.Tensor)]
@@ -120,7 +120,7 @@ def _check_sound(training: Training) -> None:
 
 
 def _differences(there: dict[str, Any], now: dict[str, Any]) -> list[str]:
-    """Return the fields that differ, with both values where these are numbers or words to read."""
+    """Return the fields that differ, with both values if they are short."""
     found = []
     for name, value in now.items():
         other = there.get(name)

@@ -1,4 +1,4 @@
-"""Configurations that hold configurations, as one flat dictionary: the form of files and of ``--set NAME=VALUE``."""
+"""Convert nested configurations to one flat dictionary and back: the form of files and of ``--set NAME=VALUE``."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _NOUNS = {bool: "true or false", int: "a whole number", float: "a number", str: 
 
 
 def flatten(config: Any) -> dict[str, Any]:
-    """Return the fields of a dataclass by name, those of the dataclasses in it among them."""
+    """Return the fields of a dataclass by name, including those of nested dataclasses."""
     found: dict[str, Any] = {}
     for field in dataclasses.fields(config):
         value = getattr(config, field.name)
@@ -34,7 +34,7 @@ def hints_of(kind: type) -> dict[str, Any]:
 
 
 def unflatten(kind: type[Config], fields: dict[str, Any]) -> Config:
-    """Return a dataclass made of those flat fields that are its own; the others keep their defaults.
+    """Return a dataclass made of its flat fields; missing fields take their defaults.
 
     A whole number is taken for a float, and so is the text of a float that JSON has not, as "-inf".
 
@@ -54,7 +54,7 @@ def unflatten(kind: type[Config], fields: dict[str, Any]) -> Config:
 
 
 def refuse_unknown(fields: Any, known: Any, what: str) -> None:
-    """Raise InputError unless ``fields`` is a dictionary with known names only."""
+    """Raise InputError unless ``fields`` is a dictionary with only known names."""
     if not isinstance(fields, dict):
         raise InputError(f"the fields of {what} must be a JSON object, not {type(fields).__name__}")
     if unknown := sorted(set(map(str, fields)) - set(known)):

@@ -1,4 +1,4 @@
-"""The networks: the paper's recurrent spiking network with its variants, and baselines without spikes.
+"""Define the networks: the paper's recurrent spiking network with variants, and baselines without spikes.
 
 Every network takes a tensor of shape (steps, scans, channels) and returns an ``Output``. A variant is a value in
 ``NetworkConfig``, whose defaults are the paper's network (docs/guide/classifier.md).
@@ -20,7 +20,7 @@ from eskin.snn.rounding import rounded_weights
 
 
 class Output(NamedTuple):
-    """What a network says about a batch.
+    """A network's output for a batch.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Output(NamedTuple):
 
 
 def build(config: NetworkConfig, seed: int, backend: Backend = "auto") -> nn.Module:
-    """Return a network with weights drawn from a seed; the global generator is left as it was.
+    """Return a network with weights drawn from a seed; leave the global generator unchanged.
 
     Raises
     ------
@@ -96,7 +96,7 @@ class SpikingNetwork(nn.Module):
         return self.raw_decay, self.raw_output_decay
 
     def weights(self) -> tuple[Tensor, Tensor, Tensor]:
-        """Return w_in, w_rec and w_out as the network computes with them: rounded where ``weight_bits`` says so."""
+        """Return the w_in, w_rec and w_out used in the computation: rounded if ``weight_bits`` is set."""
         bits, scale = self.config.neurons.weight_bits, self.config.input_scale
         if not bits:
             return self.w_in, self.w_rec, self.w_out
@@ -134,14 +134,14 @@ class SpikingNetwork(nn.Module):
 
     @staticmethod
     def _mean_membrane(current: Tensor, decay: Tensor) -> Tensor:
-        """Return the mean over time of v <- decay v + current: every current counts for all steps behind it."""
+        """Return the mean over time of v <- decay v + current: each current counts for all later steps."""
         left = torch.arange(len(current) - 1, -1, -1, device=current.device)  # steps behind each step
         powers = torch.cumsum(decay[None, :] ** torch.arange(len(current), device=current.device)[:, None], 0)
         return torch.einsum("tbo,to->bo", current, powers[left]) / len(current)
 
 
 class RecurrentBaseline(nn.Module):
-    """One layer of ReLU or gated units; a linear read-out of every step, averaged over the steps."""
+    """One layer of ReLU or gated units, with a linear read-out of every step, averaged over time."""
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""What fixes a network: one configuration for all kinds, and in it one for the kind.
+"""Configure a network: common fields, and one configuration for its kind.
 
 In files and on the command line their fields are one flat list (``NetworkConfig.to_dict``).
 """
@@ -21,7 +21,7 @@ KINDS = ("spiking", *get_args(BaselineKind))
 
 @dataclass(frozen=True, kw_only=True)
 class SpikingConfig:
-    """A layer of recurrent spiking neurons, and output neurons; the defaults are the paper's.
+    """A layer of recurrent spiking neurons, and output neurons; the defaults are those of the paper.
 
     Parameters
     ----------
@@ -145,19 +145,19 @@ class NetworkConfig:
 
     @property
     def neurons(self) -> SpikingConfig:
-        """The neurons of a spiking network."""
+        """The neuron rule of a spiking network."""
         assert isinstance(self.units, SpikingConfig)
         return self.units
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as one flat dictionary, those of the other kinds with their defaults."""
+        """Return all fields as one flat dictionary, with defaults for fields of other kinds."""
         other = SpikingConfig() if isinstance(self.units, BaselineConfig) else BaselineConfig()
         found = flatten(other) | flatten(self) | {"kind": self.kind}
         return {name: found[name] for name in FIELDS}
 
     @classmethod
     def from_dict(cls, fields: Any) -> NetworkConfig:
-        """Return the network of flat fields; those that its kind does not have mean nothing.
+        """Return the network for flat fields; fields of other kinds are ignored.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Weights rounded to few bits: the grid of each matrix, for training with it and for the integer network."""
+"""Round weights to few bits: the grid of each matrix, for training and for the integer network."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _CANDIDATES = 2.0 ** -np.arange(0, 4, 0.125)
 
 
 class Grid(NamedTuple):
-    """The numbers to which a matrix is rounded: whole multiples of a step, up to a largest one.
+    """The values to which a matrix is rounded: integer multiples of a step, up to a largest one.
 
     Attributes
     ----------
@@ -33,24 +33,24 @@ class Grid(NamedTuple):
         return np.clip(np.rint(values / self.step), -self.largest, self.largest).astype(np.int64)
 
     def error(self, values: NDArray[np.floating]) -> float:
-        """Return the root mean square of what rounding changes, as part of that of the values."""
+        """Return the root mean square error of rounding, relative to that of the values."""
         size = math.sqrt(float(np.square(values).mean()))
         return math.sqrt(float(np.square(self.whole(values) * self.step - values).mean())) / size if size else 0.0
 
     def rounded(self, weights: Tensor) -> Tensor:
-        """Return rounded weights through which gradients pass as if nothing had been rounded (straight-through)."""
+        """Return rounded weights whose gradients pass unchanged (straight-through)."""
         near = (weights.detach() / self.step).round().clamp(-self.largest, self.largest) * self.step
         return weights + (near - weights.detach())
 
 
 def grid_of(values: NDArray[np.floating], bits: int) -> Grid:
-    """Return the grid of some bits with the smallest mean square error, clipping counted."""
+    """Return the grid of some bits with the smallest mean square error, including clipping."""
     largest = (1 << bits - 1) - 1
     return min((Grid(step, largest) for step in _steps(values, largest)), key=lambda grid: grid.error(values))
 
 
 def related_grids(matrices: Sequence[NDArray[np.floating]], bits: Sequence[int]) -> list[Grid]:
-    """Return a grid for each matrix, with steps that are powers of two of each other: shifts replace multiplications.
+    """Return a grid for each matrix with steps that differ by powers of two, so that shifts replace products.
 
     The sum of the squares of the relative errors is the smallest, over all steps of the first and the two nearest
     powers of two of each other one.

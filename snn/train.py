@@ -1,4 +1,4 @@
-"""Training of one network, with checkpoints from which it goes on as if it had never stopped.
+"""Train a network, with checkpoints from which a training continues with the same result.
 
 All that is random in an epoch (order, augmentation, dropout) is drawn from the seed and the number of the epoch, so
 that a checkpoint needs no generator state, and an interrupted training ends in the same bits as one in one piece.
@@ -91,7 +91,7 @@ def train(
 
 
 def _note_held_out(training: Training, split: Split, epoch: Epoch, device: str) -> Epoch:
-    """Return an epoch with the accuracy of the held-out images; the best one keeps what it says of the test images."""
+    """Return an epoch with the accuracy of held-out images; the best epoch stores its test predictions."""
     network, data, held_out = training.network, split.data, split.held_out
     assert held_out is not None
     accuracy = float((predicted_classes(network, data, held_out, device) == data.image_labels[held_out]).mean())
@@ -111,7 +111,7 @@ def _epoch(
     number: int,
     device: str,
 ) -> Epoch:
-    """Learn from every training scan once."""
+    """Train on every training scan once."""
     generator = np.random.default_rng([seed, number])
     torch.manual_seed(int(generator.integers(2**62)))  # dropout
     network = training.network.train()
@@ -162,7 +162,7 @@ def logits_of(
     scans: NDArray[np.int64] | None = None,
     device: str = "cpu",
 ) -> NDArray[np.float32]:
-    """Return what the network says about some scans, by default about all, shape (scans, classes)."""
+    """Return the logits of some scans, by default of all, shape (scans, classes)."""
     scans = np.arange(len(data)) if scans is None else scans
     network.eval()
     with torch.no_grad():
@@ -174,7 +174,7 @@ def logits_of(
 
 
 def check_fits(config: NetworkConfig, data: ScanData) -> None:
-    """Refuse a network whose inputs or classes are not those of the data."""
+    """Refuse a network whose inputs or classes differ from those of the data."""
     if config.inputs != data.channels:
         raise InputError(
             f"the network takes {config.inputs} channels, the scans have {data.channels} ({data.taxels} taxels); "

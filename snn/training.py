@@ -1,4 +1,4 @@
-"""What a training is set to, and what it has reached."""
+"""Define the settings and the progress of a training."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SILENT, SATURATED = 1e-4, 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class TrainConfig:
-    """How a network is trained. Paper: Adam 1e-3, batch 32, up to 500 epochs.
+    """The settings of a training. Paper: Adam 1e-3, batch 32, up to 500 epochs.
 
     Parameters
     ----------
@@ -65,12 +65,12 @@ class TrainConfig:
             raise InputError(f"weight_decay must be from 0 to 1 / learning_rate, not {self.weight_decay!r}")
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as one flat dictionary, as files have them."""
+        """Return all fields as one flat dictionary, as in files."""
         return flatten(self)
 
     @classmethod
     def from_dict(cls, fields: Any) -> TrainConfig:
-        """Return the training of flat fields; refuse unknown ones, and those of the wrong type."""
+        """Return the training for flat fields; refuse unknown fields and wrong types."""
         refuse_unknown(fields, hints_of(cls), "training")
         return unflatten(cls, fields)
 
@@ -81,7 +81,7 @@ class TrainConfig:
 
 @dataclass(frozen=True)
 class Epoch:
-    """What one epoch gave.
+    """The results of one epoch.
 
     Attributes
     ----------
@@ -126,7 +126,7 @@ class Epoch:
 
 @dataclass
 class Training:
-    """A network being trained, and all that a checkpoint holds.
+    """A network in training, with the complete state of a checkpoint.
 
     Attributes
     ----------

@@ -126,7 +126,7 @@ class TilesConfig(ReadoutConfig):
         return moved
 
     def in_tiles(self, events: Events) -> tuple[NDArray[np.int64], Events]:
-        """Return the tile of every event of the skin, shape (events,), and the events with addresses within the tile."""
+        """Return each event's tile, shape (events,), and the events with addresses within their tiles."""
         tile_row, y = np.divmod(events["y"], self.rows // self.tile_rows)
         tile_column, x = np.divmod(events["x"], self.columns // self.tile_columns)
         moved = events.copy()

@@ -35,7 +35,7 @@ def plot_comparison(
     texture: NDArray[Any] | None = None,
     duration_clocks: int | None = None,
 ) -> None:
-    """Draw two recordings of one readout above each other; events without an equal are ringed in black.
+    """Draw two recordings of one readout above each other, with black rings around unmatched events.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def plot_signals(
     label: str = "signal",
     duration_clocks: int | None = None,
 ) -> None:
-    """Draw signals above the events they belong to.
+    """Draw signals above their events.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ def _draw_signals(panel: Axes, signal: NDArray[Any], config: ReadoutConfig, labe
 
 
 def _draw_events(panel: Axes, events: Events, config: ReadoutConfig, end_ms: float, mark: NDArray[np.bool_]) -> None:
-    """Draw events as short upright ticks, one line of them per taxel, taxel 0 at the top."""
+    """Draw events as short vertical ticks, one row per taxel, taxel 0 at the top."""
     time_ms = events["t"] * (1e3 / config.clock_hz)
     taxel = taxel_of(events, config)
     if len(events) <= _TICK_LIMIT:
@@ -207,7 +207,7 @@ def _draw_events(panel: Axes, events: Events, config: ReadoutConfig, end_ms: flo
 def _draw_ticks(
     panel: Axes, time_ms: NDArray[np.floating[Any]], taxel: NDArray[np.int64], on: NDArray[np.bool_]
 ) -> None:
-    """Draw every event by itself."""
+    """Draw each event separately."""
     for which, colour in ((on, ON_COLOUR), (~on, OFF_COLOUR)):
         at, line = time_ms[which], taxel[which]
         panel.vlines(at, line - 0.4, line + 0.4, colors=colour, lw=0.9, rasterized=True)
@@ -221,7 +221,7 @@ def _draw_density(
     config: ReadoutConfig,
     end_ms: float,
 ) -> None:
-    """Draw events as an image: hue from the share of ON, opacity from the number of events in a cell."""
+    """Draw events as an image: hue is the share of ON, opacity the number of events in a cell."""
     from matplotlib.colors import to_rgb
 
     column = np.minimum((time_ms * (_BINS / end_ms)).astype(np.int64), _BINS - 1)

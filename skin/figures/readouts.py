@@ -1,4 +1,4 @@
-"""How readouts look in all figures: encoders as the registry has them, and frames."""
+"""Title, colour and marker of every readout in all figures."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ FRAME = "frame"
 
 
 class Look(NamedTuple):
-    """Title of a readout, and colour and marker of its line."""
+    """Title of a readout, with the colour and marker of its line."""
 
     title: str
     colour: str

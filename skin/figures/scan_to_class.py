@@ -1,4 +1,4 @@
-"""Fig. 8: one scan on its way from the texture through the network to the evidence for each class."""
+"""Fig. 8: one scan from the texture through the network to the evidence for each class."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _NOTE = 0.15  # this part of a panel's width has room for words
 
 @dataclass(frozen=True, eq=False)
 class Played:
-    """One scan and what the network makes of it.
+    """One scan, and the network's spikes and evidence.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ class Played:
         return 1e3 * (self.start_s + self.step_s * np.arange(1, len(self.spikes) + 1))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what the network says, for a file: hidden spikes as pairs (step, neuron)."""
+        """Return the network's output for a file: hidden spikes as pairs (step, neuron)."""
         return {
             "image": self.name,
             "of_the_test_fold": self.tested,
@@ -119,7 +119,7 @@ def plot_scan(played: Played, path: Path) -> None:
 
 
 def draw_scan(played: Played) -> Figure:
-    """Return texture, taxel signals with their events, events of all taxels, hidden spikes and evidence."""
+    """Return a figure of texture, taxel signals with events, all events, hidden spikes and evidence."""
     true, predicted = played.true, played.predicted
     verdict = "right" if true == predicted else "wrong"
     noun = "recording" if played.pixels is None else "image"
@@ -144,7 +144,7 @@ def draw_scan(played: Played) -> Figure:
 
 
 def _draw_texture(panel: Axes, played: Played) -> None:
-    """Draw the image, the array where it starts, and the way of the scan."""
+    """Draw the image, the array at its start, and the path of the scan."""
     from matplotlib.patches import Rectangle
 
     config, scan = played.recording.config, played.scan
@@ -179,7 +179,7 @@ def _draw_texture(panel: Axes, played: Played) -> None:
 
 
 def _draw_array(panel: Axes, played: Played) -> None:
-    """Draw how far each taxel of an own recording moved."""
+    """Draw the signal range of each taxel of a user's recording."""
     config = played.recording.config
     moved = np.ptp(played.signals, axis=0).reshape(config.rows, config.columns)
     dress(panel, "movement of each taxel")
@@ -227,7 +227,7 @@ def _shown(played: Played) -> NDArray[np.int64]:
 
 
 def _zoom(played: Played) -> tuple[float, float]:
-    """Return the time window of the closer look: 20 ms of a scan; of an own recording where its taxel moves most."""
+    """Return the time window of the detail: 20 ms of a scan, or for a user's recording where its taxel changes most."""
     duration_s, rate_hz = played.recording.duration_s, played.recording.config.sample_rate_hz
     start_s, length_s = duration_s / 4, 0.02
     if played.scan is None:
@@ -239,7 +239,7 @@ def _zoom(played: Played) -> tuple[float, float]:
 
 
 def _draw_taxel(panel: Axes, played: Played, taxel: int, offset: float, size: float, ticks: slice) -> None:
-    """Draw the signal of a taxel, moved by an offset, with its events on the line."""
+    """Draw the signal of a taxel, shifted by an offset, with its events on the line."""
     config, events = played.recording.config, played.recording.events
     signal = played.signals[:, taxel] + offset
     number = np.arange(len(signal))[ticks]
@@ -286,7 +286,7 @@ def _draw_hidden(panel: Axes, played: Played) -> None:
 
 
 def _draw_evidence(panel: Axes, played: Played) -> None:
-    """Draw the evidence for each class; the winner is thick, and it and the true class are named beside the panel."""
+    """Draw the evidence for each class, the winner as a thick line, and name the winner and the true class."""
     winner = int(played.evidence[-1].argmax())
     for label, name in enumerate(played.class_names):
         won = label == winner
@@ -305,7 +305,7 @@ def _draw_evidence(panel: Axes, played: Played) -> None:
 
 
 def _draw_final(panel: Axes, played: Played) -> None:
-    """Draw the SoftMax of the evidence at the end; the true class is named."""
+    """Draw the SoftMax of the final evidence, and name the true class."""
     shares = np.exp(played.evidence[-1] - played.evidence[-1].max())
     shares = 100 * shares / shares.sum()
     true = played.label
@@ -325,7 +325,7 @@ def _draw_final(panel: Axes, played: Played) -> None:
 
 
 def _above(panel: Axes, played: Played, name: str, text: str, before_legend: bool = False) -> None:
-    """Write above a panel, at its right end, what it shows, and its numbers, if there are any."""
+    """Write the title of a panel, and its numbers if any, above its right end."""
     text = "; ".join([text, *([played.numbers[name]] if name in played.numbers else [])])
     title = panel.set_title(text, fontsize=8, color=GREY, pad=4, loc="right")
     if before_legend:

@@ -1,4 +1,4 @@
-"""The picture of the study of slow signals."""
+"""Draw the study of slow signals."""
 
 from __future__ import annotations
 

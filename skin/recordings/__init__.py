@@ -1,1 +1,1 @@
-"""A user's own recordings: files of samples in, codes and a configuration that suits them out."""
+"""Read a user's recordings, and convert them to codes with a suitable configuration."""

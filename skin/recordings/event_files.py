@@ -1,4 +1,4 @@
-"""Event files of a user's recordings, kept by all that makes them."""
+"""Cache the event files of a user's recordings, named by a digest of everything that determines them."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def kept_events(
     pool: WorkerPool | None = None,
     flat: bool = False,
 ) -> tuple[Path, tuple[str, ...]]:
-    """Return the folder of event files of a folder of class folders, made unless it is there, and warnings.
+    """Return the folder of event files for class folders, made if missing, and warnings.
 
     With ``flat`` recordings may lie beside the class folders, and a file may stand alone: they have no class.
 

@@ -1,4 +1,4 @@
-"""A configuration that suits recordings: array, clock, and time constants in seconds."""
+"""Choose a configuration for recordings: array, clock, and time constants in seconds."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SLOW_HZ = 1000.0
 
 
 def with_seconds(config: ReadoutConfig, given: Collection[str]) -> ReadoutConfig:
-    """Return a configuration whose time constants, unless given, mean the same time at any sample rate."""
+    """Return a configuration whose time constants, unless given, have the same duration at any sample rate."""
     if config.encoder.leaks and not {"leak_shift", "leak_period"} & set(given):
         leak = ReadoutConfig.from_tau(TAU_S, 1 / config.sample_rate_hz)
         return config.replace(leak_shift=leak.leak_shift, leak_period=leak.leak_period)
@@ -38,7 +38,7 @@ def with_seconds(config: ReadoutConfig, given: Collection[str]) -> ReadoutConfig
 
 
 def array_of(taxels: int) -> tuple[int, int] | None:
-    """Return rows and columns of the array nearest to a square; None where no array of 64 x 64 has so many."""
+    """Return rows and columns of the most square array with a number of taxels; None above 64 x 64."""
     for rows in range(math.isqrt(taxels), 0, -1):
         if taxels % rows == 0 and taxels // rows <= 64:
             return rows, taxels // rows
@@ -46,7 +46,7 @@ def array_of(taxels: int) -> tuple[int, int] | None:
 
 
 def with_clock(config: ReadoutConfig, recordings: Sequence[NDArray[np.int32]]) -> ReadoutConfig:
-    """Return a configuration with so many clocks per sample that every decision becomes an event within its tick.
+    """Return a configuration with enough clocks per sample for every decision to leave within its tick.
 
     The number is a power of two from 64 on. It is estimated from the largest number of events of one tick, and then
     doubled until the readout neither delays nor merges one in the recording that has it, as far as 2**20.
@@ -68,7 +68,7 @@ def with_clock(config: ReadoutConfig, recordings: Sequence[NDArray[np.int32]]) -
 
 
 def steepest_step(config: ReadoutConfig, recordings: Sequence[NDArray[np.int32]]) -> tuple[int, float]:
-    """Return the largest step between two samples in codes, the first from the reference, and the bound's limit."""
+    """Return the largest step between two samples in codes (the first step from the reference), and its limit."""
     largest = 0
     for codes in recordings:
         steps = np.abs(np.diff(codes, axis=0, prepend=np.full((1, codes.shape[1]), config.reference_reset)))

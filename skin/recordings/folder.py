@@ -1,4 +1,4 @@
-"""A folder of recordings, a sub-folder for each class: read, suited with one configuration, encoded."""
+"""Read a folder of recordings with a sub-folder for each class, choose one configuration, and encode them."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Source:
 
 @dataclass(frozen=True, eq=False)
 class RecordingSet:
-    """Recordings as codes, with the one configuration of all.
+    """Recordings as codes, with one common configuration.
 
     Attributes
     ----------
@@ -80,11 +80,11 @@ class RecordingSet:
     warnings: tuple[str, ...]
 
     def recording(self, number: int) -> tuple[Recording, Quality]:
-        """Return the events of a recording, from the cycle-exact model, and how well they render it."""
+        """Return the events of a recording from the cycle-exact model, and their quality."""
         return self._named(number, *encoded(self.config, self.codes[number]))
 
     def each_recording(self, pool: WorkerPool | None = None) -> Iterator[tuple[Source, Recording, Quality]]:
-        """Give every recording with its events and their quality, in order; a pool works them out."""
+        """Yield every recording's events and quality, in order; a pool computes them."""
         found = each(pool or Local(1), encoded, ((self.config, codes) for codes in self.codes))
         for number, (events, quality) in enumerate(found):
             yield self.sources[number], *self._named(number, events, quality)
@@ -97,19 +97,19 @@ class RecordingSet:
         return Recording(events, self.config, clocks, metadata=metadata), quality
 
     def said_of(self, source: Source) -> dict[str, Any]:
-        """Return what an event file shall say of its recording: by the same preparation others can be compared."""
+        """Return the metadata of an event file, from which other recordings can be prepared equally."""
         said = {"scale": self.scale, "prepared": self.options.chosen()}
         return said | ({} if source.class_name is None else {"class": source.class_name})
 
 
 def encoded(config: ReadoutConfig, codes: NDArray[np.int32]) -> tuple[Events, Quality]:
-    """Return the events of codes, from the cycle-exact model, and how well they render them."""
+    """Return the events of codes from the cycle-exact model, and their quality."""
     events = simulate(config, Stimulus.from_samples(config, codes))
     return events, measure_quality(config, codes, events)
 
 
 def sources_of(folder: Path, flat: bool = False, strict: bool = False) -> tuple[tuple[Source, ...], tuple[str, ...]]:
-    """Return the recordings of a folder of class folders, in the order of their names, or one file as the only one.
+    """Return the recordings of class folders, ordered by name, or a single file.
 
     With ``flat`` files may lie beside the class folders, and have no class. The second value is a warning for what has
     the name of a recording and cannot be read; with ``strict`` it is refused.
@@ -156,7 +156,7 @@ def read_set(
     progress: Callable[[], object] | None = None,
     flat: bool = False,
 ) -> RecordingSet:
-    """Return the recordings of a folder, or of one file, with the configuration that suits them.
+    """Return the recordings of a folder, or of one file, with a suitable configuration.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def read_set(
 
 
 def _with_array(config: ReadoutConfig, taxels: int, given: Collection[str], path: Path) -> ReadoutConfig:
-    """Return the configuration with an array of so many taxels, the user's if it fits."""
+    """Return the configuration with an array for a number of taxels; the user's array if it fits."""
     if {"rows", "columns"} & set(given) or config.taxels == taxels:
         if config.taxels != taxels:
             raise InputError(
@@ -215,7 +215,7 @@ def _with_array(config: ReadoutConfig, taxels: int, given: Collection[str], path
 
 
 def _unseen(config: ReadoutConfig, recordings: list[NDArray[np.int32]]) -> list[str]:
-    """Return a sentence on what an encoder without OFF events cannot see."""
+    """Return a sentence on signals that an encoder without OFF events cannot represent."""
     if config.has_polarity:
         return []
     seen = sum(int((codes > 0).sum()) for codes in recordings)
@@ -234,7 +234,7 @@ def write_folder(
     pool: WorkerPool | None = None,
     progress: Callable[[], object] | None = None,
 ) -> tuple[Quality, tuple[str, ...]]:
-    """Write an event file for every recording, ``OUT/class/name.npz``, and say how well they render the recordings.
+    """Write an event file for every recording, ``OUT/class/name.npz``, and report their quality.
 
     Parameters
     ----------
@@ -268,7 +268,7 @@ def write_folder(
 
 
 def quality_warnings(config: ReadoutConfig, recordings: list[NDArray[np.int32]], quality: Quality) -> tuple[str, ...]:
-    """Return what a readout loses of some recordings, each with the option that mends it."""
+    """Return a warning for each loss of a readout, with the option that fixes it."""
     warnings = []
     more = f"raise --clocks-per-sample above {config.clocks_per_sample}, or leave it out"
     if not quality.events:

@@ -1,4 +1,4 @@
-"""How a user's recordings are read and brought to full scale: one object, which commands make options of."""
+"""Define how a user's recordings are read and scaled; commands turn these fields into options."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ GUIDE = "docs/guide/recordings.md"
 
 @dataclass(frozen=True, kw_only=True)
 class Preparation:
-    """What lies between the files of a sensor and the codes of the readout.
+    """All steps from the files of a sensor to the codes of the readout.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class Preparation:
         object.__setattr__(self, "names", tuple(self.names))
 
     def chosen(self) -> dict[str, Any]:
-        """Return the fields that do not have their default, but for the scale."""
+        """Return the fields with non-default values, except the scale."""
         return {
             field.name: getattr(self, field.name)
             for field in dataclasses.fields(self)
@@ -76,7 +76,7 @@ class Preparation:
         }
 
     def percentile(self) -> float | None:
-        """Return the percentile of the magnitudes that becomes full scale, 100 for ``max``; None for a factor."""
+        """Return the percentile of the magnitudes that is scaled to full scale, 100 for ``max``; None for a factor."""
         if self.scale == "max":
             return 100.0
         text = self.scale.removeprefix("p")

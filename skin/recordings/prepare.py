@@ -1,4 +1,4 @@
-"""From tables of a sensor to codes: one rate, no baseline, one scale for all recordings of a set."""
+"""Convert tables of a sensor to codes: one rate, no baseline, one scale for all recordings of a set."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def prepare(tables: Sequence[Table], options: Preparation, sample_bits: int, rat
 
 
 def _common_rate(tables: Sequence[Table]) -> float:
-    """Return the sampling rate of recordings that say it, in four digits; refuse where none does or they disagree."""
+    """Return the common sampling rate of recordings, with four digits; refuse a missing or different rate."""
     rates = []
     for table in tables:
         if table.time_s is not None:
@@ -110,7 +110,7 @@ def _common_rate(tables: Sequence[Table]) -> float:
 
 
 def on_grid(table: Table, rate_hz: float) -> tuple[Values, bool]:
-    """Return the signals of a recording at an even rate, and whether they had to be resampled for it."""
+    """Return the signals of a recording at an even rate, and whether they were resampled."""
     from scipy.interpolate import make_interp_spline
 
     time_s = table.time_s
@@ -142,7 +142,7 @@ def without_baseline(signal: Values, rate_hz: float, options: Preparation) -> Va
 
 
 def scale_of(signals: Sequence[Values], options: Preparation, sample_bits: int) -> float:
-    """Return the one factor that brings all recordings to full scale."""
+    """Return one factor that scales all recordings to full scale."""
     percentile = options.percentile()
     if percentile is None:
         return float(options.scale)
@@ -156,7 +156,7 @@ def scale_of(signals: Sequence[Values], options: Preparation, sample_bits: int) 
 
 
 def _columns_that_are_no_signal(tables: Sequence[Table]) -> list[str]:
-    """Return a sentence on columns that never change, and on those that rise in every recording."""
+    """Return a warning on columns that never change, or that rise in every recording."""
     still = [all(np.ptp(table.values[:, k]) == 0 for table in tables) for k in range(tables[0].values.shape[1])]
     rising = [
         all(len(table.values) > 2 and (np.diff(table.values[:, k]) > 0).all() for table in tables)
@@ -175,7 +175,7 @@ def _columns_that_are_no_signal(tables: Sequence[Table]) -> list[str]:
 
 
 def _baseline_left(found: Sequence[tuple[NDArray[np.int32], int]], options: Preparation, sample_bits: int) -> list[str]:
-    """Return a sentence where signals move little on a large baseline, so that most of full scale is unused."""
+    """Return a warning if signals move little on a large baseline, which wastes full scale."""
     moved = max(int(np.ptp(codes, axis=0).max()) for codes, _ in found)
     largest = max(int(np.abs(codes).max()) for codes, _ in found)
     if options.baseline == "none" and largest > 4 * moved and largest > 2 ** (sample_bits - 4):

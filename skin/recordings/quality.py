@@ -1,4 +1,4 @@
-"""What a readout made of a recording: load of the bus, late and merged decisions, reconstruction."""
+"""Measure the quality of a readout's events: link load, late and merged decisions, reconstruction."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ CLOCKS_PER_EVENT = {"stream": 1, "four_phase": 7}
 
 @dataclass(frozen=True)
 class Quality:
-    """How well a readout renders some samples; sums over recordings are made by :func:`pooled`.
+    """The quality of a readout for some samples; :func:`pooled` combines several recordings.
 
     Attributes
     ----------
@@ -63,14 +63,14 @@ class Quality:
 
     @property
     def snr_db(self) -> float:
-        """Return the reconstruction SNR in dB; infinite where nothing is lost."""
+        """Return the SNR of the reconstruction in dB; infinite without error."""
         if not self.noise or not self.signal:
             return math.inf if not self.noise else -math.inf
         return 10 * math.log10(self.signal / self.noise)
 
 
 def measure_quality(config: ReadoutConfig, codes: NDArray[np.int32], events: Events) -> Quality:
-    """Return how well the events of a readout render the codes that it was given.
+    """Return the quality of a readout's events for its codes.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def measure_quality(config: ReadoutConfig, codes: NDArray[np.int32], events: Eve
 
 
 def link_warning(config: ReadoutConfig, codes: NDArray[np.int32]) -> str:
-    """Return what the link loses of some codes, shape (ticks, taxels), and the option that helps.
+    """Return the losses of the link for some codes, shape (ticks, taxels), and the option that helps.
 
     Empty where at most ``MUCH_LATE`` of the decisions merge.
     """
@@ -121,7 +121,7 @@ def link_warning(config: ReadoutConfig, codes: NDArray[np.int32]) -> str:
 
 
 def clocks_needed(config: ReadoutConfig, codes: NDArray[np.int32]) -> int:
-    """Return an estimate of the clocks per sample in which the events of any tick can leave.
+    """Return an estimate of the clocks per sample in which the events of every tick can leave.
 
     From the largest number of events of one tick, without contention.
     """
@@ -135,7 +135,7 @@ def power_of_two(clocks: int) -> int:
 
 
 def pooled(parts: list[Quality]) -> Quality:
-    """Return the quality of several recordings together; means are weighted by samples or time, peaks are the worst."""
+    """Return the quality of several recordings together: means weighted by samples or time, and the worst peaks."""
     samples, seconds = sum(p.samples for p in parts), math.fsum(p.seconds for p in parts)
     return Quality(
         samples=samples,

@@ -1,4 +1,4 @@
-"""Which encoder at which resolution gives what SNR at what data rate, beside uniform sampling at the same rate."""
+"""Compare SNR and data rate of all encoders and resolutions with uniform sampling at the same rate."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Codes = NDArray[np.int32]
 
 
 def slow_signals(seed: int = 0) -> list[Codes]:
-    """Return generated pressures of a slow skin, codes of shape (ticks, taxels) each: presses, strokes and taps.
+    """Return generated pressures of a slow skin as codes, shape (ticks, taxels): presses, strokes and taps.
 
     Each taxel has a gain of its own, and white noise of 1/2000 of full scale rms.
     """
@@ -111,7 +111,7 @@ def study_data(
 
 
 def _point(recordings: Sequence[Codes], config: ReadoutConfig) -> dict[str, Any]:
-    """Return what one configuration makes of the recordings, with a clock that their slopes need."""
+    """Return the results of one configuration for the recordings, with a clock that suits their slopes."""
     config, parts = with_clock(config, recordings), []
     for codes in recordings:
         events = simulate(config, Stimulus.from_samples(config, codes))
@@ -134,7 +134,7 @@ def _point(recordings: Sequence[Codes], config: ReadoutConfig) -> dict[str, Any]
 
 
 def uniform(recordings: Sequence[Codes], bps: float, rate_hz: float, sample_bits: int) -> dict[str, Any] | None:
-    """Return the best uniform sampling of at most so many bit/s: all taxels at one rate, held until the next sample.
+    """Return the best uniform sampling up to a data rate: all taxels at one rate, held until the next sample.
 
     Of every number of bits the rate that the bits leave is tried, up to that of the recordings; the best SNR counts.
     None where not even one bit a second is left for a taxel.

@@ -1,4 +1,4 @@
-"""Reads one recording of a sensor: a table of numbers with a line per sample, time stamps among its columns or not."""
+"""Read one recording of a sensor: a table with a line per sample, with or without time stamps."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _UNIT_NAMES = {"sec": "s", "secs": "s", "seconds": "s", "millis": "ms", "µs": "
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """One recording as it stands in its file.
+    """One recording as in its file.
 
     Attributes
     ----------
@@ -140,7 +140,7 @@ def _read_csv(path: Path, options: Preparation) -> tuple[Values, tuple[str, ...]
 
 
 def _delimiter(lines: list[str]) -> str | None:
-    """Return what parts the cells: tab, semicolon or comma where there is one, else white space (None)."""
+    """Return the delimiter of the cells: tab, semicolon or comma if present, else white space (None)."""
     return next((mark for mark in ("\t", ";", ",") if all(mark in line for line in lines[-2:])), None)
 
 
@@ -156,7 +156,7 @@ def _is_number(cell: str) -> bool:
 
 
 def _chosen_columns(path: Path, names: tuple[str, ...], text: str) -> list[int]:
-    """Return the columns that a list such as ``2-17,20`` or ``s1,s2`` names; all where it is empty."""
+    """Return the columns of a list such as ``2-17,20`` or ``s1,s2``; all columns for an empty list."""
     if not text:
         return list(range(len(names)))
     chosen: list[int] = []
@@ -172,12 +172,12 @@ def _chosen_columns(path: Path, names: tuple[str, ...], text: str) -> list[int]:
 
 
 def _are_names(names: tuple[str, ...]) -> bool:
-    """Return whether the columns have names of their own, not only numbers in their order."""
+    """Return whether the columns have real names, not only consecutive numbers."""
     return names != tuple(str(number) for number in range(1, len(names) + 1))
 
 
 def _column(path: Path, names: tuple[str, ...], text: str) -> int:
-    """Return the number from 0 of a column, which is given by its name, or by its number from 1."""
+    """Return the index of a column for its name, or for its number counted from 1."""
     if text in names:
         return names.index(text)
     if text.isdigit() and 1 <= int(text) <= len(names):
@@ -188,7 +188,7 @@ def _column(path: Path, names: tuple[str, ...], text: str) -> int:
 def _time_column(
     path: Path, values: Values, names: tuple[str, ...], options: Preparation
 ) -> tuple[int | None, tuple[str, ...]]:
-    """Return the column that is no taxel but time, or a counter of samples, and a note that says so."""
+    """Return the column with time or a sample counter, and a note about it."""
     if options.time_column == "none":
         return None, ()
     if options.time_column:
@@ -205,7 +205,7 @@ def _time_column(
 
 
 def _seconds(path: Path, stamps: Values, name: str, options: Preparation) -> tuple[Values, str]:
-    """Return time stamps in seconds from the first, and a note of their unit and rate."""
+    """Return time stamps in seconds from the first, and a note on their unit and rate."""
     steps = np.diff(stamps)
     if len(stamps) < 2:
         raise InputError(f"{path} has one sample only; a recording needs two at least")

@@ -1,4 +1,4 @@
-"""How the recordings of a training were read, scaled and encoded, so that others can be taken in the same way."""
+"""Store how the recordings of a training were read, scaled and encoded, to treat others equally."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ EVERY_FIELD = frozenset(field.name for field in dataclasses.fields(ReadoutConfig
 
 @dataclass(frozen=True)
 class OwnReadout:
-    """The readout of some own recordings.
+    """The readout of a user's recordings.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class OwnReadout:
 
     @classmethod
     def of(cls, recording: Recording) -> OwnReadout | None:
-        """Return that of an event file of own recordings; None of others."""
+        """Return the readout of an event file of a user's recordings, or None for other files."""
         prepared, scale = recording.metadata.get("prepared"), recording.metadata.get("scale")
         if not isinstance(prepared, dict) or not isinstance(scale, float):
             return None
@@ -45,7 +45,7 @@ class OwnReadout:
         return dataclasses.asdict(self.options)
 
     def read(self, place: Path) -> RecordingSet:
-        """Return other recordings, taken as these were."""
+        """Read other recordings in the same way."""
         return read_set(place, self.options, self.config, EVERY_FIELD)
 
     def to_dict(self) -> dict[str, Any]:
@@ -55,7 +55,7 @@ class OwnReadout:
 
     @classmethod
     def from_dict(cls, fields: dict[str, Any]) -> OwnReadout:
-        """Return what ``to_dict`` gave, also from a JSON file.
+        """Return the object for a dictionary of ``to_dict``, also from a JSON file.
 
         Raises
         ------

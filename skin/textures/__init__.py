@@ -1,1 +1,1 @@
-"""What goes in: images, the presets that scan them, and the event rates that come out."""
+"""Texture images, the presets that scan them, and their event rates."""

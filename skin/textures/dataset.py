@@ -46,7 +46,7 @@ PATCH_WIDTH_PX, PATCH_HEIGHT_PX = 256, 64
 
 @dataclass(frozen=True)
 class Texture:
-    """One texture image and its class; the pixels are read on demand.
+    """One texture image with its class; its pixels are read on demand.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class Dataset(Sequence[Texture]):
         return np.array([texture.label for texture in self.textures], np.int64)
 
     def limit(self, count: int) -> Dataset:
-        """Return a dataset of at most ``count`` textures, spread evenly over this one."""
+        """Return a dataset of at most ``count`` textures, evenly spread."""
         if count < 1:
             raise InputError(f"the number of images must be at least 1, not {count}")
         if count >= len(self):
@@ -118,7 +118,7 @@ class Dataset(Sequence[Texture]):
 
 
 def open_dataset(where: str | Path | None = None) -> Dataset:
-    """Return the dataset at a place, or the first that is found.
+    """Return the dataset at a path, or the first one found.
 
     Parameters
     ----------
@@ -212,7 +212,7 @@ def _verify(root: Path, found: dict[str, list[str]]) -> None:
 
 
 def _read_sums(path: Path) -> dict[str, str]:
-    """Return the sums of a SHA256SUMS file by ``class/name.png``."""
+    """Return the checksums of a SHA256SUMS file by ``class/name.png``."""
     listed = {}
     for number, line in enumerate(_read(path).decode("utf-8", "replace").splitlines(), 1):
         if not line.strip():

@@ -1,4 +1,4 @@
-"""The scan of the original model, with which the published event rates were made (docs/guide/textures.md)."""
+"""The scan of the original model, which produced the published event rates (docs/guide/textures.md)."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ class PaperScan(Scan):
         return _paper_response(self, kept, every) @ lines.reshape(kept, config.taxels)
 
     def _kept_pixels(self, config: ReadoutConfig, shape: tuple[int, int]) -> int:
-        """Return how many pixels of a line are kept."""
+        """Return the number of pixels used of a line."""
         long, wide = max(shape), min(shape)
         if long - config.rows < self.pixel_step or wide < config.columns:
             raise InputError(
@@ -144,7 +144,7 @@ class PaperScan(Scan):
 
 @functools.lru_cache(maxsize=2)
 def _paper_response(scan: PaperScan, kept: int, every: int) -> Signals:
-    """Return the sampled sensor response to each kept pixel alone, shape (ticks, kept).
+    """Return the sampled sensor response to each used pixel alone, shape (ticks, pixels).
 
     Tick n is sample (n + 1) * every - 1 of the played line: the loop time ends with it, as in the original.
     Takes up to 92 MB, for a whole Kylberg line with every = 1.

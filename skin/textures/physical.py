@@ -1,4 +1,4 @@
-"""The scan that the paper describes (docs/guide/textures.md)."""
+"""The scan as described in the paper (docs/guide/textures.md)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from eskin.skin.textures.scan import Scan, Signals, gray
 
 @dataclass(frozen=True, kw_only=True)
 class PhysicalScan(Scan):
-    """What the paper describes: an array of 200 um pitch slides left to right over the image at 65 mm/s.
+    """The scan of the paper's text: an array of 200 um pitch slides left to right over the image at 65 mm/s.
 
     Taxel (r, c) starts r pitches below ``start_row`` and c pitches right of the left edge; the scan ends when
     the last column reaches the right edge. Pixel centres are points, in between the image is bilinear. The
@@ -47,7 +47,7 @@ class PhysicalScan(Scan):
         return self.taxel_pitch_m / self.pixel_pitch_m
 
     def configure(self, config: ReadoutConfig, tau_s: float | None = None) -> ReadoutConfig:
-        """Return the configuration, with the leak of ``tau_s`` where there is one; see ``Scan.configure``."""
+        """Return the configuration, with the leak of ``tau_s`` for a leaking encoder; see ``Scan.configure``."""
         if not config.encoder.leaks or tau_s is None:
             return config
         return config.replace(**self._leak(config, tau_s, config.sample_rate_hz))
@@ -97,11 +97,11 @@ class PhysicalScan(Scan):
         return np.ascontiguousarray(response[::finer])
 
     def _step_px(self, config: ReadoutConfig) -> float:
-        """Return the way in pixels between two sample ticks."""
+        """Return the distance in pixels between two sample ticks."""
         return self.speed_m_per_s / self.pixel_pitch_m / config.sample_rate_hz
 
     def _finer(self, config: ReadoutConfig) -> int:
-        """Return how often the sensor is solved per sample tick."""
+        """Return how many times per sample tick the sensor is computed."""
         return max(1, math.ceil(self.lowest_time_base_hz / config.sample_rate_hz - 1e-9))
 
     def _lowest_start_row(self, config: ReadoutConfig, shape: tuple[int, int]) -> float:
@@ -131,7 +131,7 @@ def _interpolate(values: NDArray[np.float64], positions: NDArray[np.floating[Any
 
 
 def large_enough(image: NDArray[np.uint8], config: ReadoutConfig) -> NDArray[np.uint8]:
-    """Return an embedded texture, repeated where the array is larger than it: half its width is left for the scan."""
+    """Return an embedded texture, repeated if the array is larger, so that half its width remains for the scan."""
     pitch = PhysicalScan().taxel_pitch_px
     height = math.ceil(config.rows * pitch) + 1
     width = math.ceil(config.columns * pitch) + image.shape[1] // 2

@@ -1,4 +1,4 @@
-"""From a texture image to the samples of the taxel array, in two presets (docs/specification.md, section 6).
+"""Convert a texture image to taxel samples, with one of two presets (docs/specification.md, section 6).
 
 ``PaperScan`` has the constants of the original model, with which the published event rates were made, and
 ``PhysicalScan`` is what the paper describes. All their constants are fields. A scan never repeats what
@@ -23,7 +23,7 @@ PRESETS: dict[Preset, Scan] = {"paper": PaperScan(), "physical": PhysicalScan()}
 
 
 def preset(name: str) -> Scan:
-    """Return the scan of a preset by its name."""
+    """Return the scan of a preset by name."""
     for known in get_args(Preset):
         if name == known:
             return PRESETS[known]

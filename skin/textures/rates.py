@@ -1,4 +1,4 @@
-"""The mean event rate of the whole taxel array over a dataset."""
+"""Measure the mean event rate of the whole array over a dataset."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def measure_rates(
     pool: WorkerPool | None = None,
     progress: Callable[[], object] | None = None,
 ) -> Rates:
-    """Return the event rates of a readout over a dataset, with every request taken at once.
+    """Return the event rates of a readout over a dataset, with every request taken immediately.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def measure_rates(
 
 
 class Image(NamedTuple):
-    """A texture as it is sent to whoever scans it.
+    """A texture in the form that is sent to a worker.
 
     Attributes
     ----------
@@ -139,7 +139,7 @@ def _rates_of(
 
 @dataclass(frozen=True, eq=False)
 class Scanned:
-    """One scan of one image, encoded with every request taken at once.
+    """One scan of one image, encoded with every request taken immediately.
 
     Attributes
     ----------
@@ -192,7 +192,7 @@ Watch = Callable[[str, int], AbstractContextManager[Callable[[], object]]]
 
 @contextmanager
 def unwatched(text: str, total: int) -> Iterator[Callable[[], object]]:
-    """Show nothing."""
+    """Ignore progress."""
     yield lambda: None
 
 
@@ -203,7 +203,7 @@ def each_image(
     pool: WorkerPool | None = None,
     progress: Callable[[], object] | None = None,
 ) -> Iterator[Any]:
-    """Give what a function makes of every image, in their order.
+    """Yield the results of a function for every image, in their order.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ def each_image(
 
 
 def published_rate_hz(dataset: Dataset, scan: Scan, config: ReadoutConfig) -> float | None:
-    """Return the published rate that a measurement should give, or None if it is of something else."""
+    """Return the published rate for a measurement, or None if there is none."""
     whole = dataset.name == "kylberg" and len(dataset) == 240
     array = (config.rows, config.columns) == (8, 8)
     tau = not config.encoder.leaks or abs(config.tau_s / PAPER_TAU_S - 1) < 0.01

@@ -1,4 +1,4 @@
-"""What the two presets of the texture scan share: the sensor, the quantiser and the checks of an image."""
+"""Common parts of both scan presets: sensor, quantiser, and checks of an image."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Signals = NDArray[np.float64]
 
 
 def quantise(signals: ArrayLike, sample_bits: int) -> tuple[NDArray[np.int32], int]:
-    """Return the codes of signals and how many of them were clipped (docs/specification.md, section 6).
+    """Return the codes of signals, and the number of clipped ones (docs/specification.md, section 6).
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def quantise(signals: ArrayLike, sample_bits: int) -> tuple[NDArray[np.int32], i
 
 @dataclass(frozen=True, kw_only=True)
 class Scan(ABC):
-    """What both presets share: the sensor and the scale of a pixel.
+    """Common base of both presets: the sensor and the scale of a pixel.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ class Scan(ABC):
 
     @abstractmethod
     def duration_s(self, config: ReadoutConfig, shape: tuple[int, int]) -> float:
-        """Return the length in seconds of the scan of an image of this shape (height, width)."""
+        """Return the length in seconds of the scan of an image with a shape (height, width)."""
 
     @abstractmethod
     def skipped_ticks(self, config: ReadoutConfig) -> int:
@@ -131,7 +131,7 @@ class Scan(ABC):
     # -- common ----------------------------------------------------------------------------------
 
     def samples(self, config: ReadoutConfig, image: ArrayLike, start_row: float = 0.0) -> tuple[NDArray[np.int32], int]:
-        """Return the codes of all taxels, int32 of shape (ticks, taxels), and how many were clipped."""
+        """Return the codes of all taxels, int32 of shape (ticks, taxels), and the number of clipped ones."""
         return quantise(self.signals(config, image, start_row), config.sample_bits)
 
     def sensor(self, line: Signals, rate_hz: float) -> Signals:

@@ -1,4 +1,4 @@
-"""Compare what spiking readouts and a frame readout send on the same scans (docs/reference/frame.md)."""
+"""Compare the data rates of spiking readouts and of a frame readout on the same scans (docs/reference/frame.md)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def compare_traffic(
     pool: WorkerPool | None = None,
     progress: Callable[[], object] | None = None,
 ) -> dict[str, Any]:
-    """Return what every spiking readout, and the frame readout, send while an array slides over textures.
+    """Return the data rates of every spiking readout and of the frame readout for sliding textures.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def compare_traffic(
 
 
 def spiking_traffic(config: ReadoutConfig, rates: Rates, frame: FrameConfig) -> dict[str, Any]:
-    """Return what a spiking readout sends.
+    """Return the data rate of a spiking readout.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def spiking_traffic(config: ReadoutConfig, rates: Rates, frame: FrameConfig) -> 
 
 
 def frame_traffic(frame: FrameConfig) -> dict[str, Any]:
-    """Return what the frame readout sends: N bits per taxel and frame, whatever the signal does.
+    """Return the data rate of the frame readout: N bits per taxel and frame for any signal.
 
     Returns
     -------

@@ -1,1 +1,1 @@
-"""Recordings as the tensors that the networks take: scans, time bins, augmentation."""
+"""Convert recordings to tensors for the networks: scans, time bins, augmentation."""

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class AugmentConfig:
-    """What is changed at random in every training scan, each time anew.
+    """Random changes of every training scan, drawn anew in each epoch.
 
     Start rows are not drawn here: they are scans of their own (``record_dataset``).
 
@@ -47,7 +47,7 @@ class AugmentConfig:
 def augment(
     batch: Tensor, taxels: int, config: AugmentConfig, generator: np.random.Generator, frames: bool = False
 ) -> Tensor:
-    """Return a changed copy of a batch, shape (steps, scans, channels); the same numbers for the same generator."""
+    """Return a changed copy of a batch, shape (steps, scans, channels); equal generators give equal results."""
     import torch
 
     steps, scans, channels = batch.shape

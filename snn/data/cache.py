@@ -1,4 +1,4 @@
-"""Recorded scans, kept between runs beside what made them (docs/guide/classifier.md).
+"""Cache recorded scans between runs (docs/guide/classifier.md).
 
 An entry is named by a sum over all that makes it: image bytes, scan, readout, start rows, time steps, and the sources
 and libraries that compute it. So an entry is never stale; it is only no longer asked for, and the entries that were
@@ -40,7 +40,7 @@ _ABANDONED_S = 3600.0
 
 
 def kept(key: str, make: Callable[[], ScanData]) -> ScanData:
-    """Return the scans of a key: those that are kept, or those that ``make`` gives, which are then kept.
+    """Return the scans of a key from the cache, or from ``make``, whose result is then cached.
 
     Without a folder that can be trusted, or on a full disk, nothing is kept.
     """
@@ -66,7 +66,7 @@ def key_of(
     steps: Any,
     start_rows: Sequence[float],
 ) -> str:
-    """Return the name of an entry.
+    """Return the name of a cache entry.
 
     Parameters
     ----------
@@ -89,13 +89,13 @@ def key_of(
 
 
 def size() -> tuple[int, int]:
-    """Return the number of entries that are kept, and their bytes."""
+    """Return the number of cache entries, and their bytes."""
     sizes = [path.stat().st_size for path in _entries(cache.folder() / "scans")]
     return len(sizes), sum(sizes)
 
 
 def clear() -> int:
-    """Remove all entries; return how many there were."""
+    """Remove all entries; return their number."""
     entries = _entries(cache.folder() / "scans")
     for path in entries:
         path.unlink(missing_ok=True)
@@ -107,7 +107,7 @@ def _entries(folder: Path) -> list[Path]:
 
 
 def _read(path: Path) -> ScanData | None:
-    """Return an entry, or None where there is none or it is damaged."""
+    """Return an entry, or None if it is missing or damaged."""
     if not cache.is_private(path):
         return None
     try:
@@ -131,7 +131,7 @@ def _write(path: Path, data: ScanData) -> None:
 
 
 def _shrink(folder: Path, newest: Path) -> None:
-    """Remove the entries that were used longest ago until the rest is small enough, and what dead writers left."""
+    """Remove the least recently used entries until the cache is small enough, and files of killed writers."""
     for path in folder.glob(".*.part"):
         if time.time() - path.stat().st_mtime > _ABANDONED_S:
             path.unlink(missing_ok=True)
@@ -146,13 +146,13 @@ def _shrink(folder: Path, newest: Path) -> None:
 
 @functools.lru_cache(maxsize=4096)
 def _sum(path: Path, modified: int) -> str:
-    """Return the SHA-256 sum of a file; ``modified`` tells its versions apart within a run."""
+    """Return the SHA-256 sum of a file; ``modified`` separates its versions within a run."""
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 @functools.cache
 def _computed_by() -> list[str]:
-    """Return what computes the scans: a sum over sources, and the libraries."""
+    """Return a checksum of the sources, and the libraries, that compute the scans."""
     import numba
     import scipy
 

@@ -1,4 +1,4 @@
-"""How small a stream of events or frames becomes when it is coded without loss, by the standard library's coders.
+"""Measure the size of events or frames after lossless coding with the standard library.
 
 The streams of several scans are laid one after the other, as an array that goes on scanning would send them. The
 smallest of zlib, bz2 and LZMA counts, so a number here is what anyone can have, not a bound: a coder that knows the
@@ -24,7 +24,7 @@ Parts = dict[str, int]
 
 
 def coded_bits(words: NDArray[np.unsignedinteger]) -> int:
-    """Return the bits of a stream of words after coding; bytes of equal weight stand together."""
+    """Return the bits of a stream of words after coding, with bytes of equal weight grouped."""
     planes = words.astype(f"<u{words.dtype.itemsize}").view(np.uint8).reshape(len(words), words.dtype.itemsize).T
     stream = planes.tobytes()
     filters = [{"id": lzma.FILTER_LZMA2, "preset": 9}]
@@ -37,7 +37,7 @@ def coded_bits(words: NDArray[np.unsignedinteger]) -> int:
 
 
 def coded_events(recordings: Sequence[Recording], start_s: float | None = None) -> Parts:
-    """Return the bits of the events of some recordings that count in their preset, or from a time on.
+    """Return the coded bits of the counted events of some recordings.
 
     ``addresses``: polarity and address of every event in the order sent; like the words on an AER link they have no
     time stamps. ``events``: these, and the sample ticks since the event before.
@@ -54,7 +54,7 @@ def coded_events(recordings: Sequence[Recording], start_s: float | None = None) 
 
 
 def coded_frames(frames: Sequence[NDArray[np.int32]], bits: int) -> Parts:
-    """Return the bits of the frames of some scans, taxel by taxel and frame by frame.
+    """Return the coded bits of the frames of some scans, taxel by taxel and frame by frame.
 
     ``samples``: the words as they are sent. ``differences``: to the frame before, modulo 2**bits, small ones of either
     sign as small words.

@@ -1,4 +1,4 @@
-"""What the event counts of several readouts say of the same scans: how often nothing, and how far the same."""
+"""Compare the event counts of several readouts on the same scans: empty bins and agreement."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from eskin.snn.data.scans import ScanData
 
 @dataclass(frozen=True)
 class Likeness:
-    """Two readouts, taxel by taxel and bin by bin of all scans.
+    """The agreement of two readouts, taxel by taxel and bin by bin of all scans.
 
     Attributes
     ----------
@@ -26,12 +26,12 @@ class Likeness:
 
 
 def empty_bins(data: ScanData) -> float:
-    """Return the part of all bins of all channels without an event."""
+    """Return the share of bins without an event, over all channels."""
     return float((data.values == 0).mean())
 
 
 def likeness(first: ScanData, second: ScanData) -> Likeness:
-    """Return how far the counts of two readouts of one encoder agree on the same scans; ON and OFF count together.
+    """Return the agreement of the counts of two readouts on the same scans, with ON and OFF added.
 
     The bins that only one of the two has, at the end, are left out. Encoders whose events count from other times on
     have other bins and cannot be compared.

@@ -1,4 +1,4 @@
-"""What may go wrong between texture and network: one registry of disturbances, for tests and for training.
+"""Disturb scans, signals, comparators and events; one registry serves tests and training.
 
 Each changes the scene (how the array moves over the texture), the signals at the outputs of the analog front ends, the
 comparators, or the events, always before the readout's counts are made. Random ones draw from a generator.
@@ -39,7 +39,7 @@ HOT_HZ = 1000.0
 
 @dataclass(frozen=True, kw_only=True)
 class Disturbance:
-    """A disturbance and the strengths at which it is tested.
+    """A disturbance, and the strengths of its test.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class Disturbance:
 
 @dataclass
 class Draft:
-    """A recording while it is made; each level finds what those before it have left.
+    """A recording in progress; each level changes the result of the previous levels.
 
     Attributes
     ----------
@@ -127,7 +127,7 @@ def _rotation(draft: Draft, strength: float, _: Generator) -> None:
 
 
 def _scene_signals(draft: Draft) -> Signals:
-    """Return the signals of the scene: the image and the array are turned until the movement runs left to right."""
+    """Return the signals of the scene, with image and array rotated until the movement runs left to right."""
     config, turns = draft.config, draft.quarter_turns
     image = np.rot90(draft.image, -turns)  # a movement upwards becomes one to the right
     rows, columns = (config.columns, config.rows) if turns % 2 else (config.rows, config.columns)
@@ -150,7 +150,7 @@ def _slow_noise(draft: Draft, strength: float, generator: Generator) -> None:
 
 
 def noisy(signals: Signals, noise_v: float, generator: Generator, pole: float | None = None) -> Signals:
-    """Return signals with noise of some rms in full scales: white, or behind one pole, stationary from the start.
+    """Return signals with noise of a given rms in full scales: white, or filtered by one pole, in steady state.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def _comparator_offset(draft: Draft, strength: float, generator: Generator) -> N
 
 
 def compare(config: ReadoutConfig, signals: Signals, noise_v: float, offset_v: float, generator: Generator) -> Events:
-    """Return the events of LCS taxels whose comparators are not ideal; without noise and offset those of the encoder.
+    """Return the events of LCS taxels with non-ideal comparators; without noise and offset, those of the encoder.
 
     Every sample and comparator (above, below) has noise of its own, and every comparator an offset. A taxel sends at
     most one event a clock; the arbiter is left out, which delays events by microseconds.
@@ -219,7 +219,7 @@ def compare(config: ReadoutConfig, signals: Signals, noise_v: float, offset_v: f
 
 @njit(cache=True)
 def _cross(codes: Any, above: Any, below: Any, step: float, cap: int) -> Any:
-    """Return the steps of every taxel in every sample, up positive: references follow by whole steps, at most cap."""
+    """Return the steps of every taxel at every sample, up positive: references follow by whole steps, at most cap."""
     counts = np.zeros(codes.shape, np.int64)
     for j in range(codes.shape[1]):
         u = 0.0
@@ -311,7 +311,7 @@ DISTURBANCES: dict[str, Disturbance] = {
 
 
 def check_strength(name: str, strength: float) -> None:
-    """Refuse a disturbance that is not known, or a strength that is no number from 0 on."""
+    """Refuse an unknown disturbance, or a strength that is negative or not a number."""
     if name not in DISTURBANCES:
         raise InputError(f"disturbances are {', '.join(DISTURBANCES)}, not {name!r}")
     if not (math.isfinite(strength) and strength >= 0):
@@ -332,7 +332,7 @@ TRAINING: dict[str, tuple[float, float, float]] = {
 
 
 def draw_strengths(generator: Generator) -> dict[str, float]:
-    """Return the strengths of a training scan."""
+    """Draw the strengths of a training scan."""
     found = {}
     for name, (probability, low, high) in TRAINING.items():
         drawn, strength = generator.random() < probability, float(generator.uniform(low, high))
@@ -351,7 +351,7 @@ def disturbed_dataset(
     count: int,
     progress: Tick | None = None,
 ) -> ScanData:
-    """Return the event counts of all textures: the clean scan first, then ``count`` at random heights, disturbed."""
+    """Return the event counts of all textures: the clean scan, then ``count`` disturbed ones at random heights."""
     recordings = []
     for number, texture in enumerate(dataset):
         recordings.append(record(texture, dataset.name, scan, config))
@@ -376,7 +376,7 @@ def record_disturbed(
     *,
     height: float = 0.0,
 ) -> Recording:
-    """Return what the readout sends while a texture is scanned under some disturbances.
+    """Return the events of a scan of a texture under some disturbances.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Stratified folds, the same for every network."""
+"""Divide images into stratified folds, equal for every network."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ INNER_FOLDS = 5
 
 
 def stratified_folds(labels: NDArray[np.int64], folds: int, seed: int = 0) -> list[NDArray[np.int64]]:
-    """Return the test images of each fold: every image once, every class spread evenly.
+    """Return the test images of each fold: every image once, with evenly spread classes.
 
     A class whose images do not divide by the folds gives its spare ones to the folds that have fewest.
 
@@ -38,7 +38,7 @@ def stratified_folds(labels: NDArray[np.int64], folds: int, seed: int = 0) -> li
 
 
 def check_folds(data: ScanData, folds: int, fold_seed: int) -> None:
-    """Refuse folds for which a class has too few images, also for the inner validation of every fold."""
+    """Refuse folds if a class has too few images, also for the inner validation of every fold."""
     labels = data.image_labels
     for fold, test in enumerate(stratified_folds(labels, folds, fold_seed)):
         left = np.bincount(labels) - np.bincount(labels[test], minlength=int(labels.max()) + 1)

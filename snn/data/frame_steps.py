@@ -1,5 +1,6 @@
-"""Frames as an encoder beside the event encoders: rate and bits say what is sent, the kind what the receiver makes of
-it (docs/guide/classifier.md)."""
+"""Define frames as an encoder beside the event encoders: rate, bits, and the receiver's preprocessing
+(docs/guide/classifier.md).
+"""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ DEFAULT_LEVEL_BITS = 4
 
 @dataclass(frozen=True, kw_only=True)
 class FrameSteps:
-    """Frames of all taxels, as one shared converter gives them, and what the receiver makes of them.
+    """Frames of all taxels from one shared converter, and the receiver's preprocessing.
 
     All kinds are the same frames on the wire: rate_hz * taxels * bits bits per second.
 
@@ -61,7 +62,7 @@ class FrameSteps:
 
     @classmethod
     def parse(cls, text: str, bin_s: float) -> FrameSteps:
-        """Return the frames of a text such as ``frame-diff:250:8``, with as many in a step as fill a time bin.
+        """Return the frames of a text such as ``frame-diff:250:8``, with the number of frames that fill a time bin.
 
         Frames that are slower than the bins are a step each.
         """
@@ -83,7 +84,7 @@ class FrameSteps:
 
     @property
     def name(self) -> str:
-        """The text that ``parse`` takes."""
+        """The text accepted by ``parse``."""
         levels = f":{self.level_bits}" if self.kind == "frame-onoff" and self.level_bits != DEFAULT_LEVEL_BITS else ""
         return f"{self.kind}:{self.rate_hz:g}:{self.bits}{levels}"
 
@@ -94,7 +95,7 @@ class FrameSteps:
 
 
 def _digits(text: str) -> int:
-    """Return a whole number written in digits alone."""
+    """Return an integer written in digits alone."""
     if not (text.isascii() and text.isdigit()):
         raise ValueError
     return int(text)

@@ -1,4 +1,4 @@
-"""Frames of texture scans as ``ScanData``: samples, their differences, or crossings of levels."""
+"""Return frames of texture scans as ``ScanData``: samples, differences, or level crossings."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def frame_dataset(
     start_rows: Sequence[float] = (0.0,),
     progress: Callable[[], object] | None = None,
 ) -> ScanData:
-    """Return the frames of the same scans; ``config`` gives the array only."""
+    """Return the frames of the scans; of ``config`` only the array is used."""
     scans, images = [], []
     for number, texture in enumerate(dataset):
         for start_row in start_rows:
@@ -53,13 +53,13 @@ def frame_dataset(
 def codes_of(
     frames: FrameSteps, texture: Texture, scan: Scan, config: ReadoutConfig, start_row: float = 0.0
 ) -> NDArray[np.int32]:
-    """Return the frames of one scan as they are sent, shape (frames, taxels); ``config`` gives the array only."""
+    """Return the sent frames of one scan, shape (frames, taxels); of ``config`` only the array is used."""
     codes, _ = scan.samples(sampled_config(frames, config), texture.load(), start_row)
     return codes
 
 
 def sampled_config(frames: FrameSteps, config: ReadoutConfig) -> ReadoutConfig:
-    """Return the configuration with which a scan gives the samples of frames; ``config`` gives the array only."""
+    """Return the configuration that samples a scan at the frames; of ``config`` only the array is used."""
     return ReadoutConfig(
         rows=config.rows,
         columns=config.columns,
@@ -70,7 +70,7 @@ def sampled_config(frames: FrameSteps, config: ReadoutConfig) -> ReadoutConfig:
 
 
 def values_of(frames: FrameSteps, codes: NDArray[np.int32]) -> NDArray[Any]:
-    """Return what the network takes of the frames of one scan.
+    """Return the network's input for the frames of one scan.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def values_of(frames: FrameSteps, codes: NDArray[np.int32]) -> NDArray[Any]:
 
 
 def level_crossings(codes: NDArray[np.int32], lsb: int) -> NDArray[np.int32]:
-    """Return how many levels each taxel rose and fell by in every frame, shape (frames, 2 * taxels), as LCS counts.
+    """Return the levels crossed up and down by each taxel in every frame, shape (frames, 2 * taxels), as in LCS.
 
     A reference starts at the first code; it follows by one level for every count, so what is less than a level stays.
     """

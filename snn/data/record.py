@@ -1,4 +1,4 @@
-"""Texture scans as ``ScanData``: events of the clock-by-clock model, or of variants of an encoder."""
+"""Record texture scans as ``ScanData``, with the clock-by-clock model or with variants of an encoder."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Variant = Literal["", "on"]
 
 
 def said_of(texture: Texture, dataset_name: str, scan: Scan) -> dict[str, Any]:
-    """Return what the metadata of a recording say of the texture and its scan."""
+    """Return the metadata of a recording: the texture and its scan."""
     return {
         "name": texture.name,
         "class": texture.class_name,
@@ -39,7 +39,7 @@ def record(
     start_row: float = 0.0,
     variant: Variant = "",
 ) -> Recording:
-    """Return what the clock-by-clock model of the readout sends while a texture is scanned.
+    """Return the recording of a texture by the clock-by-clock model of the readout.
 
     The recording has the events and the metadata of an RTL replay but ``source``, which is "model".
     """

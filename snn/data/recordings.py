@@ -1,4 +1,4 @@
-"""Event files of a user or a replay: which recordings they are, and of which class."""
+"""Find event files of a user or a replay, with their names and classes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from eskin.skin.recordings.trained_on import OwnReadout
 
 
 class EventFile(NamedTuple):
-    """An event file, and the folder under which it was found.
+    """An event file, and the folder in which it was found.
 
     Attributes
     ----------
@@ -27,18 +27,18 @@ class EventFile(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The path under the root, without its ending: sand/03."""
+        """The path below the root, without suffix: sand/03."""
         return self.path.relative_to(self.root).with_suffix("").as_posix()
 
     @property
     def class_folder(self) -> str | None:
-        """The folder under the root that holds it, if any."""
+        """The folder below the root that contains the file, if any."""
         parts = self.path.relative_to(self.root).parts
         return parts[0] if len(parts) > 1 else None
 
 
 def event_files(paths: Iterable[Path]) -> list[EventFile]:
-    """Return event files and those of folders, at any depth, in the order of their names; each once.
+    """Return event files, and those in folders at any depth, each once and ordered by name.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def event_files(paths: Iterable[Path]) -> list[EventFile]:
 
 
 def class_of(recording: Recording) -> str | None:
-    """Return the class that the metadata of a recording name; older event files call it their label."""
+    """Return the class in the metadata of a recording; older event files have the key label."""
     for key in ("class", "label"):
         if isinstance(found := recording.metadata.get(key), str) and found:
             return found
@@ -74,7 +74,7 @@ def class_of(recording: Recording) -> str | None:
 
 
 def own_readout(folder: Path) -> OwnReadout | None:
-    """Return how the own recordings of a folder of event files were taken; None where they are no own ones."""
+    """Return the readout of a user's recordings in a folder of event files, or None for other files."""
     return OwnReadout.of(Recording.load(event_files([folder])[0].path))
 
 
@@ -83,7 +83,7 @@ def read_recordings(
     classes: Sequence[str] | None = None,
     progress: Callable[[], object] | None = None,
 ) -> list[Recording]:
-    """Return the recordings of files, each with its name and, where it is known, its class among the metadata.
+    """Return the recordings of files, each with its name and, if known, its class in the metadata.
 
     A recording is known by the name in its metadata where that has a folder in it, as class/file of ``eskin
     encode``, or where it is a scan of an image; else by its path under the root. The class is that of the metadata,
@@ -116,13 +116,13 @@ def read_recordings(
 
 
 def image_of(recording: Recording) -> tuple[str, str, str]:
-    """Return dataset, class and name: what recordings share that are scans of one image."""
+    """Return dataset, class and name; recordings with equal values are scans of one image."""
     metadata = recording.metadata
     return str(metadata.get("dataset")), str(metadata.get("class")), str(metadata.get("name"))
 
 
 def _scan_of(recording: Recording) -> tuple[object, ...]:
-    """Return what only one scan of an image has."""
+    """Return the values that identify one scan of an image."""
     return *image_of(recording), recording.metadata["start_row"] if _is_scan(recording) else None
 
 
@@ -132,5 +132,5 @@ def _name(recording: Recording, file: EventFile) -> str:
 
 
 def _is_scan(recording: Recording) -> bool:
-    """Return whether it says at which row of an image it starts, so that others of its name may start at another."""
+    """Return whether the metadata give the start row, so that equal names may be scans of one image."""
     return isinstance(recording.metadata.get("start_row"), (int, float))

@@ -1,4 +1,4 @@
-"""A set of scans as tensors, from event files or recordings."""
+"""Store a set of scans as tensors, from event files or recordings."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class ScanData:
 
     @property
     def frames(self) -> bool:
-        """Whether the values are those of frames and not counts."""
+        """Whether the values are frames instead of counts."""
         return self.values.dtype.kind == "f"
 
     @property
@@ -78,7 +78,7 @@ class ScanData:
         return labels
 
     def scans_of(self, images: Sequence[int] | NDArray[np.int64], first_row_only: bool = False) -> NDArray[np.int64]:
-        """Return the scans of some images, by default those of all start rows, in rising order."""
+        """Return the scans of some images, by default for all start rows, in rising order."""
         chosen = np.flatnonzero(np.isin(self.images, images))
         if not first_row_only:
             return chosen
@@ -99,7 +99,7 @@ class ScanData:
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """Which images of some scans are learned, and which are only looked at.
+    """The training images and the held-out images of a set of scans.
 
     Attributes
     ----------
@@ -121,7 +121,7 @@ class Split:
 def load_recordings(
     paths: Path | Iterable[Path], bins: BinConfig, class_names: Sequence[str] | None = None
 ) -> ScanData:
-    """Return the event counts of event files, as a replay leaves them.
+    """Return the event counts of event files, such as those of a replay.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def load_recordings(
 
 
 def collect(recordings: Sequence[Recording], bins: BinConfig, class_names: Sequence[str] | None = None) -> ScanData:
-    """Return the event counts of recordings whose metadata give name, class and start row.
+    """Return the event counts of recordings with name, class and start row in their metadata.
 
     Recordings of equal dataset, class and name are scans of one image. Shorter ones are filled up with steps without
     events.
@@ -197,7 +197,7 @@ def collect(recordings: Sequence[Recording], bins: BinConfig, class_names: Seque
 
 
 def _names_of(images: list[tuple[str, str, str]]) -> tuple[str, ...]:
-    """Return the names of images, with class and dataset before them where a name alone would stand for two."""
+    """Return the names of images, with class and dataset in front if names alone are ambiguous."""
     for parts in (slice(2, 3), slice(1, 3), slice(0, 3)):
         names = ["/".join(image[parts]) for image in images]
         if len(set(names)) == len(names):
@@ -206,6 +206,6 @@ def _names_of(images: list[tuple[str, str, str]]) -> tuple[str, ...]:
 
 
 def counted_rate_hz(recording: Recording, start_s: float | None = None) -> float:
-    """Return the population event rate as published rates are: counted events over the whole observation."""
+    """Return the event rate of the array in the published sense: counted events over the whole recording."""
     counted = int(np.count_nonzero(recording.events["t"] >= counted_from(recording, start_s)))
     return counted / recording.duration_s

@@ -1,1 +1,1 @@
-"""Trained networks and events for other libraries: NumPy archives, NIR, torch transforms."""
+"""Exchange trained networks and events with other libraries: NumPy archives, NIR, torch transforms."""

@@ -1,4 +1,4 @@
-"""A trained network as whole numbers, for the classifier in hardware (docs/reference/classifier.md)."""
+"""Convert a trained network to integers for the hardware classifier (docs/reference/classifier.md)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LARGEST_SHIFT = 16
 
 @dataclass(frozen=True, kw_only=True)
 class Precision:
-    """In how many bits a network is written, and for which hardware.
+    """The bits of an integer network, and the clock of its hardware.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class Precision:
 
 @dataclass
 class _Units:
-    """Grids of some matrices, the unit of the potential to which they are added, and what follows from it."""
+    """The grids of some matrices, and the unit of the potential to which they are added."""
 
     unit: float
     shifts: list[int]
@@ -70,7 +70,7 @@ class _Units:
 
 
 def quantise(weights: Weights, precision: Precision) -> IntegerWeights:
-    """Return a trained network in whole numbers, with what rounding changes in its notes.
+    """Return a trained network as integers, with the effects of rounding in its notes.
 
     The input scale is folded into the input weights. Every matrix takes the step with the smallest error, clipping
     counted; those of input and recurrence are powers of two of each other.
@@ -130,7 +130,7 @@ def quantise(weights: Weights, precision: Precision) -> IntegerWeights:
 
 
 def _with_widths(made: IntegerNetwork, precision: Precision) -> IntegerNetwork:
-    """Return a network with the widths that were asked for, and room for the evidence of a thousand bins."""
+    """Return a network with the requested widths, and enough bits for the evidence of a thousand bins."""
     changes: dict[str, Any] = {
         name: getattr(precision, name)
         for name in ("membrane_bits", "output_bits")
@@ -142,7 +142,7 @@ def _with_widths(made: IntegerNetwork, precision: Precision) -> IntegerNetwork:
 
 
 def _check(network: SpikingNetwork, arrays: dict[str, NDArray[np.float64]]) -> None:
-    """Refuse what the hardware does not have."""
+    """Refuse networks that the hardware does not support."""
     for name, values in arrays.items():
         if not np.isfinite(values).all():
             raise InputError(f"{name} has values that are no finite numbers; train again")
@@ -152,7 +152,7 @@ def _check(network: SpikingNetwork, arrays: dict[str, NDArray[np.float64]]) -> N
 
 
 def _leak(decays: NDArray[np.float64], name: str) -> tuple[int, dict[str, float]]:
-    """Return the shift that comes nearest to a decay, 0 for none, and both decays.
+    """Return the shift closest to a decay (0 for none), and both decays.
 
     Raises
     ------
@@ -195,7 +195,7 @@ def _floor(floor: float, unit: float) -> int | None:
 
 
 def summary(made: IntegerWeights) -> list[str]:
-    """Return what the quantiser has done, as sentences."""
+    """Return the quantiser's changes as sentences."""
     config, notes = made.network.config, made.notes
     lines = [
         f"{config.inputs} inputs, {config.hidden} hidden neurons, {config.classes} classes: "

@@ -1,4 +1,4 @@
-"""Recordings as NIRData, the event data of NIR, and as structured arrays of event tools (docs/guide/exchange.md)."""
+"""Convert recordings to NIRData, the event data of NIR, and to arrays of event tools (docs/guide/exchange.md)."""
 
 from __future__ import annotations
 
@@ -62,13 +62,13 @@ def to_nir_data(recording: Recording) -> nir.NIRGraphData:
 
 
 def to_nir_grid(recording: Recording, bins: BinConfig) -> nir.NIRGraphData:
-    """Return the event counts per time bin (float32), as the network takes them; errors as for ``bin_recording``."""
+    """Return the event counts per time bin (float32) for the network; errors as in ``bin_recording``."""
     counts = bin_recording(recording, bins).dense().astype(np.float32)
     return nir.NIRGraphData({INPUT: nir.NIRNodeData({OBSERVABLE: nir.TimeGriddedData(counts[None], bins.bin_s)})})
 
 
 def from_nir_data(data: nir.NIRGraphData, config: ReadoutConfig, metadata: dict[str, Any] | None = None) -> Recording:
-    """Return the recording whose events stand at node ``input``; the inverse of ``to_nir_data``.
+    """Return the recording with the events of node ``input``; the inverse of ``to_nir_data``.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def from_nir_data(data: nir.NIRGraphData, config: ReadoutConfig, metadata: dict[
 
 
 def to_events_array(recording: Recording, time_unit: TimeUnit = "us") -> Events:
-    """Return events with the fields t, x, y, p that event tools such as tonic take.
+    """Return events with the fields t, x, y, p, for event tools such as tonic.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def load_recording(path: Path) -> Recording:
 
 
 def save_nir_data(path: Path, recording: Recording, bins: BinConfig | None = None) -> None:
-    """Write a recording as a NIRData file (HDF5), whole or not at all: its events, or with ``bins`` their counts.
+    """Write a recording as a NIRData file (HDF5), atomically: its events, or with ``bins`` their counts.
 
     The configuration and the metadata stand beside the data, where ``nir.read_data`` does not look.
     """
@@ -184,7 +184,7 @@ def save_nir_data(path: Path, recording: Recording, bins: BinConfig | None = Non
 
 
 def load_nir_data(path: Path) -> Recording:
-    """Return the recording of a file that ``save_nir_data`` wrote without bins.
+    """Return the recording of a file written by ``save_nir_data`` without bins.
 
     Raises
     ------

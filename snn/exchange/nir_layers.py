@@ -1,4 +1,4 @@
-"""What stands in a NIR graph, read as the layers of our network: neurons in discrete time with a threshold of 1.
+"""Read a NIR graph as layers of our network: neurons in discrete time with a threshold of 1.
 
 The discretisation is that of ``snn.exchange.nir_network``.
 """
@@ -33,7 +33,7 @@ class Chain:
 
 
 def follow(graph: nir.NIRGraph) -> Chain:
-    """Return the nodes of a graph in the order of the signal, or raise InputError where its form is another."""
+    """Return the nodes of a graph in signal order, or raise InputError for another form."""
     if len(graph.inputs) != 1:
         raise InputError(f"the graph has {len(graph.inputs)} nodes of type Input; it needs one")
     after: dict[str, list[str]] = {name: [] for name in graph.nodes}
@@ -94,7 +94,7 @@ def affine(graph: nir.NIRGraph, name: str) -> tuple[NDArray[np.float64], NDArray
 
 
 def broadcast(name: str, values: Any, size: int) -> NDArray[np.float64]:
-    """Return a parameter of a node with one value for each of its channels; some programs write a single number."""
+    """Return a parameter of a node with one value per channel; some programs write a single number."""
     try:
         return np.broadcast_to(np.asarray(values, np.float64), size)
     except ValueError:
@@ -128,7 +128,7 @@ class Layer:
 
     @classmethod
     def of(cls, name: str, node: nir.NIRNode, dt: float, size: int) -> Layer:
-        """Return the neurons of a node, or raise InputError where the network has none like them."""
+        """Return the neurons of a node, or raise InputError if the network has none of this type."""
         raw = None
         if "raw_decay" in node.metadata:
             raw = broadcast(name, node.metadata["raw_decay"], size)
@@ -162,5 +162,5 @@ class Layer:
         )
 
     def logits(self) -> NDArray[np.float64]:
-        """Return what the logistic function makes the decays of."""
+        """Return the inverse of the logistic function for decays."""
         return np.log(self.decay / (1.0 - self.decay)) if self.raw is None else self.raw

@@ -1,4 +1,4 @@
-"""Trained networks as graphs of the Neuromorphic Intermediate Representation, NIR (docs/guide/exchange.md).
+"""Convert trained networks to graphs of the Neuromorphic Intermediate Representation, NIR (docs/guide/exchange.md).
 
 NIR states neurons by differential equations (Pedersen et al., Nature Communications 15, 8122, 2024). Here and in
 snnTorch they are solved by the forward Euler method, the input current I being held during a step dt::
@@ -110,7 +110,7 @@ def to_nir(weights: Weights) -> nir.NIRGraph:
 
 
 def save_nir(path: Path, weights: Weights) -> None:
-    """Write a network as a NIR file (HDF5), whole or not at all; equal networks give equal bytes.
+    """Write a network as a NIR file (HDF5), atomically; equal networks give equal bytes.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def save_nir(path: Path, weights: Weights) -> None:
 
 
 def _neurons(decay: NDArray[Any], step_s: float, fires: bool, metadata: dict[str, Any]) -> nir.NIRNode:
-    """Return the node of neurons with a threshold of 1, or of membranes that do not fire."""
+    """Return the node of neurons with a threshold of 1, or of membranes without spikes."""
     one, zero = np.ones(len(decay)), np.zeros(len(decay))
     if (decay == 1).all():
         if not fires:
@@ -139,14 +139,14 @@ def _neurons(decay: NDArray[Any], step_s: float, fires: bool, metadata: dict[str
 
 
 def _gain(decay: NDArray[Any]) -> NDArray[np.float64]:
-    """Return what the currents of neurons are multiplied by, since the leak takes (1 - decay) of them."""
+    """Return the factor of the currents of neurons, because a leak multiplies them by (1 - decay)."""
     if (decay == 1).all():
         return np.ones(len(decay))
     return 1.0 / np.maximum(1.0 - decay.astype(np.float64), SMALLEST_LOSS)
 
 
 def _raw(arrays: dict[str, NDArray[Any]], name: str) -> dict[str, NDArray[Any]]:
-    """Return the learned decays before the logistic function, where there are any."""
+    """Return the learned decays before the logistic function, if any."""
     return {"raw_decay": arrays[name]} if name in arrays else {}
 
 
@@ -154,7 +154,7 @@ def _raw(arrays: dict[str, NDArray[Any]], name: str) -> dict[str, NDArray[Any]]:
 
 
 def load_nir(path: Path, step_s: float | None = None, class_names: Sequence[str] | None = None) -> Weights:
-    """Return the network of a NIR file: of ``save_nir``, or of another program if its graph has the same form.
+    """Return the network of a NIR file from ``save_nir``, or from another program with the same form.
 
     Parameters
     ----------
@@ -214,7 +214,7 @@ def from_nir(graph: nir.NIRGraph, step_s: float | None = None, class_names: Sequ
 
 
 def _time_step(graph: nir.NIRGraph, step_s: float | None) -> float:
-    """Return the time step of a graph in seconds, which the caller may give where it does not say one."""
+    """Return the time step of a graph in seconds, or the caller's if the graph has none."""
     stated = graph.metadata.get("dt")
     if step_s is None and stated is None:
         raise InputError("the graph does not say its time step; give it in seconds (--step)")
@@ -228,7 +228,7 @@ def _time_step(graph: nir.NIRGraph, step_s: float | None) -> float:
 
 @dataclass(frozen=True)
 class _Parts:
-    """What a graph holds: the layers, their weights and biases, and the scale of the inputs."""
+    """The layers of a graph, their weights and biases, and the input scale."""
 
     hidden: Layer
     readout: Layer
@@ -242,7 +242,7 @@ class _Parts:
 
     @classmethod
     def of(cls, graph: nir.NIRGraph, dt: float) -> _Parts:
-        """Return the parts of a graph, or raise InputError where the network has none like them."""
+        """Return the parts of a graph, or raise InputError for parts that the network does not support."""
         chain = follow(graph)
         w_in, b_hidden = affine(graph, chain.hidden_in)
         w_out, b_out = affine(graph, chain.readout_in)
@@ -269,7 +269,7 @@ class _Parts:
         return cls(hidden, readout, w_in, b_hidden, w_rec, b_rec, w_out, b_out, input_scale)
 
     def state(self, learned: bool) -> dict[str, NDArray[np.float64]]:
-        """Return the arrays of the network by name, the gains of the neurons multiplied in."""
+        """Return the arrays of the network by name, with the gains of the neurons included."""
         hidden, readout = self.hidden, self.readout
         state = {
             "w_in": self.w_in * hidden.gain[:, None],
@@ -284,7 +284,7 @@ class _Parts:
 
 
 def _folded(node: nir.NIRNode) -> float:
-    """Return the scale of the inputs that the weights of the first node hold, 1 unless its metadata say more."""
+    """Return the input scale that the weights of the first node include, 1 unless metadata give another."""
     value = node.metadata.get(FOLDED, 1.0)
     if isinstance(value, np.generic):
         value = value.item()
@@ -294,7 +294,7 @@ def _folded(node: nir.NIRNode) -> float:
 
 
 def _config_of(parts: _Parts, header: dict[str, Any] | None) -> tuple[NetworkConfig, Sequence[str]]:
-    """Return the configuration and the class names: those of the metadata, which the nodes must bear out."""
+    """Return configuration and class names from the metadata, after comparing them with the nodes."""
     hidden, readout = parts.hidden, parts.readout
     found = {
         "inputs": parts.w_in.shape[1],
@@ -323,7 +323,7 @@ def _config_of(parts: _Parts, header: dict[str, Any] | None) -> tuple[NetworkCon
 
 
 def _decay_fields(hidden: Layer, readout: Layer) -> dict[str, Any]:
-    """Return the fields of NetworkConfig for decays; where those of a layer differ, they must be learned ones."""
+    """Return the fields of NetworkConfig for decays; different decays within a layer become learned ones."""
     differ = [layer for layer in (hidden, readout) if (layer.decay != layer.decay[0]).any()]
     if differ:
         for layer in (hidden, readout):
@@ -339,7 +339,7 @@ def _decay_fields(hidden: Layer, readout: Layer) -> dict[str, Any]:
 
 
 def _header(graph: nir.NIRGraph) -> dict[str, Any] | None:
-    """Return the metadata of a graph that ``to_nir`` made, None for other graphs."""
+    """Return the metadata of a graph from ``to_nir``, or None for other graphs."""
     if graph.metadata.get("format") != FORMAT_NAME:
         return None
     if (version := graph.metadata.get("format_version")) != FORMAT_VERSION:

@@ -1,4 +1,4 @@
-"""What other libraries lack of a network, and the network that they run instead (docs/guide/exchange.md)."""
+"""Find the features of a network that other libraries lack, and the network that they run instead."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from eskin.snn.network_config import NetworkConfig
 
 @dataclasses.dataclass(frozen=True)
 class Lack:
-    """Something of a network that NIR, snnTorch and Norse do not have.
+    """A feature of a network that NIR, snnTorch and Norse lack.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class Lack:
 
 
 def lacks(network: nn.Module) -> list[Lack]:
-    """Return what libraries lack of a spiking network, in the order in which it is taken away."""
+    """Return the features of a spiking network that libraries lack, in the order of their removal."""
     config, found = config_of(network), []
     neurons = config.neurons
     rule = neurons.rule
@@ -55,7 +55,7 @@ def lacks(network: nn.Module) -> list[Lack]:
 
 
 def _with(network: nn.Module, config: NetworkConfig) -> nn.Module:
-    """Return a network of the same weights with another configuration."""
+    """Return a network with the same weights and another configuration."""
     assert isinstance(network, SpikingNetwork)
     made = build(config, seed=0)
     made.load_state_dict(network.state_dict())

@@ -1,4 +1,4 @@
-"""The encoders as a transform of a torch data pipeline, in the place of ``snntorch.spikegen.delta``."""
+"""Use the encoders as a transform in a torch data pipeline, instead of ``snntorch.spikegen.delta``."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from eskin.skin.textures.scan import quantise
 
 @dataclass(frozen=True)
 class LevelCrossing:
-    """Signals to events, by the functional model of a taxel: every taxel alone, bit-exact.
+    """Convert signals to events with the functional model: every taxel alone, bit-exact.
 
     A callable without state, so that it can be pickled, shared by the workers of a ``DataLoader`` and put into a
     ``torchvision`` ``Compose``. No gradient flows through it.

@@ -1,4 +1,4 @@
-"""Trained networks as plain NumPy archives, in float32 or 8 bits (docs/guide/exchange.md)."""
+"""Store trained networks as plain NumPy archives, in float32 or 8 bits (docs/guide/exchange.md)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LARGEST = 127
 
 @dataclass(frozen=True)
 class Weights:
-    """A trained network with what is needed to use it.
+    """A trained network with its class names and time step.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Weights:
 
 
 def save_weights(path: Path, weights: Weights, eight_bits: bool = False) -> None:
-    """Write a network, whole or not at all; equal networks give equal bytes.
+    """Write a network atomically; equal networks give equal bytes.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def save_weights(path: Path, weights: Weights, eight_bits: bool = False) -> None
 
 
 def load_weights(path: Path) -> Weights:
-    """Return the network of a file that ``save_weights`` wrote.
+    """Return the network of a file written by ``save_weights``.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def load_weights(path: Path) -> Weights:
 
 
 def _from_arrays(arrays: dict[str, NDArray[Any]]) -> Weights:
-    """Return the network of the arrays of a file; what it claims is held to them before it is built."""
+    """Return the network of a file's arrays, after checking its metadata against them."""
     header = json.loads(str(arrays.pop("metadata")))
     if header["format"] != FORMAT_NAME or header["format_version"] != FORMAT_VERSION:
         raise InputError(f"it has format version {header['format_version']!r}, this program reads 1")
@@ -130,7 +130,7 @@ def _from_arrays(arrays: dict[str, NDArray[Any]]) -> Weights:
 
 
 def check_class_names(names: Any, classes: int) -> tuple[str, ...]:
-    """Return the names of the classes, or raise InputError unless they are different texts, one for each class."""
+    """Return the class names, or raise InputError unless they are different texts, one for each class."""
     if not isinstance(names, (list, tuple)) or not all(isinstance(name, str) and name for name in names):
         raise InputError(f"class names must be a list of texts, not {names!r}")
     if twice := [name for name in names if names.count(name) > 1]:
@@ -148,7 +148,7 @@ def check_step(step_s: Any) -> float:
 
 
 def quantise(matrix: NDArray[Any]) -> tuple[NDArray[np.int8], NDArray[np.float32]]:
-    """Return 8-bit weights and the factor of every row (first axis), such that weights * factor is the matrix.
+    """Return 8-bit weights and a factor for every row (first axis): weights * factor is the matrix.
 
     Rounded half to even, symmetric: the largest magnitude of a row becomes 127.
     """
@@ -160,14 +160,14 @@ def quantise(matrix: NDArray[Any]) -> tuple[NDArray[np.int8], NDArray[np.float32
 
 
 def config_of(network: nn.Module) -> NetworkConfig:
-    """Return the configuration that a network was built with."""
+    """Return the configuration of a network."""
     config = network.config
     assert isinstance(config, NetworkConfig)
     return config
 
 
 def _plain(arrays: dict[str, NDArray[Any]], name: str) -> NDArray[Any]:
-    """Return an array in float, multiplied out if it is in 8 bits."""
+    """Return an array in float, expanded from 8 bits if necessary."""
     values = arrays[name]
     if values.dtype != np.int8:
         return values

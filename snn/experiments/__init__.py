@@ -1,1 +1,1 @@
-"""Experiments: what a run consists of, folds, cross-validation, sweeps and their workers, trained networks."""
+"""Run experiments: folds, cross-validation, sweeps and their workers, and trained networks."""

@@ -17,8 +17,7 @@ SCANS = 24
 
 
 def coded_bps(experiment: Experiment) -> dict[str, float]:
-    """Return bits per second by what is coded: of events ``addresses`` and ``events``, of frames ``samples`` and
-    ``differences``."""
+    """Return bits per second by content: ``addresses`` and ``events``, or ``samples`` and ``differences`` of frames."""
     if experiment.events is not None:
         files = event_files([Path(experiment.events)])
         return _of_events(read_recordings(files[:: -(-len(files) // SCANS)]))

@@ -1,4 +1,4 @@
-"""Cross-validation: one cell (fold and seed), its file, and the summary of all. ``snn.experiments.sweep`` runs them.
+"""Cross-validation: one cell (fold and seed), its file, and the summary. ``snn.experiments.sweep`` runs the cells.
 
 Protocol: folds are stratified and fixed by a seed. Every cell trains twice with the same budget of epochs: on all its
 training images, of which the last epoch counts; and on those without an inner validation part, which selects the
@@ -26,7 +26,7 @@ from eskin.snn.experiments.points import as_word
 def run_cell(
     experiment: Experiment, data: ScanData, fold: int, seed: int, folds: int, fold_seed: int
 ) -> dict[str, Any]:
-    """Return the result of one fold and seed: the predictions of the test images in both readings."""
+    """Return the result of one fold and seed: predictions of the test images in both epochs."""
     from eskin.snn.train import predicted_classes, train
 
     labels = data.image_labels
@@ -64,7 +64,7 @@ _one_at_a_time = threading.Lock()
 def run_alone(
     data: ScanData, experiment: Experiment, fold: int, seed: int, folds: int, fold_seed: int
 ) -> dict[str, Any]:
-    """Return the result of a cell, trained by one thread, and never two at once in a process.
+    """Return the result of a cell, with one thread, and never two cells at once in a process.
 
     Two threads on a shared machine can be far slower than one, and dropout draws from a generator that all cells of
     a process share.
@@ -77,7 +77,7 @@ def run_alone(
 
 
 def summarise(cells: list[dict[str, Any]], images: int, classes: int) -> dict[str, Any]:
-    """Return means, deviations, intervals and confusion of both readings over the cells of whole seeds.
+    """Return means, deviations, intervals and confusion for both epochs over the cells of complete seeds.
 
     ``wilson_95`` takes every image once, with its mean over these seeds; ``bootstrap_95`` is over images and seeds.
     The patches of a class come from one surface, so both are too narrow for another surface (docs/guide/classifier.md).
@@ -122,7 +122,7 @@ def summarise(cells: list[dict[str, Any]], images: int, classes: int) -> dict[st
 
 
 def read_cell(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return what a cell was run with, and its result; refuse another file."""
+    """Return the key and the result of a cell; refuse other files."""
     try:
         content = read_json(path, "the cell", dict)
         experiment, result = content["experiment"], content["result"]
@@ -134,7 +134,7 @@ def read_cell(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def _is_result(result: dict[str, Any]) -> bool:
-    """Return whether a cell has what ``summarise`` takes: numbers of images, their classes and predictions."""
+    """Return whether a cell has the fields for ``summarise``: images, classes and predictions."""
     lists = [result.get(name) for name in ("test_images", "labels", "last", "selected")]
     if not all(isinstance(found, list) and all(type(n) is int and n >= 0 for n in found) for found in lists):
         return False
@@ -144,7 +144,7 @@ def _is_result(result: dict[str, Any]) -> bool:
 
 
 def check_same(path: Path, found: dict[str, Any], key: dict[str, Any]) -> None:
-    """Refuse a cell that was run with something else than ``key``, as far as that goes."""
+    """Refuse a cell whose key differs from ``key``."""
     found, wanted = plain(found), plain(key)
     if names := [name for name in wanted if found.get(name) != wanted[name]]:
         raise InputError(

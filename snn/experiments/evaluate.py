@@ -1,4 +1,4 @@
-"""Classify event files with a trained network, and hold RTL recordings to the model's (docs/guide/classifier.md)."""
+"""Classify event files with a trained network, and compare RTL recordings with the model (docs/guide/classifier.md)."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ LEVELS = ("events", "tensors", "logits", "predictions")
 
 
 def bin_recordings(recordings: Sequence[Recording], trained: Trained) -> ScanData:
-    """Return the counts of recordings as the network takes them, one scan each in the same order.
+    """Return the counts of recordings for the network, one scan each in the same order.
 
     A recording needs no class for that; the label of one without is meaningless.
 
@@ -60,7 +60,7 @@ def bin_recordings(recordings: Sequence[Recording], trained: Trained) -> ScanDat
 
 
 def without_unknown_class(recording: Recording, trained: Trained) -> Recording:
-    """Return a recording without a class that the network does not know: it lies in a folder of another kind."""
+    """Return a recording without its class if the network does not know the class."""
     if class_of(recording) in (None, *trained.weights.class_names):
         return recording
     kept = {name: value for name, value in recording.metadata.items() if name not in ("class", "label")}
@@ -72,7 +72,7 @@ def without_unknown_class(recording: Recording, trained: Trained) -> Recording:
 
 @dataclass
 class Check:
-    """What came out when RTL recordings were held to the model's.
+    """The result of comparing RTL recordings with the model.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class Check:
 
     @property
     def passed(self) -> bool:
-        """Whether at least one recording was compared, and none differs."""
+        """Whether at least one recording was compared, and all are equal."""
         return bool(self.compared) and not any(self.different.values())
 
     def note(self, level: str, number: int, text: str) -> None:
@@ -117,7 +117,7 @@ def check_model(
     places: Places | None = None,
     progress: Tick | None = None,
 ) -> Check:
-    """Hold every recording of source "rtl" to the model: events, counts, logits and prediction.
+    """Compare every recording of source "rtl" with the model: events, counts, logits and prediction.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def check_model(
 
 
 def model_recording(rtl: Recording, texture: Texture) -> Recording:
-    """Return what the clock-by-clock model sends on the scan of an RTL recording, observed as long or to its end.
+    """Return the model's recording of an RTL recording's scan, with the same length or to its end.
 
     A replay goes on after the last sample until the array is silent, so it is longer than ``snn.data.record.record``.
     """
@@ -197,7 +197,7 @@ def model_recording(rtl: Recording, texture: Texture) -> Recording:
 
 
 def _as_long(rtl: Recording, samples: NDArray[np.int32]) -> Recording:
-    """Return what the model sends on some samples, observed as long as an RTL recording, or to their end."""
+    """Return the model's recording of some samples, with the length of an RTL recording, or to their end."""
     config = rtl.config
     clocks = max(rtl.duration_clocks, len(samples) * config.clocks_per_sample)
     events = simulate(config, Stimulus.from_samples(config, samples, clocks=clocks))
@@ -206,7 +206,7 @@ def _as_long(rtl: Recording, samples: NDArray[np.int32]) -> Recording:
 
 @dataclass(frozen=True)
 class Places:
-    """Where what was played is found.
+    """The locations of played textures and recordings.
 
     Attributes
     ----------
@@ -222,14 +222,14 @@ class Places:
 
 @dataclass(frozen=True)
 class _Sources:
-    """What was played, as far as it was opened."""
+    """The played textures and recordings that have been opened."""
 
     places: Places
     textures: dict[str, dict[str, Texture]] = field(default_factory=dict)
     sets: dict[str, RecordingSet] = field(default_factory=dict)
 
     def expected(self, rtl: Recording) -> tuple[Recording, str | None]:
-        """Return what the model makes of the source of an RTL recording, and its class."""
+        """Return the model's recording for the source of an RTL recording, and its class."""
         own = OwnReadout.of(rtl)
         if own is None:
             texture = _texture(rtl, self.textures, self.places.dataset)
@@ -248,7 +248,7 @@ class _Sources:
 
 
 def _texture(rtl: Recording, textures: dict[str, dict[str, Texture]], where: str | None) -> Texture:
-    """Return the texture that a recording is a scan of; ``textures`` keeps what was opened."""
+    """Return the texture of a recording; ``textures`` stores opened ones."""
     name, dataset_name = rtl.metadata["name"], rtl.metadata.get("dataset")
     if not isinstance(dataset_name, str):
         raise InputError(f"{name} does not say of which dataset it is; play it again")
@@ -265,7 +265,7 @@ def _texture(rtl: Recording, textures: dict[str, dict[str, Texture]], where: str
 
 
 def _counts(expected: Recording, bins: BinConfig, data: ScanData) -> NDArray[Any]:
-    """Return the counts of the model's recording in the shape of a scan of ``data``; none if it has no events."""
+    """Return the counts of the model's recording in the shape of ``data``; None without events."""
     values = np.zeros_like(data.values[0])
     try:
         counts = bin_recording(expected, bins)
@@ -281,7 +281,7 @@ def _counts(expected: Recording, bins: BinConfig, data: ScanData) -> NDArray[Any
 
 @dataclass(frozen=True)
 class Score:
-    """Right predictions among the recordings of a part.
+    """Correct predictions among some recordings.
 
     Attributes
     ----------
@@ -296,14 +296,14 @@ class Score:
 
     @property
     def accuracy(self) -> float:
-        """Part that is right."""
+        """Share of correct predictions."""
         return self.correct / self.total
 
 
 def scores(
     recordings: Sequence[Recording], data: ScanData, logits: NDArray[np.float32], trained: Trained
 ) -> dict[str, Score]:
-    """Return the Score of every part (TEST, TRAINING, OTHER) that has recordings of known class."""
+    """Return the Score of TEST, TRAINING and OTHER, as far as they have recordings with known class."""
     found: dict[str, Score] = {}
     parts = np.array([trained.part_of(recording) for recording in recordings])
     known = np.array([class_of(recording) is not None for recording in recordings])
@@ -323,7 +323,7 @@ def scores(
 def integer_classes(
     network: IntegerNetwork, data: ScanData, images: Sequence[int] | NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Return the class of every image by the integer network, from the scan of its first start row."""
+    """Return the class of every image from the integer network, for the scan of its first start row."""
     evidence, _ = network.run_counts(data.values[data.first_scans(images)])
     return evidence.argmax(1)
 
@@ -356,7 +356,7 @@ def predictions(
     scores: dict[str, Score],
     check: Check | None = None,
 ) -> dict[str, Any]:
-    """Return class, prediction and logits of every recording, and the accuracy of each part, for JSON.
+    """Return class, prediction and logits of every recording, and the accuracy of each group, for JSON.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a training run consists of: textures, readout, time steps, network and training, as one JSON-able object."""
+"""Define a training run in one JSON-able object: textures, readout, time steps, network and training."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from eskin.snn.training import TrainConfig
 
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
-    """All that fixes a result, but folds and seeds.
+    """Everything that determines a result, except fold and seed.
 
     Parameters
     ----------
@@ -94,14 +94,14 @@ class Experiment:
             self.settings()
 
     def _check_disturbed(self) -> None:
-        """Refuse disturbed scans of what is not scanned by the model, or in another way."""
+        """Refuse disturbed scans for readouts that the clock-by-clock model does not scan."""
         if self.frames is not None or self.events is not None or self.preset != "physical":
             raise InputError("disturbed scans are events of the model in the physical preset; leave disturbed out")
         if self.disturbed < 0 or self.start_rows != 1:
             raise InputError("disturbed takes a number from 1, and start-rows 1: it draws the heights itself")
 
     def _check_variant(self) -> None:
-        """Refuse a variant of what is not recorded from textures, or without polarity; ON events alone take none."""
+        """Refuse a variant of readouts without polarity or not recorded from textures."""
         if self.variant not in get_args(Variant):
             raise InputError(f"variant must be on, not {self.variant!r}")
         if self.frames is not None or self.events is not None or self.disturbed:
@@ -111,7 +111,7 @@ class Experiment:
         object.__setattr__(self, "bins", dataclasses.replace(self.bins, polarity=False))
 
     def _settle_leak(self) -> None:
-        """Keep a leak that files could not tell from none by its time constant; refuse one that would be forgotten."""
+        """Store the readout's own leak as a time constant; refuse such a leak without ``given_leak``."""
         if self.tau_s is None and _has_own_leak(self.readout):
             if not self.given_leak:
                 raise InputError("the readout has a leak of its own; say given_leak to keep it, or give tau_s")
@@ -120,7 +120,7 @@ class Experiment:
             object.__setattr__(self, "given_leak", False)
 
     def settings(self) -> list[tuple[dict[str, Any], Experiment]]:
-        """Return every setting of the grid and the experiment that it makes; without a grid this one alone.
+        """Return every setting of the grid with its experiment; without a grid, this experiment alone.
 
         Raises
         ------
@@ -139,7 +139,7 @@ class Experiment:
         return found
 
     def data(self, progress: Tick | None = None) -> ScanData:
-        """Return the scans; the model's take a few hundredths of a second each, and are kept for the next time."""
+        """Return the scans; the model records them in a few hundredths of a second each, and they are cached."""
         if self.events is not None:
             recordings = load_recordings(Path(self.events), self.bins)
             return dataclasses.replace(recordings, source=f"recordings in {self.events}")
@@ -169,7 +169,7 @@ class Experiment:
         return dataclasses.replace(data, source=f"{kind} from {textures.name} textures, {scan.name} scan")
 
     def with_readout_of_events(self) -> Experiment:
-        """Return the experiment with readout and preset as its event files say them, which then name a sweep's point.
+        """Return the experiment with readout and preset from its event files, which name the sweep point.
 
         Raises
         ------
@@ -184,7 +184,7 @@ class Experiment:
         )
 
     def scan_and_config(self) -> tuple[Scan, ReadoutConfig]:
-        """Return the scan of the preset, and the readout with the fields that the preset and ``tau_s`` set."""
+        """Return the scan of the preset, and the readout with the fields set by preset and ``tau_s``."""
         scan, tau_s = preset(str(self.preset)), None
         if self.readout.encoder.leaks:
             tau_s = PAPER_TAU_S if self.tau_s is None and not self.given_leak else self.tau_s
@@ -198,7 +198,7 @@ class Experiment:
         return NetworkConfig.from_dict({"inputs": inputs, "classes": classes} | self.network)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything as plain values; of event files None for preset and readout, which they say themselves."""
+        """Return everything as plain values; for event files, preset and readout are None."""
         fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "given_leak"}
         if not self.disturbed:  # files and cells of experiments without are those of before
             del fields["disturbed"]
@@ -213,7 +213,7 @@ class Experiment:
 
     @classmethod
     def from_dict(cls, fields: dict[str, Any]) -> Experiment:
-        """Return the experiment of what ``to_dict`` gave, also from a JSON file.
+        """Return the experiment for a dictionary of ``to_dict``, also from a JSON file.
 
         Raises
         ------
@@ -235,12 +235,12 @@ class Experiment:
 
 
 def _number(name: str, value: Any) -> Any:
-    """Return a value from JSON: whole numbers, and the texts of infinities, as floats where the field has floats."""
+    """Convert a value from JSON to float for float fields: integers, and texts of infinities."""
     return float(value) if HINTS.get(name) is float and isinstance(value, (int, str)) else value
 
 
 def _has_own_leak(readout: ReadoutConfig) -> bool:
-    """Return whether the leak of a readout is another than that of its defaults."""
+    """Return whether a readout's leak differs from its default."""
     default = ReadoutConfig()
     own = (readout.leak_shift, readout.leak_period) != (default.leak_shift, default.leak_period)
     return readout.encoder.leaks and own

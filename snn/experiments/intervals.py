@@ -1,4 +1,4 @@
-"""Intervals of an accuracy: Wilson, and bootstrap over images and seeds."""
+"""Compute intervals of an accuracy: Wilson, and bootstrap over images and seeds."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def wilson(successes: float, trials: int, z: float = 1.959964) -> tuple[float, f
 
 
 def bootstrap(correct: NDArray[np.float64], seed: int = 0) -> tuple[float, float]:
-    """Return the 95 % bootstrap interval of the mean over images and seeds, both drawn anew and crossed.
+    """Return the 95 % bootstrap interval of the mean, resampling images and seeds (crossed).
 
     It says what new images and new seeds would give; with one seed, what new images would. Of two or three seeds the
     spread is not well known, so that the part of the seeds is a lower bound; where all is right, the interval is empty.

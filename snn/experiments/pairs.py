@@ -1,4 +1,4 @@
-"""Two points on the same images, image by image: which was right where the other was wrong."""
+"""Compare two sweep points image by image."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from eskin.snn.experiments.points import PointSummary, load_sweep
 
 @dataclass(frozen=True)
 class Pair:
-    """What the networks of two points say about the same images.
+    """The predictions of two points for the same images.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Pair:
 
 
 def find_point(text: str, kept: Path) -> PointSummary:
-    """Return the point of ``SWEEP:POINT``, where SWEEP is a file, a folder or the name of a sweep in ``kept``.
+    """Return the point of ``SWEEP:POINT``, where SWEEP is a file, a folder or a name in ``kept``.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def find_point(text: str, kept: Path) -> PointSummary:
 
 
 def pair(first: PointSummary, second: PointSummary, reading: str) -> Pair:
-    """Return the comparison over the seeds that both points have.
+    """Return the comparison over the common seeds of both points.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def pair(first: PointSummary, second: PointSummary, reading: str) -> Pair:
 
 
 def mcnemar(only_first: int, only_second: int) -> float:
-    """Return the two-sided p of McNemar's exact test; 1 if nothing parts the two."""
+    """Return the two-sided p of McNemar's exact test; 1 without differences."""
     from scipy.stats import binomtest
 
     parted = only_first + only_second
@@ -105,7 +105,7 @@ def mcnemar(only_first: int, only_second: int) -> float:
 
 
 def _correct(point: PointSummary, reading: str) -> NDArray[np.bool_]:
-    """Return which images the network of every seed classifies rightly, shape (seeds, images)."""
+    """Return whether the network of each seed classifies each image correctly, shape (seeds, images)."""
     assert point.labels is not None
     labels, predictions = point.labels, point.result(reading).predictions or ()
     return np.array([[a == b for a, b in zip(word, labels, strict=True)] for word in predictions], bool)

@@ -1,4 +1,4 @@
-"""The points of a sweep in ``sweep.json``: one record, written and read here."""
+"""Read and write the points of a sweep in ``sweep.json``."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ READINGS = {"last": "last epoch", "selected": "epoch selected by inner validatio
 
 @dataclass(frozen=True)
 class Result:
-    """What the cells of whole seeds give in one reading (``snn.experiments.crossval.summarise``).
+    """The results of the cells of complete seeds for one epoch (``snn.experiments.crossval.summarise``).
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class Result:
 
 @dataclass(frozen=True)
 class Cells:
-    """How many cells are done, of how many, and how many seeds are whole."""
+    """The number of finished cells, of all cells, and of complete seeds."""
 
     done: int
     of: int
@@ -109,23 +109,23 @@ class PointSummary:
 
     @property
     def measured(self) -> bool:
-        """Whether it has results: a sweep gives them from the first whole seed on."""
+        """Whether the point has results: from the first complete seed on."""
         return self.last is not None
 
     @property
     def partial(self) -> bool:
-        """Whether cells are still to be run."""
+        """Whether some cells have not been run yet."""
         return self.cells.done < self.cells.of
 
     def result(self, reading: str) -> Result:
-        """Return the results of a reading of READINGS; the point must be measured."""
+        """Return the results for one of READINGS; the point must be measured."""
         found = self.last if reading == "last" else self.selected
         assert found is not None
         return found
 
     @classmethod
     def from_dict(cls, fields: Any, where: str) -> PointSummary:
-        """Return the point of a file; refuse one that cannot be drawn, in one sentence that begins with ``where``."""
+        """Return the point of a file; refuse a point that cannot be drawn, in a sentence starting with ``where``."""
         _need(isinstance(fields, dict), where, "the fields of a point", fields)
         get = fields.get
         _need(isinstance(get("name"), str), where, "a name", get("name"))
@@ -153,13 +153,13 @@ class PointSummary:
 
 
 def as_word(classes: Iterable[int]) -> str:
-    """Return classes of images as one word, ``.`` for what is none; empty if there are more classes than digits."""
+    """Return the classes of images as one word, with ``.`` for none; empty if there are more classes than digits."""
     found = [int(number) for number in classes]
     return "".join(DIGITS[n] if n >= 0 else "." for n in found) if max(found) < len(DIGITS) else ""
 
 
 def _word(value: Any, images: int) -> bool:
-    """Return whether a value says a class of every image, or nothing as there are too many classes."""
+    """Return whether a value gives a class for every image, or is empty because there are too many classes."""
     return isinstance(value, str) and len(value) in (0, images) and set(value) <= {*DIGITS, "."}
 
 
@@ -206,7 +206,7 @@ def _result(found: Any, reading: str, where: str) -> Result:
 
 @dataclass(frozen=True)
 class Sweep:
-    """What ``eskin sweep`` wrote.
+    """The content of a file written by ``eskin sweep``.
 
     Attributes
     ----------
@@ -223,7 +223,7 @@ class Sweep:
 
 
 def write_sweep(path: Path, command: str | None, points: Sequence[PointSummary]) -> None:
-    """Write ``sweep.json``, whole or not at all; what files of before have not is left out where it is not known."""
+    """Write ``sweep.json`` atomically; omit unknown fields, which older files lack."""
     said: dict[str, Any] = {"command": command, **(origin(command) if command else {})}
     write_json(path, said | {"points": [_without_unknown(dataclasses.asdict(point)) for point in points]})
 
@@ -234,7 +234,7 @@ def _without_unknown(fields: dict[str, Any]) -> dict[str, Any]:
 
 
 def load_sweep(path: Path) -> Sweep:
-    """Return the sweep of a file, or of a folder that holds ``sweep.json``.
+    """Return the sweep of a file, or of a folder that contains ``sweep.json``.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Trained networks on disturbed scans of their test images: one cell for a fold, seed, disturbance and strength.
+"""Test trained networks on disturbed scans: one cell for each fold, seed, disturbance and strength.
 
 A scan of an image is disturbed in the same way for all networks, so that their answers are paired. Cells are files, so
 that a run that was stopped goes on with those that are missing.
@@ -35,7 +35,7 @@ Case = tuple[str, float]
 
 @dataclass(frozen=True)
 class Subject:
-    """A trained network that is tested.
+    """A trained network under test.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Subject:
 
     @classmethod
     def load(cls, file: Path, scenes: bool = True) -> Subject:
-        """Return the network of a weight file with ``result.json`` beside it, trained on scans of the model.
+        """Return the network of a weight file, trained on scans of the model, with ``result.json`` beside it.
 
         With ``scenes`` others than of events of physical scans are refused.
         """
@@ -83,13 +83,13 @@ class Subject:
 
     @property
     def recorded_as(self) -> str:
-        """A text that is the same for networks that take the same counts of the same images."""
+        """A text that is equal for networks with equal counts of the same images."""
         _, config = self.experiment.scan_and_config()
         return repr((self.experiment.dataset, config, self.experiment.bins, self.images.tolist()))
 
 
 def kept_cell(subject: Subject, out: Path, asked: dict[str, Any], make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """Return what a study makes of a network, from its file in ``out`` where it was made before.
+    """Return the results of a study for a network, from its file in ``out`` if present.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def kept_cell(subject: Subject, out: Path, asked: dict[str, Any], make: Callable
 
 
 def cases(names: Sequence[str]) -> list[Case]:
-    """Return the clean scans and all strengths of some disturbances.
+    """Return the clean case and all strengths of some disturbances.
 
     Raises
     ------
@@ -164,7 +164,7 @@ def run_cells(
     out: Path,
     progress: Callable[[], object] = lambda: None,
 ) -> list[dict[str, Any]]:
-    """Return the results of all networks in all cases; those whose file is there are read.
+    """Return the results of all networks in all cases; read existing files.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Read the settings of an experiment and the points of a sweep from the texts of a command line."""
+"""Parse the settings of an experiment and the points of a sweep from command-line texts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ VARIANTS = {encoder.name: ("", "on") if encoder.polarity else ("",) for encoder 
 
 
 def parse_settings(texts: list[str], option: str = "--set") -> dict[str, Any]:
-    """Return fields of NetworkConfig and TrainConfig from the ``name=value`` texts of an option."""
+    """Return fields of NetworkConfig and TrainConfig for ``name=value`` texts."""
     hints = hints_of(TrainConfig) | HINTS
     for name in ("inputs", "classes", "epochs"):
         del hints[name]
@@ -42,7 +42,7 @@ def parse_settings(texts: list[str], option: str = "--set") -> dict[str, Any]:
 
 
 def parse_grid(texts: list[str]) -> dict[str, list[Any]]:
-    """Return the values to try from ``name=value,value`` texts."""
+    """Return the values to try for ``name=value,value`` texts."""
     found: dict[str, list[Any]] = {}
     for text in texts:
         name, _, values = text.partition("=")
@@ -53,7 +53,7 @@ def parse_grid(texts: list[str]) -> dict[str, list[Any]]:
 
 
 def idle_settings(made: Experiment, settings: list[str] | None) -> tuple[str, list[str]]:
-    """Return the kind of network of an experiment, and what of ``--set`` and ``--grid`` means nothing to it."""
+    """Return the kind of network, and the settings of ``--set`` and ``--grid`` without effect on this kind."""
     config = NetworkConfig.from_dict({"inputs": 1, "classes": 1} | made.network)
     known = {*hints_of(NetworkConfig), *hints_of(type(config.units)), *hints_of(TrainConfig), "kind"}
     given = [("--set", name) for name in parse_settings(settings or [])]
@@ -62,7 +62,7 @@ def idle_settings(made: Experiment, settings: list[str] | None) -> tuple[str, li
 
 
 def parse_points(text: str) -> list[tuple[str, str]]:
-    """Return readout and numbers of every point: resolution, rate and bits of frames, or of a baseline frames per step.
+    """Return readout and numbers of every point: resolution; rate and bits of frames; frames per step of a baseline.
 
     Raises
     ------

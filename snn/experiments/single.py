@@ -43,7 +43,7 @@ class Fold:
 
     @classmethod
     def choose(cls, data: ScanData, number: int, of: int) -> Fold:
-        """Return a stratified fold of some data."""
+        """Return a stratified fold of a dataset."""
         test = stratified_folds(data.image_labels, of)[number]
         return cls(data, number, of, test, np.setdiff1d(np.arange(len(data.image_labels)), test))
 
@@ -59,7 +59,7 @@ def train_fold(
     watch_test: bool = False,
     progress: Callable[[Epoch], None] | None = None,
 ) -> tuple[Training, dict[str, Any]]:
-    """Train a network on a fold, and write ``result.json`` and ``weights.npz``; called again, it goes on.
+    """Train a network on a fold, and write ``result.json`` and ``weights.npz``; continue a stopped training.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Cross-validation of many points at once, resumable per cell, here or on a cluster (docs/guide/classifier.md).
+"""Cross-validate many points at once, resumable per cell, on this machine or a cluster (docs/guide/classifier.md).
 
 The cells of all points run side by side: all folds of seed 0 of every point, then those of seed 1, and so on, so that
 a sweep that is stopped early has whole seeds of every point.
@@ -35,7 +35,7 @@ OnCell = Callable[["PointRun", "dict[str, Any] | None"], object]
 
 @dataclass(frozen=True)
 class SweepPoint:
-    """One operating point.
+    """One point of a sweep.
 
     Attributes
     ----------
@@ -57,20 +57,20 @@ class SweepPoint:
 
     @property
     def resolution(self) -> int:
-        """Bits: N of the encoder, or those of a sample in a frame."""
+        """Bits: N of the encoder, or the bits of a frame's sample."""
         frames = self.experiment.frames
         return self.experiment.readout.resolution if frames is None else frames.bits
 
     @property
     def bits_per_event(self) -> int:
-        """Address and polarity of an event, or the bits of a sample in a frame."""
+        """Address and polarity bits of an event, or the bits of a frame's sample."""
         frames, variant = self.experiment.frames, self.experiment.variant
         one = {"": 0, "on": -1}[variant]  # ON events alone need no bit for the polarity
         return self.experiment.readout.event_bits + one if frames is None else frames.bits
 
 
 class PointRun:
-    """The cells of one point: those done, those to do, and the report.
+    """The cells of one point: finished ones, missing ones, and the report.
 
     Parameters
     ----------
@@ -123,12 +123,12 @@ class PointRun:
 
     @property
     def accuracy(self) -> float:
-        """Of the last epoch, mean over the cells that are done."""
+        """Mean accuracy of the last epoch over the finished cells."""
         cells = self.done.values()
         return float(np.mean([np.mean(np.array(c["labels"]) == np.array(c["last"])) for c in cells])) if cells else 0.0
 
     def prepare(self, tick: Callable[[], object]) -> None:
-        """Make the scans, and take in the cells that were found; ``tick`` is called after each scan."""
+        """Record the scans, and read the existing cells; ``tick`` is called after each scan."""
         data = self.point.experiment.data(tick) if self.point.data is None else self.point.data
         check_folds(data, self.folds, self.fold_seed)
         self._key["data"] = digest(data)
@@ -145,14 +145,14 @@ class PointRun:
         self._conclude()
 
     def finish(self, result: dict[str, Any]) -> None:
-        """Take in and keep a result; the last one makes the report."""
+        """Store a result; the last result makes the report."""
         cell = (result["fold"], result["seed"])
         write_json(self.paths[cell], {"experiment": self._key, "result": result})
         self.done[cell] = result
         self._conclude()
 
     def _conclude(self) -> None:
-        """Write the report, and let the scans go, if all cells are done."""
+        """Write the report and delete the scans if all cells are done."""
         if len(self.done) < len(self.paths):
             return
         cells = [self.done[cell] for cell in self.paths]
@@ -168,7 +168,7 @@ class PointRun:
         write_json(self.folder / "result.json", self.report)
 
     def summary(self) -> PointSummary:
-        """Return the point in a sweep's summary: rates, cells done, and accuracies over the seeds that are whole."""
+        """Return the point's summary: rates, finished cells, and accuracies over complete seeds."""
         bits = self.point.bits_per_event
         data_rate = None if self.rate_hz is None else self.rate_hz * bits
         whole = [s for s in range(self.seeds) if all((fold, s) in self.done for fold in range(self.folds))]
@@ -197,7 +197,7 @@ class PointRun:
 
 
 def run_points(runs: Sequence[PointRun], pool: WorkerPool, progress: OnCell | None = None) -> None:
-    """Run all cells that have no result yet; every result is in its file as soon as it is there.
+    """Run all missing cells; each result is written immediately.
 
     Parameters
     ----------
@@ -234,7 +234,7 @@ def run_points(runs: Sequence[PointRun], pool: WorkerPool, progress: OnCell | No
 
 
 class _Flight:
-    """The cells that are on their way, and what went wrong."""
+    """The running cells, and their errors."""
 
     def __init__(self, pool: WorkerPool, progress: OnCell) -> None:
         self.cells = 0
@@ -243,7 +243,7 @@ class _Flight:
         self._landed: queue.SimpleQueue[tuple[PointRun, int, int, Any]] = queue.SimpleQueue()
 
     def prepare(self, run: PointRun) -> None:
-        """Make the scans of a point, and take in cells meanwhile."""
+        """Record the scans of a point, and receive finished cells meanwhile."""
         self._progress(run, None)
         try:
             run.prepare(self._land_those_there)
@@ -261,7 +261,7 @@ class _Flight:
         future.add_done_callback(lambda done: self._landed.put((run, fold, seed, done)))
 
     def land(self) -> None:
-        """Wait for a cell and take it in."""
+        """Wait for a cell and store its result."""
         self._take(*next_landed(self._landed, self._pool))
 
     def _land_those_there(self) -> None:
@@ -296,7 +296,7 @@ def cross_validate(
     data: ScanData | None = None,
     progress: Callable[[dict[str, Any]], object] | None = None,
 ) -> dict[str, Any]:
-    """Run all cells of one point that have no result yet; return the report, which also stands in ``result.json``.
+    """Run the missing cells of one point; return the report, which is also written to ``result.json``.
 
     Parameters
     ----------
@@ -341,7 +341,7 @@ def sweep(
     command: str | None = None,
     progress: OnCell | None = None,
 ) -> list[PointSummary]:
-    """Cross-validate every point in a folder of its own; return the summaries, which also stand in ``sweep.json``.
+    """Cross-validate every point in its own folder; return the summaries, which are also written to ``sweep.json``.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A trained network with the result of its training: readout, time bins, and which images it has learned."""
+"""Load a trained network with the result of its training: readout, time bins, training images."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ TEST, TRAINING, OTHER = "test", "training", "other"
 
 @dataclass(frozen=True)
 class TrainingResult:
-    """What ``result.json`` of ``eskin train`` says about a training.
+    """The content of ``result.json`` of ``eskin train``.
 
     Attributes
     ----------
@@ -56,15 +56,15 @@ class TrainingResult:
 
     @property
     def right(self) -> list[bool]:
-        """Whether the network classified each test image rightly, where that is known."""
+        """Whether the network classified each test image correctly, if known."""
         return [a == b for a, b in zip(self.labels, self.predicted, strict=True)] if self.predicted else []
 
     def default_image(self, test: NDArray[np.int64]) -> int:
-        """Return the first test image that is classified rightly, as far as that is known, else the first one."""
+        """Return the first correctly classified test image, if known, else the first test image."""
         return int(test[self.right.index(True)] if True in self.right else test[0])
 
     def test_images(self, labels: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the images of the fold; refuse others than those of the training, by their labels."""
+        """Return the test images of the fold; refuse images with other labels than in the training."""
         test = stratified_folds(labels, self.folds)[self.fold]
         if labels[test].tolist() != self.labels:
             raise InputError("the images found here are not those of the training; give its textures with --dataset")
@@ -107,7 +107,7 @@ def read_result(path: Path, weights_file: Path, weights: Weights) -> TrainingRes
 
 @dataclass(frozen=True)
 class Trained:
-    """A network from a file, with what the result of its training says about it.
+    """A network from a file, with the result of its training.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ class Trained:
     own: OwnReadout | None = None
 
     def other_fields(self, config: ReadoutConfig) -> list[str]:
-        """Return the fields in which a readout is not that of the training, in words."""
+        """Return the fields, in words, in which a readout differs from that of the training."""
         if self.readout is None:
             return []
         learned = self.readout.to_dict()
@@ -154,7 +154,7 @@ class Trained:
 
 
 def load_trained(path: Path) -> Trained:
-    """Return the network of a weight file, and what ``result.json`` beside it says about bins and folds.
+    """Return the network of a weight file, with bins and folds from ``result.json`` beside it.
 
     Raises
     ------
@@ -188,7 +188,7 @@ def load_trained(path: Path) -> Trained:
 def load_test_scans(
     path: Path, weights: Weights, progress: Tick | None = None
 ) -> tuple[TrainingResult, ScanData, NDArray[np.int64]]:
-    """Return what ``result.json`` beside a weight file says, the scans of its training, and the test images among them.
+    """Return the ``result.json`` of a weight file, the scans of its training, and their test images.
 
     Raises
     ------
@@ -208,7 +208,7 @@ def load_test_scans(
 def accuracies_on_test(
     path: Path, weights: Weights, networks: Mapping[str, nn.Module], progress: Tick | None = None
 ) -> tuple[int, dict[str, float]]:
-    """Return the number of test images of a training, and the accuracy of each network on them by its name.
+    """Return the number of test images of a training, and the accuracy of each network on them by name.
 
     Parameters
     ----------
@@ -229,7 +229,7 @@ def accuracies_on_test(
 
 
 def said_of_training(path: Path, weights: Weights) -> dict[str, Any]:
-    """Return what a file made from weights shall say of their training, nothing where there is no result beside them.
+    """Return the note on the training for a file made from weights; empty without a result beside them.
 
     Returns
     -------

@@ -1,1 +1,1 @@
-"""Fig. 8, Fig. 9 and confusion matrices: data first, then the pictures made from them."""
+"""Fig. 8, Fig. 9 and confusion matrices: data first, then pictures drawn from the data."""

@@ -1,4 +1,4 @@
-"""Confusion matrices of the points of sweeps: their data, and the picture made from those data."""
+"""Draw confusion matrices of sweep points from their data."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TITLE_LETTERS = 46
 
 
 def confusion_data(sweeps: Sequence[Sweep], reading: str, name: str | None = None) -> Data:
-    """Return the confusion matrices of the points of a name, or of the best finished spiking point of each preset."""
+    """Return the confusion matrices of points with a name, or of the best finished spiking point of each preset."""
     candidates = [(sweep, point) for sweep in sweeps for point in sweep.points if point.measured]
     if name is not None:
         chosen = [(sweep, point) for sweep, point in candidates if point.name == name]
@@ -51,7 +51,7 @@ def plot_confusion(data: Data, path: Path) -> None:
 
 
 def draw_confusion(data: Data) -> Figure:
-    """Return one matrix for each point: rows true classes, columns predicted ones, percent of the row."""
+    """Return one matrix for each point: rows are true classes, columns predicted ones, percent of the row."""
     points = data["points"]
     figure = new_figure(4.3 * len(points) + 0.4, 4.3, f"Confusion, {READINGS[data['reading']]}")
     panels = figure.subplots(1, len(points), squeeze=False)[0]

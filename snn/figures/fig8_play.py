@@ -1,4 +1,4 @@
-"""One scan through a trained network: events, hidden spikes and the evidence for each class (for Fig. 8)."""
+"""Play one scan through a trained network: events, hidden spikes and evidence for each class (for Fig. 8)."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MEANINGS = {"spikes": "output spikes so far", "membrane": "output membranes so f
 
 @torch.no_grad()
 def evidence(network: SpikingNetwork, x: Tensor) -> tuple[Tensor, Tensor]:
-    """Return hidden spikes and the evidence for each class as it grows; the last step has the network's logits.
+    """Return hidden spikes and the growing evidence for each class; the last step equals the network's logits.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def evidence(network: SpikingNetwork, x: Tensor) -> tuple[Tensor, Tensor]:
 
 @dataclass(frozen=True)
 class Places:
-    """Where the textures or recordings of a training are.
+    """The locations of a training's textures or recordings.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class Places:
 
 
 def play(weights_file: Path, result_file: Path, places: Places | None = None, image: str | None = None) -> Played:
-    """Return a scan of the dataset that a network was trained on, or an own recording, played through that network.
+    """Play a scan of a network's dataset, or a user's recording, through the network.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def play(weights_file: Path, result_file: Path, places: Places | None = None, im
 
 
 def _play_own(weights: Weights, result: TrainingResult, place: Path, image: str | None) -> Played:
-    """Return an own recording played through the network, taken as those of the training were."""
+    """Play a user's recording through the network, prepared as for the training."""
     if result.own is None:
         raise InputError("the network was not trained on your own recordings; leave --data out, or train with it")
     found = result.own.read(place)
@@ -164,7 +164,7 @@ def _index(image: str, names: list[str]) -> int:
 
 
 def _played(weights: Weights, bins: BinConfig, recording: Recording, codes: NDArray[np.int32], **said: Any) -> Played:
-    """Return what the network makes of a recording; ``said`` are the fields of Played that say what it is."""
+    """Return the network's result for a recording; ``said`` contains the descriptive fields of Played."""
     network, config = weights.network, recording.config
     assert isinstance(network, SpikingNetwork)
     spikes, grown = evidence(network, collect([recording], bins, weights.class_names).batch([0]))

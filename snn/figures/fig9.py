@@ -1,4 +1,4 @@
-"""Fig. 9: sweeps in, data of the picture out (the picture: ``snn.figures.fig9_plot``)."""
+"""Compute the data of Fig. 9 from sweeps (``snn.figures.fig9_plot`` draws the picture)."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ PUBLISHED_NAME = "published"
 
 
 def load_sweeps(paths: Sequence[Path]) -> list[Sweep]:
-    """Return the sweeps of some files or folders; without any, those that come with the project and the latest."""
+    """Return the sweeps of some files or folders; by default those of the project and the latest."""
     files = list(paths) or kept_sweeps() + ([LATEST] if LATEST.is_file() else [])
     if not files:
         raise InputError(f"there is no sweep in {KEPT}, nor {LATEST}; make one with eskin sweep")
@@ -63,7 +63,7 @@ def load_sweeps(paths: Sequence[Path]) -> list[Sweep]:
 
 
 def kept_sweeps() -> list[Path]:
-    """Return the files of the sweeps that come with the project, without those of ``kept_rates``."""
+    """Return the files of the project's sweeps, without those of ``kept_rates``."""
     return [path for path in sorted(KEPT.glob("*.json")) if not path.name.startswith(RATES)]
 
 
@@ -118,7 +118,7 @@ def fig9_data(sweeps: Sequence[Sweep], reading: str) -> Data:
 
 
 def own_point(sweep: Sweep, point: PointSummary, reading: str) -> Data:
-    """Return a point of a sweep as the figures take it; the interval is the one over images and seeds."""
+    """Return a point of a sweep for the figures, with the interval over images and seeds."""
     found, cells = point.result(reading), point.cells
     fields = {"readout": point.readout, "name": point.name, "resolution": point.resolution}
     label = _label(point.readout, detail(fields), title(sweep.name))
@@ -147,17 +147,17 @@ def own_point(sweep: Sweep, point: PointSummary, reading: str) -> Data:
 
 
 def partial(point: Data) -> bool:
-    """Return whether cells of a drawn point are still to be run."""
+    """Return whether some cells of a drawn point have not been run yet."""
     return "cells" in point and bool(point["cells"]["done"] < point["cells"]["of"])
 
 
 def title(sweep: str) -> str:
-    """Return what a sweep is called in pictures."""
+    """Return the title of a sweep in pictures."""
     return TITLES.get(sweep, sweep)
 
 
 def detail(point: Data) -> str:
-    """Return what tells the points of a readout apart: the resolution, or of frames the network, or rate and bits."""
+    """Return the text that separates a readout's points: resolution, or for frames the network, or rate and bits."""
     words = str(point.get("name", "")).removeprefix("frame").strip("-").split("-")
     if not point["readout"].startswith("frame") or words == [""]:
         return f"{point['resolution']} b"
@@ -175,7 +175,7 @@ def _label(readout: str, point_detail: str, sweep: str) -> str:
 
 
 def _protocol(sweep: Sweep, reading: str) -> str:
-    """Return images, folds, seeds and epoch in words, as the finished points have them."""
+    """Return images, folds, seeds and epoch of the finished points, in words."""
     found = []
     for point in sweep.points:
         if point.measured and not point.partial:

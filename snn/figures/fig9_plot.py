@@ -1,4 +1,4 @@
-"""The picture of Fig. 9, made from its data (``snn.figures.fig9``)."""
+"""Draw Fig. 9 from its data (``snn.figures.fig9``)."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def _draw_axes(panel: Axes, data: Data, classes: set[int]) -> None:
 
 
 def _series(points: list[Data], sweeps: list[str]) -> Iterator[Series]:
-    """Give the series of a panel."""
+    """Yield the series of a panel."""
     for sweep in sweeps:
         for readout in NAMES:
             chosen = [p for p in points if p["sweep"] == sweep and p["readout"].split(",")[0] == readout]
@@ -118,7 +118,7 @@ def _series(points: list[Data], sweeps: list[str]) -> Iterator[Series]:
 
 
 def _style(sweep: str, sweeps: list[str]) -> Data:
-    """Return line and filling of a sweep; published points are hollow and thin."""
+    """Return line and fill of a sweep; published points are hollow and thin."""
     if sweep == PUBLISHED_NAME:
         return {"ls": "-", "lw": 0.7, "fillstyle": "none", "ms": MARK_POINTS - 1, "zorder": 1.8}
     line, filling = STYLES[sweeps.index(sweep) % len(STYLES)]
@@ -164,7 +164,7 @@ def _draw_series(panel: Axes, series: Series, style: Data, taken: Taken) -> list
 
 
 def _boxes(panel: Axes, point: Data) -> list[Box]:
-    """Return what the mark of a point covers, and what its bar covers, mark included in height."""
+    """Return the areas covered by the marker of a point and by its bar, both in full height."""
     half = (RING_POINTS if partial(point) else MARK_POINTS) / 2
     x, middle = on_page(panel, point["normalised_rate"], 100 * point["accuracy"])
     low, high = (on_page(panel, point["normalised_rate"], 100 * end)[1] for end in _ends(point))
@@ -173,7 +173,7 @@ def _boxes(panel: Axes, point: Data) -> list[Box]:
 
 
 def _ends(point: Data) -> tuple[float, float]:
-    """Return the ends of a bar: the interval, else the standard deviation over folds, else the point itself."""
+    """Return the ends of a bar: the interval, else the standard deviation over folds, else the point."""
     if "interval" in point:
         low, high = point["interval"]
         return low, high
@@ -192,7 +192,7 @@ def _draw_frame_rate(panel: Axes, rate: float, taken: Taken) -> None:
 
 
 def _label_points(panel: Axes, drawn: list[tuple[Series, list[Box]]], taken: Taken) -> None:
-    """Name every resolution once, at the highest (ABOVE) or the lowest of its points, and each network on frames."""
+    """Label every resolution once, at its highest (ABOVE) or lowest point, and each network on frames."""
     groups: dict[tuple[str, str], list[tuple[Data, Box]]] = {}
     for series, boxes in drawn:
         for point, box in zip(series.points, boxes, strict=True):
@@ -209,7 +209,7 @@ def _label_points(panel: Axes, drawn: list[tuple[Series, list[Box]]], taken: Tak
 
 
 def _keys(data: Data, sweeps: list[str]) -> list[Line2D]:
-    """Return the legend: readouts by colour and mark, sweeps by line and filling."""
+    """Return the legend: readouts by colour and marker, sweeps by line and fill."""
     from matplotlib.lines import Line2D
 
     there = {point["readout"].split(",")[0] for point in data["points"]}

@@ -1,4 +1,4 @@
-"""Readouts at equal data rate, one panel for each network: the question of Fig. 9, with frames at the same rates."""
+"""Draw readouts at equal data rate, one panel per network: Fig. 9 with frames at the same rates."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ LEGEND = "bars: 95 % interval over images and seeds\nthin line to the left: the 
 
 
 def rates_data(sweeps: Sequence[Sweep], reading: str) -> Data:
-    """Return the points of all networks, and image by image the pairs of frames and events of about the same rate."""
+    """Return the points of all networks, and the pairs of frames and events of about equal rate, compared by image."""
     points, pairs = [], []
     for sweep in sweeps:
         measured = [point for point in sweep.points if point.measured]
@@ -58,7 +58,7 @@ def rates_data(sweeps: Sequence[Sweep], reading: str) -> Data:
 
 
 def coded_rate(point: PointSummary) -> float | None:
-    """Return the least normalised rate after lossless coding, if it was measured."""
+    """Return the smallest normalised rate after lossless coding, if measured."""
     found = [bps for name, bps in (point.coded_bps or {}).items() if name in LOSSLESS]
     return min(found) / PUBLISHED_BPS if found else None
 
@@ -70,7 +70,7 @@ def _as_equal(first: PointSummary, second: PointSummary) -> bool:
 
 
 def _pair(sweep: Sweep, first: PointSummary, second: PointSummary, reading: str) -> Data:
-    """Return the comparison of events and frames, or nothing without predictions."""
+    """Return the comparison of events and frames, or None without predictions."""
     if not (first.result(reading).predictions and second.result(reading).predictions):
         return {}
     found = dataclasses.asdict(pair(first, second, reading))
@@ -78,7 +78,7 @@ def _pair(sweep: Sweep, first: PointSummary, second: PointSummary, reading: str)
 
 
 def best_points(points: list[Data]) -> list[Data]:
-    """Return of every readout and rate the point with the highest accuracy; it is chosen by what it shows."""
+    """Return the most accurate point of every readout and rate."""
     best: dict[tuple[str, float], Data] = {}
     for point in points:
         key = (point["readout"], point["normalised_rate"])

@@ -1,4 +1,4 @@
-"""What events and frames are good for: latency, rest, timing and noise, a panel each."""
+"""Draw latency, rest, timing and noise of events and frames, one panel each."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def plot_merits(result: dict[str, Any], path: Path) -> None:
-    """Draw what ``eskin merits`` found."""
+    """Draw the data of ``eskin merits``."""
     figure = new_figure(11, 8, "What events and frames are good for")
     axes = figure.subplots(2, 2).ravel()
     _curves(axes[0], result["latency"], "time_s", "accuracy over the time since the touch, ms")

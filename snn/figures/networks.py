@@ -1,4 +1,4 @@
-"""How trained networks look in figures: by the readout that they listen to, where the points say it."""
+"""Choose the style of trained networks in figures by their readout, if the points name it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LINES = ("-", "--", ":", "-.")
 
 
 def network_styles(points: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Return colour, marker and line by the names of the networks, in the order of the points."""
+    """Return colour, marker and line by network name, in the order of the points."""
     readouts = {point["network"]: point.get("readout") for point in points}
     styles: dict[str, dict[str, Any]] = {}
     for number, (network, readout) in enumerate(readouts.items()):

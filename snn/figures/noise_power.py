@@ -1,4 +1,4 @@
-"""Accuracy of trained networks over the power of their readout, at one noise each."""
+"""Draw the accuracy of trained networks over the power of their readout, for each noise."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TITLES = {
 
 
 def plot_noise_power(points: Sequence[dict[str, Any]], path: Path) -> None:
-    """Draw a panel for each mode; along a line the noise grows, and is written beside its points."""
+    """Draw a panel for each mode; labels along a line give the noise."""
     figure = new_figure(
         11, 4.6, "Accuracy over total power of the readout, both at the AFE noise that is written in mV"
     )

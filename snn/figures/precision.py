@@ -1,4 +1,4 @@
-"""Accuracy of integer networks over the memory of their weights, and over the additions a second."""
+"""Draw the accuracy of integer networks over the memory of their weights, and over additions per second."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LEAST = 50.0
 
 
 def plot_precision(points: Sequence[dict[str, Any]], path: Path) -> None:
-    """Draw every network as a line over the bits of its weights, which stand beside its points.
+    """Draw every network as a line over the bits of its weights, with the bits beside its points.
 
     Networks whose names differ only behind the first number, that of their neurons, share a column of panels.
     """

@@ -1,4 +1,4 @@
-"""Accuracy of trained networks under every disturbance, a panel each."""
+"""Draw the accuracy of trained networks under every disturbance, one panel each."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ COLUMNS = 4
 
 
 def plot_robustness(points: Sequence[dict[str, Any]], path: Path) -> None:
-    """Draw accuracy over strength with its interval; the clean scans are a dotted line."""
+    """Draw accuracy over strength with its interval; a dotted line marks the clean scans."""
     names = [name for name in DISTURBANCES if any(point["disturbance"] == name for point in points)]
     networks = sorted({point["network"] for point in points})
     rows = max(1, -(-len(names) // COLUMNS))

@@ -1,1 +1,1 @@
-"""One layer of integrate-and-fire neurons: its rule, the plain loop, and the same on CPU and GPU."""
+"""One layer of integrate-and-fire neurons: its rule, a plain loop, and kernels for CPU and GPU."""

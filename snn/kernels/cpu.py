@@ -1,4 +1,4 @@
-"""The compiled kernel (cpu.cpp): built once with g++ into the user's cache, called through ctypes.
+"""Call the compiled kernel (cpu.cpp) through ctypes; g++ builds it once into the user's cache.
 
 Where there is no compiler, ``available()`` is false and the pure torch path of ``snn.kernels.dense`` does the work.
 The functions here take contiguous float32 CPU tensors and check nothing else.
@@ -65,7 +65,7 @@ class Entries(NamedTuple):
 
 
 def available() -> bool:
-    """Return whether the kernel can be used; the first call compiles it, in about a second."""
+    """Return whether the kernel can be used; the first call compiles the kernel, in about a second."""
     return _library() is not None
 
 
@@ -76,7 +76,7 @@ def pad(columns: int) -> int:
 
 
 def padded(matrix: Tensor, rows: int | None = None) -> Tensor:
-    """Return a vector or matrix, contiguous, its columns (and to ``rows`` its rows) filled up with zeros."""
+    """Return a contiguous vector or matrix, with columns (and rows up to ``rows``) padded with zeros."""
     shape = (*matrix.shape[:-1], pad(matrix.shape[-1])) if rows is None else (rows, pad(matrix.shape[-1]))
     if shape == tuple(matrix.shape):
         return matrix.detach().contiguous()
@@ -117,7 +117,7 @@ def outer(entries: Entries, columns: int, grad: Tensor) -> Tensor:
 
 
 def forward(rule: NeuronRule, decay: Tensor, recurrent: Tensor | None, v: Tensor) -> tuple[Tensor, Entries]:
-    """Turn currents into potentials, in place, and return the spikes, dense and as entries.
+    """Compute potentials from currents, in place, and return the spikes, dense and as entries.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def _rule(rule: NeuronRule) -> Any:
 
 
 def _call(name: str, *arguments: Any) -> None:
-    """Call a function of the library; tensors go as pointers, whole numbers as 64 bits."""
+    """Call a function of the library; tensors become pointers, and integers 64 bits."""
     converted: list[Any] = []
     for argument in arguments:
         if isinstance(argument, Tensor):
@@ -185,7 +185,7 @@ def _require() -> ctypes.CDLL:
 
 @functools.cache
 def _library() -> ctypes.CDLL | None:
-    """Return the library, compiled if need be, or None without a working compiler."""
+    """Return the library, compiled if necessary, or None without a working compiler."""
     compiler = shutil.which(os.environ.get(COMPILER_VARIABLE, "g++"))
     if compiler is None:
         return None
@@ -215,7 +215,7 @@ def _load(path: Path) -> ctypes.CDLL:
 
 
 def _compile(compiler: str, path: Path) -> None:
-    """Compile beside the final name, so that no other process ever sees half a library."""
+    """Compile to a temporary name and rename, so that no other process sees an incomplete library."""
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:
         made = Path(folder) / path.name
         subprocess.run([compiler, *_FLAGS, str(SOURCE), "-o", str(made)], check=True, capture_output=True)
@@ -224,7 +224,7 @@ def _compile(compiler: str, path: Path) -> None:
 
 
 def _instructions() -> str:
-    """Return what tells apart processors that share a home folder: the kernel uses all they can do."""
+    """Return a text that separates processors sharing a home folder: the kernel uses all their instructions."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:

@@ -87,7 +87,7 @@ def layer(
 
 
 def _triton_takes(*tensors: Tensor | None) -> bool:
-    """Return whether Triton is installed and takes these: float32 on a GPU, or on any device in its interpreter."""
+    """Return whether Triton is installed and supports the arguments: float32 on a GPU, or in its interpreter."""
     try:
         from eskin.snn.kernels import triton as kernel_triton
     except ImportError:
@@ -96,7 +96,7 @@ def _triton_takes(*tensors: Tensor | None) -> bool:
 
 
 class _TritonLayer(torch.autograd.Function):
-    """The time loop in one launch forward and one backward; dense products over the whole sequence around it."""
+    """The time loop as one launch forward and one backward, with dense products over the whole sequence."""
 
     @staticmethod
     def forward(

@@ -1,4 +1,4 @@
-"""The layer as a plain loop that autograd differentiates: what all kernels are held to."""
+"""Compute the layer with a plain loop and autograd: the reference for all kernels."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class _Spike(torch.autograd.Function):
 def layer_reference(
     rule: NeuronRule, x: Tensor, w_in: Tensor, bias: Tensor, decay: Tensor, w_rec: Tensor | None = None
 ) -> Tensor:
-    """Return what ``layer`` returns, by a plain loop that autograd differentiates."""
+    """Return the result of ``layer``, from a plain loop differentiated by autograd."""
     currents = functional.linear(x, w_in, bias).unbind()  # indexing x[t] instead makes backward quadratic
     carry = torch.zeros_like(currents[0])
     spikes: list[Tensor] = []

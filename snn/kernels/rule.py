@@ -1,4 +1,4 @@
-"""The constants of a neuron, and the surrogate derivative of its spike."""
+"""Define the constants of a neuron, and the surrogate derivative of its spike."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The layer on the CPU: products over the events only, in the compiled kernel."""
+"""Compute the layer on the CPU with the compiled kernel, with products over non-zero entries only."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DENSE_FROM = 0.6
 
 
 class SparseLayer(torch.autograd.Function):
-    """All matrices are padded to whole vectors; products are over events where few entries are not zero."""
+    """The layer with matrices padded to whole vectors, and sparse products if few entries are non-zero."""
 
     @staticmethod
     def forward(

@@ -1,4 +1,4 @@
-"""The time loop of a layer on a GPU: one Triton kernel for the whole sequence forward, one for it backward.
+"""Compute the time loop of a layer on a GPU: one Triton kernel forward, one backward.
 
 Importing this module imports Triton; ``snn.kernels.layer`` does so on demand. All tensors are contiguous float32 of
 shape (steps, batch, neurons), and of shape (neurons, neurons) and (neurons,); nothing else is checked.
@@ -43,7 +43,7 @@ OPTIONS = {"num_warps": 8, "enable_fp_fusion": True}
 
 
 def forward(rule: "NeuronRule", decay: Tensor, w_rec: Tensor | None, currents: Tensor) -> tuple[Tensor, Tensor]:
-    """Return potentials and spikes, both of the shape of the currents, (steps, batch, neurons)."""
+    """Return potentials and spikes, both in the shape of the currents, (steps, batch, neurons)."""
     v, s = torch.empty_like(currents), torch.empty_like(currents)
     matrix = None if w_rec is None else w_rec.t().contiguous()
     subtract = rule.reset == "subtract"
@@ -197,7 +197,7 @@ def _product(
     COLUMNS: tl.constexpr,
     INNER: tl.constexpr,
 ) -> tl.tensor:
-    """Return rows of left (batch, neurons), 0 where not present, times columns of a matrix (neurons, neurons).
+    """Return rows of left (batch, neurons), 0 if absent, times columns of a matrix (neurons, neurons).
 
     Shape (ROWS, COLUMNS), in full float32 precision.
     """

@@ -1,1 +1,1 @@
-"""What a readout is good for: accuracy, rate and power at one noise; latency, rest, timing."""
+"""Study readouts: accuracy, rate and power at equal noise; latency, rest, timing."""

@@ -1,4 +1,4 @@
-"""Accuracy, event rate and power of trained networks at one AFE noise v_n (docs/results/what_events_are_good_for.md).
+"""Study accuracy, event rate and power of trained networks at each AFE noise v_n.
 
 The scans of the test images are recorded anew with noise at the outputs of the AFE. The events that then leave the
 array feed the power model, so that all three numbers belong to the same v_n.
@@ -46,13 +46,13 @@ CORRECTED: dict[Mode, frozenset[str]] = {"paper": frozenset({"event_rates"}), "c
 
 @dataclass(frozen=True)
 class Noisy:
-    """A mode's noise on the signals of a scan."""
+    """Noise of a mode, added to the signals of a scan."""
 
     mode: Mode
     noise_v: float
 
     def samples(self, scan: Scan, config: Any, signals: NDArray[np.float64], image: int) -> NDArray[np.int32]:
-        """Return the codes of a scan with noise, the same for all networks that take these samples of an image."""
+        """Return the codes of a scan with noise, equal for all networks that use the same samples of an image."""
         generator = np.random.default_rng([MODES.index(self.mode), round(1e7 * self.noise_v), image])
         pole_hz = POLE_HZ[self.mode]
         pole = None if pole_hz is None else pole_hz / config.sample_rate_hz
@@ -61,13 +61,13 @@ class Noisy:
 
 @dataclass(frozen=True)
 class Rates:
-    """Rates of one noise as a ``RateSource`` of the power model."""
+    """The rates at one noise, as a ``RateSource`` of the power model."""
 
     population_hz: float
     square_sum_hz2: float
 
     def taxel_rates(self, readout: Readout, resolution: FloatArray, tau_s: FloatArray, taxels: int) -> TaxelRates:
-        """Return these rates, whatever the resolution; the array is that of the recordings."""
+        """Return these rates for any resolution; the array is that of the recordings."""
         ones = np.ones_like(resolution * tau_s)
         return TaxelRates(self.population_hz * ones, self.square_sum_hz2 * ones)
 
@@ -78,7 +78,7 @@ class Rates:
 def noisy_scans(
     experiment: Experiment, images: Sequence[int], noises: Sequence[Noisy], progress: Callable[[], object]
 ) -> list[tuple[ScanData, Rates]]:
-    """Return what a network takes of some images under every noise, and the rates; signals are made once."""
+    """Return the network's input for some images under every noise, and the rates; compute signals once."""
     scan, config = experiment.scan_and_config()
     dataset, frames = open_dataset(experiment.dataset), experiment.frames
     if frames is not None:
@@ -101,7 +101,7 @@ def noisy_scans(
 
 
 def recorded(config: Any, codes: NDArray[np.int32], metadata: dict[str, Any]) -> Recording:
-    """Return what the clock-by-clock model of a readout sends on some codes."""
+    """Return the events of the clock-by-clock model of a readout for some codes."""
     from eskin.model.readout import Stimulus, simulate
 
     stimulus = Stimulus.from_samples(config, codes)
@@ -109,7 +109,7 @@ def recorded(config: Any, codes: NDArray[np.int32], metadata: dict[str, Any]) ->
 
 
 def rates_of(recordings: Sequence[Recording]) -> Rates:
-    """Return the rates of the events that count: their sum over the taxels, and that of their squares."""
+    """Return the rates of the counted events: their sum over the taxels, and the sum of their squares."""
     config = recordings[0].config
     of_taxels = np.zeros(config.taxels)
     for recording in recordings:
@@ -141,7 +141,7 @@ def _frame_data(
 def under_noise(
     subjects: Sequence[Subject], noises_v: Sequence[float], out: Path, progress: Callable[[], object]
 ) -> list[dict[str, Any]]:
-    """Return what every network says at every noise of both modes; a file for each network, those found are read.
+    """Return every network's answers at every noise of both modes, one file per network; read existing files.
 
     Raises
     ------
@@ -153,7 +153,7 @@ def under_noise(
 
 
 def _cell(subject: Subject, noises_v: Sequence[float], progress: Callable[[], object]) -> dict[str, Any]:
-    """Return what a network says at every noise of both modes, and the rates there."""
+    """Return a network's answers at every noise of both modes, and the rates."""
     from eskin.snn.train import check_fits, logits_of
 
     noises = [Noisy(mode, noise) for mode in MODES for noise in noises_v]

@@ -1,4 +1,4 @@
-"""What rounding costs: trained networks as whole numbers of few bits, each test image by the integer model itself.
+"""Study the cost of rounding: classify each test image with integer networks of few bits.
 
 What the hardware does is what is counted here (docs/results/classifier.md#in-whole-numbers): the integer network is the
 golden model of the RTL, with every rounding and every end of a width.
@@ -29,7 +29,7 @@ _VARIANT = re.compile(r"([2-8])(?::t(\d+))?(?::m(\d+))?")
 
 
 def parse_variants(text: str) -> dict[str, Precision]:
-    """Return what ``8,4:t6,4:m12`` says: bits of all weights, least bits of the threshold, bits of a hidden potential.
+    """Parse ``8,4:t6,4:m12``: bits of all weights, least bits of the threshold, bits of a hidden potential.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def parse_variants(text: str) -> dict[str, Precision]:
 def in_precisions(
     subjects: Sequence[Subject], variants: dict[str, Precision], out: Path, progress: Callable[[], object]
 ) -> list[dict[str, Any]]:
-    """Return what every network says in every precision; a file for each network, those found are read.
+    """Return every network's answers in every precision, one file per network; read existing files.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def in_precisions(
 
 
 def _cell(subject: Subject, variants: dict[str, Precision]) -> dict[str, Any]:
-    """Return the answers of a network in all precisions, and what each of these takes."""
+    """Return a network's answers in all precisions, with memory and additions of each."""
     from eskin.snn.train import predicted_classes
 
     data = subject.experiment.data()
@@ -96,13 +96,13 @@ def _cell(subject: Subject, variants: dict[str, Precision]) -> dict[str, Any]:
 
 
 def _operations_hz(made: IntegerNetwork, counts: NDArray[Any], rate: float, bin_s: float) -> float:
-    """Return the additions a second, from the events of scans of shape (scans, bins, inputs)."""
+    """Return the additions per second for the events of scans, shape (scans, bins, inputs)."""
     events = counts.sum() / (counts.shape[0] * counts.shape[1])
     return float(made.config.additions(events, rate * made.config.hidden, 1) / bin_s)
 
 
 def points_of(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return a point for every network and variant: accuracy with its intervals, what it takes, and all answers.
+    """Return a point for every network and variant: accuracy with its intervals, cost, and all answers.
 
     ``within`` is the part of the images that have the answer of the float network; ``predicted`` has a word for each
     of the ``tests_of`` the network.
@@ -133,7 +133,7 @@ def points_of(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def tests_of(cells: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
-    """Return by network what its trainings were tested on."""
+    """Return the test images of each network's trainings, by network."""
     found: dict[str, list[dict[str, Any]]] = {}
     for cell in cells:
         about = {name: cell[name] for name in ("fold", "seed", "images")}
@@ -142,7 +142,7 @@ def tests_of(cells: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]
 
 
 def _right(cells: Sequence[dict[str, Any]], variant: str) -> NDArray[np.float64]:
-    """Return who is right, shape (images, seeds), of the images that every seed has tested."""
+    """Return whether each image is right, shape (images, seeds), for images tested by every seed."""
     by_seed: dict[int, dict[int, bool]] = {}
     for cell in cells:
         right = np.equal(cell["answers"][variant]["predicted"], cell["labels"])

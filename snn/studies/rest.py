@@ -1,4 +1,4 @@
-"""Bits per second of every readout while a touch moves, and while it rests (docs/results/what_events_are_good_for.md).
+"""Study the data rate of every readout during movement and at rest (docs/results/what_events_are_good_for.md).
 
 The array slides over a texture and then over its last column, continued: the pressure no longer changes, and the
 high-pass of the sensor lets the signal die away. All readouts take the same signals with the same AFE noise.
@@ -35,7 +35,7 @@ Readout = ReadoutConfig | FrameSteps
 def bits_per_second(
     dataset: Dataset, readouts: dict[str, Readout], noises_v: Sequence[float], tick: Callable[[], object]
 ) -> list[dict[str, Any]]:
-    """Return for every readout, noise and phase (moving, resting) the bits per second as sent and after coding."""
+    """Return the bits per second, sent and coded, of every readout, noise and phase (moving, resting)."""
     scan, found = PhysicalScan(), []
     for name, readout in readouts.items():
         array = readout if isinstance(readout, ReadoutConfig) else ReadoutConfig()
@@ -62,7 +62,7 @@ def bits_per_second(
 
 
 def _part(total: int, per_second: float, phase: str) -> tuple[int, int]:
-    """Return where a phase begins and ends: the texture's part, or the last seconds."""
+    """Return the begin and end of a phase: the part with the texture, or the last seconds."""
     if phase == "moving":
         return 0, total - round(REST_S * per_second)
     return total - round(SETTLED_S * per_second), total

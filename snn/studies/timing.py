@@ -1,4 +1,4 @@
-"""How well the time of a level crossing is known from events and frames (docs/results/what_events_are_good_for.md).
+"""Study the precision of level-crossing times from events and frames (docs/results/what_events_are_good_for.md).
 
 The true crossings are those of the same levels by a signal that is sampled FINE_HZ times a second. A crossing that is
 found counts for the nearest true one of the same taxel, level and direction; each may be found once.
@@ -33,7 +33,7 @@ Crossings = dict[tuple[int, int, bool], NDArray[np.float64]]
 def timing_points(
     dataset: Dataset, config: ReadoutConfig, frames: Sequence[FrameSteps], tick: Callable[[], object]
 ) -> list[dict[str, Any]]:
-    """Return for events, and for frames of some rates with and without interpolation, what is found, and its errors.
+    """Return the share of crossings found and their errors, for events, and for frames with and without interpolation.
 
     ``config`` is of LCS, at its own sample rate and with its arbiter and link.
     """
@@ -76,7 +76,7 @@ def _point(name: str, rate_hz: float, found: list[Any], truths: int, bps: float)
 
 
 def _of_frames(fine: ReadoutConfig, signals: NDArray[np.float64], frames: FrameSteps, name: str) -> Crossings:
-    """Return the crossings that a receiver finds: at the frame that shows them, or on straight lines between frames."""
+    """Return the crossings that a receiver of frames finds: at the next frame, or by linear interpolation."""
     codes = quantise(signals, frames.bits)[0].astype(float) * 2.0 ** (fine.sample_bits - frames.bits)
     if name == "frames":
         config = fine.replace(sample_rate_hz=frames.rate_hz)
@@ -87,7 +87,7 @@ def _of_frames(fine: ReadoutConfig, signals: NDArray[np.float64], frames: FrameS
 
 
 def _crossings(config: ReadoutConfig, codes: NDArray[np.int32], late_s: float | None = None) -> Crossings:
-    """Return the crossings of an encoder without arbiter, half a sample before that which shows them."""
+    """Return the crossings of an encoder without arbiter, half a sample before the sample that shows them."""
     events = uncontended_events(config, encode(config, codes))
     half = 0.5 / config.sample_rate_hz if late_s is None else late_s
     events["t"] = events["t"] // config.clocks_per_sample
@@ -95,7 +95,7 @@ def _crossings(config: ReadoutConfig, codes: NDArray[np.int32], late_s: float | 
 
 
 def _levels(events: Any, config: ReadoutConfig, ticks_per_s: float) -> Crossings:
-    """Return the times of LCS events by taxel, level that they reach or leave, and direction."""
+    """Return the times of LCS events by taxel, level and direction."""
     taxels, signs = taxel_of(events, config), np.where(events["p"], 1, -1)
     found: Crossings = {}
     for taxel in range(config.taxels):
