@@ -43,7 +43,7 @@ def export(
 
 
 def _tell_lacks(path: Path, weights: Weights) -> None:
-    """Print what snnTorch and Norse lack of a network, and what that costs on its test images."""
+    """Print the features of a network that snnTorch and Norse lack, and the loss of test accuracy without them."""
     from eskin.snn.exchange.portable import lacks
     from eskin.snn.exchange.weights import config_of
 
@@ -100,7 +100,7 @@ def convert(
     ] = None,
     unit: Annotated[str | None, typer.Option(metavar="us|clocks", help=".npy: unit of t [us]")] = None,
 ) -> None:
-    """Convert an event file to what other tools read, and NIRData back to an event file."""
+    """Convert an event file to NIRData or an array, or NIRData back to an event file."""
     if out.suffix not in (".nir", ".npy", ".npz"):
         raise InputError(f"events are written as .nir, .npy or .npz, not {out.name}; rename the output")
     if bin_s is not None and out.suffix != ".nir":
@@ -142,7 +142,7 @@ def quantise(
         bool, typer.Option("--accuracy", help="classify the test images of the training, float and integer")
     ] = False,
 ) -> None:
-    """Write a trained network as whole numbers for the classifier in hardware, with images of its memories."""
+    """Convert a trained network to integers for the hardware classifier, and write its memory images."""
     if out.suffix != ".npz":
         raise InputError(f"integer networks end in .npz, {out.name} does not; rename the output")
     from eskin.model.classifier.file import write_images
