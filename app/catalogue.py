@@ -1,5 +1,4 @@
-"""List the commands of ``eskin``, with the standard library alone, because make reads this file before any
-installation.
+"""List the commands of ``eskin``; needs the standard library alone, since make reads it before anything is installed.
 
 To add a command: write its function in a module of ``app/commands``, and list it here under what users want to do.
 """
@@ -21,8 +20,9 @@ def _in(folder: str, **modules: str) -> dict[str, str]:
 
 
 COMMANDS: dict[str, dict[str, str]] = {
-    "Signals to events and back": _in("signals", encode="encode decode", compare="compare", report="report")
-    | _in("learn", exchange="convert"),
+    "Signals to events and back": _in(
+        "signals", encode="encode decode", convert="convert", compare="compare", report="report"
+    ),
     "RTL against model": _in("simulate", sim="sim", replay="replay", touch="touch"),
     "Classifier": _in(
         "learn",
@@ -66,12 +66,12 @@ HELP = "eskin COMMAND --help lists the options of a command."
 
 
 def words_of(name: str) -> list[str]:
-    """Return the words after ``eskin`` that run a command."""
+    """Return what stands behind ``eskin`` to run a command."""
     return [DEV, name] if name in CHECKS else [name]
 
 
 def summary(name: str) -> str:
-    """Return the first line of a command's docstring, without importing the command."""
+    """Return the first line of a command's docstring; imports no command."""
     text = Path(__file__).parents[1].joinpath(*MODULES[name].split(".")[1:]).with_suffix(".py").read_text()
     function = re.search(rf'^def {name.replace("-", "_")}_?\(.*?^    """(.*?)("""|$)', text, re.MULTILINE | re.DOTALL)
     assert function is not None, f"{MODULES[name]} has no function {name} with a docstring"
@@ -79,7 +79,7 @@ def summary(name: str) -> str:
 
 
 def overview() -> str:
-    """Return the text of ``eskin --help``."""
+    """Return what ``eskin --help`` prints."""
     listed = {heading: {name: summary(name) for name in names} for heading, names in COMMANDS.items()}
     listed["Development"] = {DEV: f"{ABOUT_DEV} Commands: {', '.join(CHECKS)}."}
     options = {"Options": {"-h, --help": "Show this message and exit."}}
@@ -87,7 +87,7 @@ def overview() -> str:
 
 
 def sections(listed: Mapping[str, Mapping[str, str]], width: int | None = None) -> Iterable[str]:
-    """Yield the lines of name and text lists, each below its heading; no text is cut.
+    """Yield the lines of lists of names and texts, each under its heading; no text is cut.
 
     Parameters
     ----------

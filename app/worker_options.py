@@ -1,4 +1,4 @@
-"""Options for parallel work: processes or threads of this machine, or a Dask cluster."""
+"""Who does the work of a command, as options: processes or threads of this machine, or a Dask cluster."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Scheduler = Annotated[
 def open_pool(
     workers: int | None, scheduler: str | None, needs: Needs | None = None, *, threads: bool = False
 ) -> WorkerPool:
-    """Return the worker pool for the user's options.
+    """Return the pool that a user asked for.
 
     Parameters
     ----------

@@ -81,7 +81,7 @@ def plot_comparison(
 
 def plot_signals(
     events: Events,
-    signal: NDArray[np.floating[Any]],
+    signal: NDArray[np.floating[Any]] | None,
     config: ReadoutConfig,
     path: Path,
     title: str = "",
@@ -102,8 +102,9 @@ def plot_signals(
     """
     check_picture_path(path)
     end_ms = _end_ms(config, (events,), signal, duration_clocks)
-    figure, axes = _panels(title, False, True, 1, config)
-    _draw_signals(axes["signal"], signal, config, label)
+    figure, axes = _panels(title, False, signal is not None, 1, config)
+    if signal is not None:
+        _draw_signals(axes["signal"], signal, config, label)
     _draw_events(axes["raster0"], events, config, end_ms, np.zeros(len(events), np.bool_))
     _caption(axes["raster0"], "events", f"{len(events):,} events")
     _legend(axes["raster0"], config, False)

@@ -11,6 +11,9 @@ from typing import NamedTuple
 from eskin.base.errors import InputError
 from eskin.base.inputs import find_files
 from eskin.model.events.recording import Recording
+from eskin.skin.foreign.address_map import AddressMap
+from eskin.skin.foreign.aedat4 import SUFFIX as AEDAT4
+from eskin.skin.foreign.files import is_foreign, load_foreign
 from eskin.skin.recordings.trained_on import OwnReadout
 
 
@@ -53,12 +56,12 @@ def event_files(paths: Iterable[Path]) -> list[EventFile]:
             whole = path.absolute()  # the folder of a class, and what holds it
             found.append(EventFile(whole, whole.parent.parent))
             continue
-        inside, others = find_files(path, (".npz",))
+        inside, others = find_files(path, (".npz", AEDAT4))
         if others:
             raise InputError(f"event folder {path} holds what is no event file: {others[0]}; fetch or remove it")
         if not inside:
             raise InputError(
-                f"event folder {path} holds no event files (.npz); record some with eskin replay, or "
+                f"event folder {path} holds no event files (.npz, .aedat4); record some with eskin replay, or "
                 f"eskin encode on a folder of class folders"
             )
         found += [EventFile(file, path) for file in inside]
@@ -82,6 +85,7 @@ def read_recordings(
     files: Sequence[EventFile],
     classes: Sequence[str] | None = None,
     progress: Callable[[], object] | None = None,
+    mapping: AddressMap | None = None,
 ) -> list[Recording]:
     """Return the recordings of files, each with its name and, if known, its class in the metadata.
 
@@ -96,10 +100,12 @@ def read_recordings(
         A folder that is none of these is no class.
     progress : callable, optional
         Called after each file.
+    mapping : AddressMap, optional
+        Taxels of the addresses of foreign event files.
     """
     recordings = []
     for file in files:
-        recording = Recording.load(file.path)
+        recording = load_foreign(file.path, mapping) if is_foreign(file.path) else Recording.load(file.path)
         known = {"name": _name(recording, file)}
         kind = class_of(recording) or file.class_folder
         if kind is not None and (class_of(recording) is not None or classes is None or kind in classes):

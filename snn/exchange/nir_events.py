@@ -6,7 +6,7 @@ import io
 import json
 import math
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import h5py  # type: ignore[import-untyped]
 import nir
@@ -14,7 +14,7 @@ import numpy as np
 
 from eskin.base.errors import InputError
 from eskin.base.files import atomic_write
-from eskin.model.address_events import EVENT_DTYPE, Events
+from eskin.model.address_events import EVENT_DTYPE
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.snn.data.bins import BinConfig, bin_recording
@@ -31,8 +31,6 @@ than half a clock.
 OBSERVABLE = "spikes"
 HEADER = "recording"
 """Dataset beside the data of a NIRData file: the configuration, duration and metadata of the recording as JSON."""
-
-TimeUnit = Literal["us", "clocks"]
 
 
 def to_nir_data(recording: Recording) -> nir.NIRGraphData:
@@ -117,37 +115,7 @@ def from_nir_data(data: nir.NIRGraphData, config: ReadoutConfig, metadata: dict[
     return Recording(made, config, duration, metadata=metadata or {})
 
 
-def to_events_array(recording: Recording, time_unit: TimeUnit = "us") -> Events:
-    """Return events with the fields t, x, y, p, for event tools such as tonic.
-
-    Parameters
-    ----------
-    recording : Recording
-    time_unit : "us" or "clocks"
-        t in whole microseconds since the end of reset, rounded half to even, or in clocks. Microseconds do not tell
-        clocks above 1 MHz apart.
-
-    Returns
-    -------
-    ndarray of EVENT_DTYPE, shape (events,)
-    """
-    if time_unit not in ("us", "clocks"):
-        raise InputError(f"time_unit must be us or clocks, not {time_unit!r}")
-    events = recording.events.copy()
-    if time_unit == "us":
-        if recording.duration_s * 1e6 >= 2.0**63:
-            raise InputError(f"the recording lasts {recording.duration_s:g} s, too long for microseconds; take clocks")
-        events["t"] = np.rint(events["t"] / recording.clock_hz * 1e6)
-    return events
-
-
 # -- files -------------------------------------------------------------------------------------------
-
-
-def save_events(path: Path, recording: Recording, time_unit: TimeUnit = "us") -> None:
-    """Write the array of ``to_events_array`` as .npy."""
-    with atomic_write(path) as file:
-        np.save(file, to_events_array(recording, time_unit))
 
 
 def load_recording(path: Path) -> Recording:
@@ -156,7 +124,7 @@ def load_recording(path: Path) -> Recording:
         return Recording.load(path)
     if path.suffix == ".nir":
         return load_nir_data(path)
-    raise InputError(f"{path} is of unknown kind; give an event file (.npz) or NIRData (.nir)")
+    raise InputError(f"{path} is of unknown kind; give events as .npz, .nir, .aedat4, or as a table")
 
 
 def save_nir_data(path: Path, recording: Recording, bins: BinConfig | None = None) -> None:

@@ -19,12 +19,13 @@ from eskin.base.errors import InputError
 from eskin.model.address_events import make_events
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
+from eskin.skin.foreign.events import in_unit
 from eskin.snn.adam import Adam
 from eskin.snn.checkpoint import Checkpoint
 from eskin.snn.data.bins import BinConfig, bin_recording
 from eskin.snn.data.frame_steps import FrameSteps
 from eskin.snn.data.scans import Split
-from eskin.snn.exchange.nir_events import load_nir_data, save_nir_data, to_events_array
+from eskin.snn.exchange.nir_events import load_nir_data, save_nir_data
 from eskin.snn.exchange.nir_network import load_nir, save_nir
 from eskin.snn.exchange.weights import Weights, load_weights, save_weights
 from eskin.snn.experiments.crossval import read_cell
@@ -337,7 +338,7 @@ def test_events_at_an_absurd_clock_are_refused(snn: Call, rate: float) -> None:
         config = ReadoutConfig(rows=1, columns=2, sample_rate_hz=rate)
         late = Recording(make_events([10**9], [0], [0]), config, 10**9 + 1)
         with pytest.raises(InputError, match="too long for microseconds; take clocks"):
-            to_events_array(late)
+            in_unit(late)
 
 
 def test_more_counts_than_memory_is_for_are_refused() -> None:

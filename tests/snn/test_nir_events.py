@@ -11,14 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eskin.app.cli import make_app
-from eskin.app.commands.learn.exchange import convert
+from eskin.app.commands.signals.convert import convert
 from eskin.base.errors import InputError
 from eskin.model.address_events import EVENT_DTYPE, make_events
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 from eskin.model.events.recording import Recording
+from eskin.skin.foreign.events import in_unit
 from eskin.snn.data.bins import BinConfig, bin_recording
-from eskin.snn.exchange.nir_events import from_nir_data, load_nir_data, save_nir_data, to_events_array, to_nir_data
+from eskin.snn.exchange.nir_events import from_nir_data, load_nir_data, save_nir_data, to_nir_data
 from eskin.snn.exchange.nir_network import to_nir
 from eskin.snn.exchange.weights import Weights
 from eskin.snn.network import build
@@ -104,15 +105,15 @@ def test_limits_of_nir_data() -> None:
 
 def test_the_array_of_event_tools() -> None:
     original = recording()
-    array = to_events_array(original)
+    array = in_unit(original)
     assert array.dtype == EVENT_DTYPE
     assert array.dtype.names == ("t", "x", "y", "p")
-    expected = [round(int(t) / original.clock_hz * 1e6) for t in original.events["t"]]
+    expected = [round(int(t) * 1e6 / original.clock_hz) for t in original.events["t"]]
     assert array["t"].tolist() == expected
     assert np.array_equal(array[["x", "y", "p"]], original.events[["x", "y", "p"]])
-    assert np.array_equal(to_events_array(original, "clocks"), original.events)
-    with pytest.raises(InputError, match="time_unit must be us or clocks, not 's'"):
-        to_events_array(original, "s")  # type: ignore[arg-type]
+    assert np.array_equal(in_unit(original, "clocks"), original.events)
+    with pytest.raises(InputError, match="events are written in us or clocks, not 's'"):
+        in_unit(original, "s")
 
 
 # -- command -----------------------------------------------------------------------------------------
@@ -136,7 +137,7 @@ def test_events_go_out_and_come_back(
     assert call("convert e.npz -o counts.nir --bin 0.01", capsys)[0] == 0
     assert nir.read_data("counts.nir").nodes["input"].observables["spikes"].n_time_steps == 27
     assert call("convert e.npz -o e.npy", capsys)[0] == 0
-    assert np.array_equal(np.load("e.npy"), to_events_array(original))
+    assert np.array_equal(np.load("e.npy"), in_unit(original))
     assert call("convert e.npz -o e.npy --unit clocks", capsys)[0] == 0
     assert np.array_equal(np.load("e.npy"), original.events)
 
@@ -145,11 +146,17 @@ def test_events_go_out_and_come_back(
     ("line", "message"),
     [
         ("convert none.npz -o e.npy", "cannot read none.npz: No such file or directory"),
-        ("convert e.npz -o e.aedat", "events are written as .nir, .npy or .npz, not e.aedat; rename the output"),
+        (
+            "convert e.npz -o e.aedat",
+            "events are written as .npz, .aedat4, .nir, .npy, .csv, not e.aedat; rename the output",
+        ),
         ("convert e.npz -o e.npy --bin 0.01", "--bin belongs to .nir, not to e.npy; leave it out"),
-        ("convert e.npz -o e.nir --unit us", "--unit belongs to .npy, not to e.nir; leave it out"),
+        ("convert e.npz -o e.nir --unit us", "--unit belongs to .npy and .csv, not to e.nir; leave it out"),
         ("convert e.npz -o e.npy --unit ms", "--unit must be us or clocks, not 'ms'"),
-        ("convert e.txt -o e.npy", "e.txt is of unknown kind; give an event file (.npz) or NIRData (.nir)"),
+        (
+            "convert e.dat -o e.npy",
+            "e.dat is of unknown kind; give events as .npz, .nir, .aedat4, or as a table",
+        ),
         ("convert broken.nir -o e.npz", "broken.nir is damaged or not NIRData; convert its event file again"),
     ],
 )

@@ -20,6 +20,7 @@ from eskin.app.commands.learn.predict import predict
 from eskin.model.address_events import no_events
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
+from eskin.skin.foreign.aedat4 import write_aedat4
 from eskin.skin.textures.dataset import embedded_dataset
 from eskin.skin.textures.physical import PhysicalScan
 from eskin.snn.data.bins import BinConfig
@@ -85,6 +86,24 @@ def images_in(folder: Path) -> list[dict[str, Any]]:
 
 
 # -- predictions -------------------------------------------------------------------------------------
+
+
+def test_foreign_events_get_the_class_of_ours(tmp_path: Path, replayed: Path, call: Call) -> None:
+    """The clock of the scans is 1.28 MHz, so microseconds lose clocks, but no event leaves its bin of 10 ms."""
+    pytest.importorskip("dv_processing", reason="the group exchange is not installed")
+    for path in replayed.rglob("*.npz"):
+        target = tmp_path / "theirs" / path.relative_to(replayed).with_suffix(".aedat4")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_aedat4(target, Recording.load(path))
+    assert call("--events", replayed)[0] == 0
+    ours = {image["class"] + image["name"].split("/")[-1]: image for image in images_in(tmp_path)}
+    code, output, error = call("--events", tmp_path / "theirs")
+    assert code == 0, output + error
+    theirs = {image["class"] + image["name"].split("/")[-1]: image for image in images_in(tmp_path)}
+    assert {name: image["predicted"] for name, image in theirs.items()} == {
+        name: image["predicted"] for name, image in ours.items()
+    }
+    assert len(theirs) == 6
 
 
 @pytest.mark.skipif(shutil.which("g++") is None or shutil.which("perl") is None, reason="no simulator: g++ and perl")

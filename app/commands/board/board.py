@@ -90,7 +90,7 @@ def listen(
     patience: Patience = 3.0,
     out: Annotated[Path, typer.Option("-o", "--out", help="file for the events"), WRITES_FILE] = Path("out/heard.npz"),
 ) -> None:
-    """Record the events that another chip sends over four-phase AER; --rows, --columns, --encoding describe its array.
+    """Record what a foreign chip sends over four-phase AER: its array is said by --rows, --columns, --encoding.
 
     Addresses are {polarity, row, column}; times are in clocks of the board. Ctrl-C ends the recording and keeps it.
     """
@@ -119,7 +119,7 @@ def load(
     baud: Baud = BAUD,
     patience: Patience = 3.0,
 ) -> None:
-    """Load weights into a board, and verify that all arrived."""
+    """Load weights into a board, and see that all of them arrived."""
     from eskin.board import session
     from eskin.model.classifier.file import IntegerWeights
 
@@ -131,7 +131,7 @@ def load(
 
 
 def rescue(journal: Annotated[Path, typer.Argument(metavar="FILE.npz.part", help="what a recording left")]) -> None:
-    """Convert the partial file of a killed recording into an event file."""
+    """Make an event file of what a recording that was killed has left."""
     from eskin.board.journal import convert
 
     recording = convert(journal)
@@ -146,7 +146,7 @@ def _link(port: str, sink: Callable[[list[Record]], object], baud: int, patience
 
 @contextmanager
 def _shown(view: View, page: int | None) -> Iterator[Callable[[list[Record]], object]]:
-    """Yield a viewer of records: in the terminal, if there is one, and optionally in a browser."""
+    """Give what takes records to be looked at: in the terminal, where there is one, and in a browser if asked for."""
     from eskin.board.live import serve
 
     server = None if page is None else serve(view, page)

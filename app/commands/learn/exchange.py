@@ -1,4 +1,4 @@
-"""The commands export, import, convert and quantise (docs/guide/exchange.md)."""
+"""The commands export, import and quantise (docs/guide/exchange.md)."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def export(
 
 
 def _tell_lacks(path: Path, weights: Weights) -> None:
-    """Print the features of a network that snnTorch and Norse lack, and the loss of test accuracy without them."""
+    """Print what snnTorch and Norse lack of a network, and what that costs on its test images."""
     from eskin.snn.exchange.portable import lacks
     from eskin.snn.exchange.weights import config_of
 
@@ -90,38 +90,6 @@ def import_(
     print(printable(f"{out}: {network.inputs} inputs, {network.hidden} hidden neurons, classes {names}"))
 
 
-def convert(
-    source: Annotated[Path, typer.Argument(metavar="EVENTS", help="event file .npz, or NIRData .nir")],
-    out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="FILE", help="NIRData .nir, array .npy, event file .npz"), WRITES_FILE
-    ],
-    bin_s: Annotated[
-        float | None, typer.Option("--bin", metavar="SECONDS", help=".nir: counts per time bin instead of events")
-    ] = None,
-    unit: Annotated[str | None, typer.Option(metavar="us|clocks", help=".npy: unit of t [us]")] = None,
-) -> None:
-    """Convert an event file to NIRData or an array, or NIRData back to an event file."""
-    if out.suffix not in (".nir", ".npy", ".npz"):
-        raise InputError(f"events are written as .nir, .npy or .npz, not {out.name}; rename the output")
-    if bin_s is not None and out.suffix != ".nir":
-        raise InputError(f"--bin belongs to .nir, not to {out.name}; leave it out")
-    if unit is not None and out.suffix != ".npy":
-        raise InputError(f"--unit belongs to .npy, not to {out.name}; leave it out")
-    if unit not in (None, "us", "clocks"):
-        raise InputError(f"--unit must be us or clocks, not {unit!r}")
-    from eskin.snn.data.bins import BinConfig
-    from eskin.snn.exchange.nir_events import load_recording, save_events, save_nir_data
-
-    recording = load_recording(source)
-    if out.suffix == ".nir":
-        save_nir_data(out, recording, None if bin_s is None else BinConfig(bin_s=bin_s))
-    elif out.suffix == ".npz":
-        recording.save(out)
-    else:
-        save_events(out, recording, "clocks" if unit == "clocks" else "us")
-    print(printable(f"{out}: {len(recording.events)} events in {recording.duration_s:.6g} s"))
-
-
 def quantise(
     weights: Annotated[Path, typer.Argument(metavar="WEIGHTS.npz", help="trained network")],
     out: Annotated[
@@ -142,7 +110,7 @@ def quantise(
         bool, typer.Option("--accuracy", help="classify the test images of the training, float and integer")
     ] = False,
 ) -> None:
-    """Convert a trained network to integers for the hardware classifier, and write its memory images."""
+    """Write a trained network as whole numbers for the classifier in hardware, with images of its memories."""
     if out.suffix != ".npz":
         raise InputError(f"integer networks end in .npz, {out.name} does not; rename the output")
     from eskin.model.classifier.file import write_images

@@ -35,7 +35,11 @@ MOST_CLASSES = 12
 def predict(
     weights: Annotated[Path, typer.Argument(metavar="WEIGHTS.npz", help="trained network")],
     events: Annotated[
-        list[Path] | None, typer.Option("--events", metavar="DIR|FILE", help="event files, as of a replay; repeatable")
+        list[Path] | None,
+        typer.Option("--events", metavar="DIR|FILE", help="event files, also foreign ones; repeatable"),
+    ] = None,
+    address_map: Annotated[
+        Path | None, typer.Option("--map", metavar="FILE", help="foreign events: taxel of each address, a .csv")
     ] = None,
     data: Annotated[
         Path | None,
@@ -52,9 +56,11 @@ def predict(
         Path, typer.Option("-o", "--out", metavar="FILE", help="predictions of all recordings"), WRITES_FILE
     ] = Path("out/predictions.json"),
 ) -> None:
-    """Classify recordings with a trained network; --check-model requires that RTL and model agree bit for bit."""
+    """Classify recordings with a trained network; with --check-model RTL and model must agree bit for bit."""
     import torch
 
+    from eskin.skin.foreign.address_map import AddressMap
+    from eskin.skin.foreign.files import is_foreign
     from eskin.snn.data.recordings import event_files, read_recordings
     from eskin.snn.experiments import evaluate as work
     from eskin.snn.experiments.trained import load_trained
@@ -64,8 +70,11 @@ def predict(
         raise InputError("--data beside --events is where --check-model finds the samples; add it, or leave one out")
     trained = load_trained(weights)
     files = event_files(events or [_own_events(trained, data, check_model)])
+    mapping = AddressMap.read(address_map) if address_map is not None else None
+    if mapping is not None and not any(is_foreign(file.path) for file in files):
+        raise InputError("--map is for foreign event files, and none was given; leave it out")
     with bar("reading events", len(files)) as step:
-        recordings = read_recordings(files, trained.weights.class_names, step)
+        recordings = read_recordings(files, trained.weights.class_names, step, mapping)
     if not events:
         recordings = [work.without_unknown_class(recording, trained) for recording in recordings]
     counts = work.bin_recordings(recordings, trained)
@@ -90,7 +99,7 @@ def predict(
 
 
 def _own_events(trained: Trained, data: Path | None, check_model: bool) -> Path:
-    """Return the event files of a user's recordings, prepared as for the training."""
+    """Return the event files of own recordings, taken as those of the training were."""
     from eskin.skin.recordings.trained_on import EVERY_FIELD
 
     if data is None:
@@ -106,7 +115,7 @@ def _own_events(trained: Trained, data: Path | None, check_model: bool) -> Path:
 
 
 def _print_check(check: Check, recordings: Sequence[Recording], again: str) -> None:
-    """Print how many RTL recordings equal the model's; exit with 1 if any differs or none was compared."""
+    """Print how many recordings of the RTL are those of the model; leave with 1 if one differs or none was compared."""
     from eskin.snn.experiments.evaluate import LEVELS
 
     names = [recording.metadata["name"] for recording in recordings]
@@ -127,7 +136,7 @@ def _print_check(check: Check, recordings: Sequence[Recording], again: str) -> N
 
 
 def _print_recordings(recordings: Sequence[Recording], logits: NDArray[np.float32], trained: Trained) -> None:
-    """Print name, class and prediction of a few recordings, or of those without a class."""
+    """Print name, class and prediction of a few recordings, or of those that have no class."""
     from eskin.snn.data.recordings import class_of
 
     for recording, row in zip(recordings, logits, strict=True):
@@ -137,7 +146,7 @@ def _print_recordings(recordings: Sequence[Recording], logits: NDArray[np.float3
 
 
 def _print_scores(scores: dict[str, Score], trained: Trained) -> None:
-    """Print the accuracy of each group, and the confusion matrix of the test group."""
+    """Print the accuracy of each part, and the confusion of the part that is a result."""
     from eskin.snn.experiments.trained import OTHER, TEST, TRAINING
 
     words = {

@@ -61,7 +61,7 @@ def sweep(
         Path, typer.Option("-o", "--out", metavar="DIR", help="a folder per point, and sweep.json"), WRITES_FOLDER
     ] = Path("out/sweep"),
 ) -> None:
-    """Cross-validate many points at once; continues a stopped sweep with the missing cells."""
+    """Cross-validate many operating points at once; stopped, it goes on with the cells that are missing."""
     if events and points != DEFAULT_POINTS:
         raise InputError("--points says what is recorded from textures, --events what is recorded already; give one")
     from eskin.snn.experiments.settings import parse_points
@@ -93,7 +93,7 @@ def sweep(
 
 
 def _tell_idle(points: list[SweepPoint], settings: list[str] | None) -> None:
-    """Print the settings without effect on some points; refuse a setting without effect on any point."""
+    """Say which settings mean nothing to some of the points; refuse one that means nothing to any."""
     from eskin.snn.experiments.settings import idle_settings
 
     idle: dict[str, list[str]] = {}
@@ -107,7 +107,7 @@ def _tell_idle(points: list[SweepPoint], settings: list[str] | None) -> None:
 
 
 def _point(readout: str, numbers: str, options: dict[str, Any]) -> SweepPoint:
-    """Return the point for all other options of the command."""
+    """Return the point, which takes all other options of the command."""
     from eskin.snn.experiments.sweep import SweepPoint
 
     options = options | UNSAID
@@ -130,7 +130,7 @@ def _point(readout: str, numbers: str, options: dict[str, Any]) -> SweepPoint:
 
 
 def _recorded_point(folder: Path, options: dict[str, Any]) -> SweepPoint:
-    """Return the point of a folder of event files, named after the folder."""
+    """Return the point of a folder of event files, called as the folder."""
     from eskin.snn.experiments.sweep import SweepPoint
 
     made = build_experiment(options | UNSAID | {"events": folder})
@@ -139,7 +139,7 @@ def _recorded_point(folder: Path, options: dict[str, Any]) -> SweepPoint:
 
 
 def command_line(context: typer.Context) -> str:
-    """Return the command that reproduces the result: the non-default options."""
+    """Return what to type for the same result: the options that differ from their defaults."""
     words = ["eskin", str(context.info_name)]
     for option in context.command.params:
         value = context.params.get(str(option.name))
@@ -152,7 +152,7 @@ def command_line(context: typer.Context) -> str:
 
 
 def _print_table(points: list[PointSummary]) -> None:
-    """Print the accuracy and data rate of every point."""
+    """Print the accuracy of every point over its data rate."""
     title = (
         "accuracy in % by data rate in units of 640 kb/s\n"
         "95 % interval over images and seeds; sd over cells, each one fold and seed"

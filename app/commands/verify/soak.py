@@ -1,4 +1,4 @@
-"""The command soak: random configurations through RTL and model for a given time."""
+"""The command soak: random configurations through RTL and model, for as long as one likes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def soak(
         Path, typer.Option("-o", "--out", help="folder of what is done; started again, it goes on"), WRITES_FOLDER
     ] = Path("out/soak"),
 ) -> None:
-    """Compare RTL and model on random configurations; a failure is shrunk to one command, with exit code 1.
+    """Hold the RTL to the model on random configurations; a failure is shrunk to one command; exit code 1 then.
 
     Several may run side by side with the same --out.
     """
@@ -64,7 +64,7 @@ def soak(
 
 
 def _tell(piece: dict[str, Any]) -> None:
-    """Print a line for a finished configuration."""
+    """Print a line for a configuration that is done."""
     fields = piece["configuration"]
     what = f"{fields['rows']}x{fields['columns']} {fields['encoding']} {fields['sample_bits']}b/{fields['resolution']}b"
     what += f" {fields['link']} {fields['frontend']} {fields['decide_every']}"
@@ -73,7 +73,7 @@ def _tell(piece: dict[str, Any]) -> None:
 
 
 def _parts(words: list[str]) -> dict[str, Any]:
-    """Return the given parts, with integers converted."""
+    """Return the parts that are set, whole numbers as such."""
     from eskin.cocotb_tests.bench.draw import FIELDS, PARTS
 
     parts: dict[str, Any] = {}
@@ -88,7 +88,7 @@ def _parts(words: list[str]) -> dict[str, Any]:
 
 
 def _one(seed: int, run: int, clocks: int, parts: dict[str, Any], simulator: Any) -> None:
-    """Play one run, and print its result."""
+    """Play one run, and say what came of it."""
     from eskin.cocotb_tests.bench.draw import Draw
     from eskin.cocotb_tests.runner.process import MismatchFound
     from eskin.verify.soak.play import play

@@ -1,0 +1,153 @@
+"""The command convert (docs/guide/events.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from eskin.app.cli import printable
+from eskin.app.options import WRITES_FILE, with_config
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+
+KINDS = (".npz", ".aedat4", ".nir", ".npy", ".csv")
+
+
+@with_config
+def convert(
+    config: ReadoutConfig,
+    given: frozenset[str],
+    source: Annotated[
+        Path, typer.Argument(metavar="EVENTS", help="event file .npz, AEDAT 4, NIRData, or a table or array of events")
+    ],
+    out: Annotated[
+        Path,
+        typer.Option("-o", "--out", metavar="FILE", help="event file .npz, or .aedat4, .nir, .npy, .csv"),
+        WRITES_FILE,
+    ],
+    address_map: Annotated[
+        Path | None, typer.Option("--map", metavar="FILE", help="foreign events: taxel of each address, a .csv")
+    ] = None,
+    fields: Annotated[
+        str | None, typer.Option(metavar="A,B,...", help="table: its columns, of t, x, y, p, address, -")
+    ] = None,
+    time_unit: Annotated[
+        str | None, typer.Option("--time-unit", metavar="s|ms|us|ns|clocks", help="table: unit of its times")
+    ] = None,
+    start: Annotated[
+        float | None, typer.Option(help="foreign events: time that becomes clock 0 [0]", metavar="TIME")
+    ] = None,
+    wrap: Annotated[
+        int | None, typer.Option(metavar="BITS", help="foreign events: bits of a time counter that starts again")
+    ] = None,
+    sort: Annotated[bool, typer.Option("--sort", help="foreign events: sort them by time")] = False,
+    drop_unmapped: Annotated[
+        bool, typer.Option("--drop-unmapped", help="foreign events: leave out addresses that --map lacks")
+    ] = False,
+    plot: Annotated[Path | None, typer.Option(metavar="FILE", help="raster picture of the events"), WRITES_FILE] = None,
+    bin_s: Annotated[
+        float | None, typer.Option("--bin", metavar="SECONDS", help="to .nir: counts per time bin instead of events")
+    ] = None,
+    unit: Annotated[
+        str | None, typer.Option(metavar="us|clocks", help="to .npy or .csv: unit of the times [us]")
+    ] = None,
+) -> None:
+    """Convert events from and to other programs: AEDAT 4, NIRData, tables, arrays."""
+    from eskin.skin.foreign.files import is_foreign
+
+    _check_output(out, bin_s, unit)
+    if plot is not None:
+        from eskin.base.figures.style import check_picture_path
+
+        check_picture_path(plot)
+    foreign = {"--map": address_map, "--fields": fields, "--time-unit": time_unit, "--start": start, "--wrap": wrap}
+    foreign |= {"--sort": sort or None, "--drop-unmapped": drop_unmapped or None}
+    foreign |= {f"--{name.replace('_', '-')}": True for name in sorted(given)}
+    if is_foreign(source):
+        recording = _taken(source, config, given, foreign, out)
+    else:
+        if unused := [option for option, value in foreign.items() if value is not None]:
+            raise InputError(f"{unused[0]} is for foreign events; {source.name} states its own readout, leave it out")
+        from eskin.snn.exchange.nir_events import load_recording
+
+        recording = load_recording(source)
+    note = _write(out, recording, bin_s, unit)
+    print(printable(f"{out}: {len(recording.events)} events in {recording.duration_s:.6g} s"))
+    if note:
+        print(note)
+    if plot is not None:
+        from eskin.skin.figures.raster import plot_signals
+
+        end = recording.duration_clocks
+        plot_signals(recording.events, None, recording.config, plot, source.name, duration_clocks=end)
+        print(printable(f"raster: {plot}"))
+
+
+def _check_output(out: Path, bin_s: float | None, unit: str | None) -> None:
+    if out.suffix not in KINDS:
+        raise InputError(f"events are written as {', '.join(KINDS)}, not {out.name}; rename the output")
+    if bin_s is not None and out.suffix != ".nir":
+        raise InputError(f"--bin belongs to .nir, not to {out.name}; leave it out")
+    if unit is not None and out.suffix not in (".npy", ".csv"):
+        raise InputError(f"--unit belongs to .npy and .csv, not to {out.name}; leave it out")
+    if unit not in (None, "us", "clocks"):
+        raise InputError(f"--unit must be us or clocks, not {unit!r}")
+
+
+def _taken(
+    source: Path, config: ReadoutConfig, given: frozenset[str], options: Mapping[str, object], out: Path
+) -> Recording:
+    """Return the recording of foreign events; print what was assumed and what was lost."""
+    from eskin.skin.foreign.address_map import AddressMap
+    from eskin.skin.foreign.events import configuration, in_order, take, unwrapped
+    from eskin.skin.foreign.files import read_foreign
+
+    path, columns, wrap, start = (options[name] for name in ("--map", "--fields", "--wrap", "--start"))
+    mapping = AddressMap.read(path) if isinstance(path, Path) else None
+    if options["--drop-unmapped"] and mapping is None:
+        raise InputError("--drop-unmapped leaves out addresses that a map lacks; add --map FILE")
+    unit = options["--time-unit"]
+    events = read_foreign(source, str(columns).split(",") if columns else (), str(unit) if unit else None)
+    if isinstance(wrap, int):
+        events = unwrapped(events, wrap)
+    if options["--sort"]:
+        events = in_order(events)
+    chosen = configuration(events, config, given, mapping)
+    metadata = {"name": source.stem, "source": source.name}
+    taken = take(events, chosen, mapping, bool(options["--drop-unmapped"]), _number(start), metadata)
+    for line in (*events.notes, *taken.said()):
+        print(printable(line))
+    if not len(taken.recording.events):
+        raise InputError(f"{source} has no event; nothing was written to {out}")
+    return taken.recording
+
+
+def _number(start: object) -> float | None:
+    """Return a start as whole number where it is one, so that whole time stamps stay exact."""
+    if not isinstance(start, float):
+        return None
+    return int(start) if start.is_integer() else start
+
+
+def _write(out: Path, recording: Recording, bin_s: float | None, unit: str | None) -> str:
+    """Write a recording by the ending of its file; return a sentence about a loss, or an empty text."""
+    if out.suffix == ".npz":
+        recording.save(out)
+        return ""
+    if out.suffix == ".aedat4":
+        from eskin.skin.foreign.aedat4 import write_aedat4
+
+        return write_aedat4(out, recording)
+    if out.suffix == ".nir":
+        from eskin.snn.data.bins import BinConfig
+        from eskin.snn.exchange.nir_events import save_nir_data
+
+        save_nir_data(out, recording, None if bin_s is None else BinConfig(bin_s=bin_s))
+        return ""
+    from eskin.skin.foreign.tables import write_events_table
+
+    return write_events_table(out, recording, unit or "us")

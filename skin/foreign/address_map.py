@@ -1,0 +1,129 @@
+"""Map the addresses of a foreign chip to taxels: other orders, holes, counting from one, swapped axes."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eskin.base.errors import InputError
+from eskin.base.files import read_bytes
+from eskin.model.config import MAX_SIDE
+
+Addresses = NDArray[np.int64]
+"""Shape (events,) for single addresses, or (events, 2) for columns and rows."""
+
+HEADERS = (("address", "x", "y"), ("from_x", "from_y", "x", "y"))
+"""Columns of a map: the foreign address, or the foreign column and row; then the taxel's column and row."""
+
+
+@dataclass(frozen=True)
+class AddressMap:
+    """The taxel of every foreign address that has one.
+
+    Attributes
+    ----------
+    taxels : dict of tuple of int to tuple of int
+        ``(address,)`` or ``(column, row)`` of the chip, to (x, y) of the readout.
+    name : str
+        The file, for messages.
+    """
+
+    taxels: dict[tuple[int, ...], tuple[int, int]]
+    name: str
+
+    @classmethod
+    def read(cls, path: Path) -> AddressMap:
+        """Read a .csv with the header ``address,x,y`` or ``from_x,from_y,x,y``.
+
+        Raises
+        ------
+        InputError
+            If the file is no such table, holds another thing than whole numbers, or uses an address or a taxel twice.
+        """
+        try:
+            lines = [
+                line
+                for line in csv.reader(read_bytes(path, "the address map").decode("utf-8-sig").splitlines())
+                if line
+            ]
+        except (UnicodeDecodeError, csv.Error):
+            raise InputError(f"{path} is no table; an address map is a .csv with the header {_headers()}") from None
+        except OSError as error:
+            raise InputError(f"cannot read {path}: {error.strerror}") from None
+        header = tuple(cell.strip().lower() for cell in lines[0]) if lines else ()
+        if header not in HEADERS:
+            raise InputError(f"{path} has the header {','.join(header)!r}; an address map has {_headers()}")
+        taxels: dict[tuple[int, ...], tuple[int, int]] = {}
+        for number, line in enumerate(lines[1:], 2):
+            try:
+                *source, x, y = (int(cell) for cell in line)
+            except ValueError:
+                raise InputError(
+                    f"{path}, line {number}: {','.join(line)!r} is not {len(header)} whole numbers"
+                ) from None
+            if len(source) != len(header) - 2:
+                raise InputError(f"{path}, line {number} has {len(line)} cells; the header has {len(header)}")
+            if not (0 <= x < MAX_SIDE and 0 <= y < MAX_SIDE):
+                raise InputError(f"{path}, line {number}: taxel ({x}, {y}) is outside 0..{MAX_SIDE - 1}")
+            if tuple(source) in taxels:
+                raise InputError(f"{path}, line {number}: address {_text(source)} stands twice; keep one line")
+            taxels[tuple(source)] = (x, y)
+        if not taxels:
+            raise InputError(f"{path} maps no address; add a line for each taxel")
+        if len(set(taxels.values())) < len(taxels):
+            places = list(taxels.values())
+            twice = next(place for place in places if places.count(place) > 1)
+            raise InputError(f"{path} gives taxel {twice} to two addresses; keep one line")
+        return cls(taxels, str(path))
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Rows and columns that hold all taxels of the map."""
+        columns, rows = np.array(list(self.taxels.values())).max(axis=0) + 1
+        return int(rows), int(columns)
+
+    def apply(self, addresses: Addresses, drop: bool = False) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """Return the taxels of addresses.
+
+        Parameters
+        ----------
+        addresses : int64 array, shape (events,) or (events, 2)
+        drop : bool
+            Leave events of other addresses out; otherwise they are an error.
+
+        Returns
+        -------
+        (int64 array of shape (kept, 2), bool array of shape (events,))
+            x and y of the events that have a taxel, and which events these are.
+        """
+        pairs = addresses[:, None] if addresses.ndim == 1 else addresses
+        length = len(next(iter(self.taxels)))
+        if pairs.shape[1] != length:
+            wanted, found = (HEADERS[n - 1][0] for n in (pairs.shape[1], length))
+            raise InputError(f"{self.name} maps {found}, the events have {wanted}; write the map for their addresses")
+        unique, of_event = np.unique(pairs, axis=0, return_inverse=True)
+        known = [self.taxels.get(tuple(map(int, address))) for address in unique]
+        holes = np.array([taxel is None for taxel in known], bool)
+        kept = ~holes[of_event.reshape(-1)]
+        if not drop and not kept.all():
+            first = int(np.flatnonzero(~kept)[0])
+            raise InputError(
+                f"{int((~kept).sum())} events have an address that {self.name} does not map, the first is "
+                f"{_text(pairs[first])} of event {first}; map it, or leave such events out with --drop-unmapped"
+            )
+        table = np.array([taxel or (0, 0) for taxel in known], np.int64).reshape(-1, 2)
+        return table[of_event.reshape(-1)[kept]], kept
+
+
+def _headers() -> str:
+    return " or ".join(",".join(header) for header in HEADERS)
+
+
+def _text(address: Any) -> str:
+    numbers = [str(int(number)) for number in address]
+    return numbers[0] if len(numbers) == 1 else f"({', '.join(numbers)})"

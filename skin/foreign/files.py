@@ -1,0 +1,46 @@
+"""Foreign event files by their kinds."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.skin.foreign import aedat4, tables
+from eskin.skin.foreign.address_map import AddressMap
+from eskin.skin.foreign.events import ForeignEvents, configuration, take
+
+SUFFIXES = (aedat4.SUFFIX, *tables.TEXT_SUFFIXES, ".npy")
+"""Endings of foreign event files, beside .npz archives that are no event files of ours."""
+
+
+def is_foreign(path: Path) -> bool:
+    """Return whether a file holds events of another program, by its ending or, of an archive, by its members."""
+    if path.suffix.lower() != ".npz":
+        return path.suffix.lower() in SUFFIXES
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return not {"events.npy", "metadata.npy"} <= set(archive.namelist())
+    except (OSError, zipfile.BadZipFile):
+        return False  # Recording.load says what is wrong with it
+
+
+def read_foreign(path: Path, fields: Sequence[str] = (), unit: str | None = None) -> ForeignEvents:
+    """Return the events of a foreign file; ``fields`` and ``unit`` are for tables and arrays alone."""
+    tables.check_unit(unit)
+    if path.suffix.lower() != aedat4.SUFFIX:
+        return tables.read_events_table(path, fields, unit)
+    if fields or unit:
+        option = "--fields" if fields else "--time-unit"
+        raise InputError(f"{option} is for tables; AEDAT 4 states its columns and its unit, leave it out")
+    return aedat4.read_aedat4(path)
+
+
+def load_foreign(path: Path, mapping: AddressMap | None = None) -> Recording:
+    """Return the recording of a foreign file with a clock of 1 MHz, in the size that the file or the map states."""
+    events = read_foreign(path)
+    config = configuration(events, ReadoutConfig(), frozenset(), mapping)
+    return take(events, config, mapping, metadata={"name": path.stem, "source": path.name}).recording

@@ -1,0 +1,228 @@
+"""Tables and arrays of events: columns t, x, y, p in any order and unit, in .csv, .txt, .npy or .npz files."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eskin.base.errors import InputError
+from eskin.base.files import atomic_write, check_unpacked, read_bytes
+from eskin.model.events.recording import Recording
+from eskin.skin.foreign.events import CLOCKS, UNITS_S, ForeignEvents, in_unit, lost_clocks
+
+TEXT_SUFFIXES = (".csv", ".txt", ".tsv")
+
+NAMES = {
+    "t": ("t", "time", "ts", "timestamp", "timestamps", "times"),
+    "x": ("x", "column", "col"),
+    "y": ("y", "row"),
+    "p": ("p", "pol", "polarity", "polarities", "on"),
+    "address": ("address", "addr", "taxel", "channel", "neuron", "id"),
+}
+"""Names that columns go by; a unit may follow that of the time, as in ``t_us`` or ``time [ms]``."""
+
+_UNIT = re.compile(r"^(.*?)[\s_\[(]+(s|ms|us|µs|ns|clocks)[\])]?$")
+
+
+def read_events_table(path: Path, fields: Sequence[str] = (), unit: str | None = None) -> ForeignEvents:
+    """Return the events of a table or an array file.
+
+    Parameters
+    ----------
+    path : Path
+        Text with a line for each event, a structured or two-dimensional .npy, or a .npz with one array a column.
+    fields : sequence of str
+        Meaning of each column, where the file does not name them: t, x, y, p, address, or - for others.
+    unit : str, optional
+        Of the time; else as the name of its column says, else s for times with a point and us for whole ones.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, a column is missing or doubtful, or a cell is no number.
+    """
+    columns, named_unit = _named(path, _columns(path), fields)
+    for name in ("t", "p"):
+        if name in columns and columns[name].dtype.kind not in "iufb":
+            raise InputError(f"{path}: column {name} has {columns[name].dtype}, which are no numbers")
+    if "t" not in columns:
+        raise InputError(f"{path} has no column of times; name the columns with --fields, as in --fields x,y,t,p")
+    time = columns["t"]
+    time = time.astype(np.int64) if time.dtype.kind in "iub" else time.astype(np.float64)
+    notes = []
+    chosen = unit or named_unit
+    if chosen is None:
+        chosen = "us" if time.dtype.kind == "i" else "s"
+        notes.append(f"times were taken as {chosen}; --time-unit says another unit")
+    if "p" not in columns:
+        notes.append("no column of polarities: all events are ON")
+    return ForeignEvents(
+        time, chosen, _addresses(path, columns), _polarity(path, columns.get("p"), len(time)), notes=tuple(notes)
+    )
+
+
+def check_unit(unit: str | None) -> None:
+    """Refuse units of time that do not exist."""
+    if unit not in (None, *UNITS_S, CLOCKS):
+        raise InputError(f"--time-unit must be {', '.join(UNITS_S)} or {CLOCKS}, not {unit!r}")
+
+
+def _columns(path: Path) -> dict[str, NDArray[Any]]:
+    """Return the columns of a file by their names, or by their numbers where it has none."""
+    try:
+        content = read_bytes(path, "the table")
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from None
+    if path.suffix.lower() in TEXT_SUFFIXES:
+        return _text_columns(path, content)
+    return _array_columns(path)
+
+
+def _text_columns(path: Path, content: bytes) -> dict[str, NDArray[Any]]:
+    try:
+        lines = [line.strip() for line in content.decode("utf-8-sig").splitlines()]
+    except UnicodeDecodeError:
+        raise InputError(f"{path} is not text; give a table of events, or rename the file by its kind") from None
+    lines = [line for line in lines if line and not line.startswith("#")]
+    if not lines:
+        raise InputError(f"{path} is empty; give a table with a line for each event")
+    delimiter = next((d for d in (",", ";", "\t") if d in lines[0]), None)
+    rows = [[cell.strip() for cell in line.split(delimiter)] for line in lines]
+    header = None if all(_number(cell) is not None for cell in rows[0]) else rows.pop(0)
+    width = len(header or rows[0])
+    if (wrong := next((n for n, row in enumerate(rows) if len(row) != width), None)) is not None:
+        raise InputError(f"{path}: event {wrong} has {len(rows[wrong])} cells, the first line {width}")
+    names = [str(n) for n in range(width)] if header is None else header
+    if len(set(names)) < width:
+        raise InputError(f"{path} names two columns alike: {', '.join(names)}; rename one")
+    return {name: _parsed(path, name, [row[n] for row in rows]) for n, name in enumerate(names)}
+
+
+def _parsed(path: Path, name: str, cells: Sequence[str]) -> NDArray[Any]:
+    """Return a column as int64 where all its cells are whole, as float64 otherwise; texts only where none is needed."""
+    truths = {"true": 1, "false": 0, "on": 1, "off": 0}
+    numbers = [truths[cell.lower()] if cell.lower() in truths else _number(cell) for cell in cells]
+    if None in numbers:
+        if any(name.lower() in names for names in NAMES.values()):
+            at = numbers.index(None)
+            raise InputError(f"{path}: event {at} has {name} {cells[at]!r}, which is no number")
+        return np.array(cells)
+    if all(type(number) is int for number in numbers):
+        if numbers and not -(2**63) <= min(numbers) <= max(numbers) < 2**63:  # type: ignore[type-var, operator]
+            raise InputError(f"{path}: column {name} has numbers beyond 63 bits")
+        return np.array(numbers, np.int64)
+    return np.array(numbers, np.float64)
+
+
+def _number(cell: str) -> int | float | None:
+    for kind in (int, float):
+        try:
+            return kind(cell)
+        except ValueError:
+            continue
+    return None
+
+
+def _array_columns(path: Path) -> dict[str, NDArray[Any]]:
+    try:
+        found: Any = np.load(path, allow_pickle=False)
+        if isinstance(found, np.ndarray):
+            if found.dtype.names and found.ndim == 1:
+                return {name: found[name] for name in found.dtype.names}
+            if found.ndim == 2 and found.dtype.kind in "iuf":
+                return {str(n): found[:, n] for n in range(found.shape[1])}
+            raise InputError(f"{path} has shape {found.shape} of {found.dtype}; events are rows of t, x, y, p")
+        with found:
+            check_unpacked(found.zip)
+            columns = {name: found[name] for name in found.files}
+    except InputError as error:
+        raise InputError(str(error) if str(path) in str(error) else f"{path} {error}") from None
+    except Exception:  # a damaged file makes zipfile, zlib and NumPy raise almost any type
+        raise InputError(f"{path} is damaged or not an array file; write it again with numpy.save") from None
+    lengths = {array.shape for array in columns.values()}
+    if len(lengths) != 1 or len(next(iter(lengths))) != 1:
+        raise InputError(
+            f"{path} holds arrays of shapes {sorted(lengths)}; events are one array a column, equally long"
+        )
+    return columns
+
+
+def _named(
+    path: Path, columns: Mapping[str, NDArray[Any]], fields: Sequence[str]
+) -> tuple[dict[str, NDArray[Any]], str | None]:
+    """Return the columns by our names, and the unit that the name of the time has."""
+    if fields:
+        if unknown := [field for field in fields if field not in (*NAMES, "-")]:
+            raise InputError(f"--fields names {unknown[0]!r}; columns are {', '.join(NAMES)}, or - for others")
+        if len(fields) != len(columns):
+            raise InputError(f"--fields names {len(fields)} columns, {path} has {len(columns)}")
+        named = [(field, array) for field, array in zip(fields, columns.values(), strict=True) if field != "-"]
+        if len(dict(named)) < len(named):
+            raise InputError(f"--fields {','.join(fields)} names a column twice; name each once")
+        return dict(named), None
+    found: dict[str, NDArray[Any]] = {}
+    unit = None
+    for name, array in columns.items():
+        plain = name.strip().lower()
+        match = _UNIT.match(plain)
+        base = match[1].strip() if match else plain
+        for ours, known in NAMES.items():
+            if base in known and (match is None or ours == "t"):
+                if ours in found:
+                    raise InputError(f"{path} has two columns for {ours}: {', '.join(columns)}; say with --fields")
+                found[ours] = array
+                unit = match[2].replace("µ", "u") if match else unit
+    if not found:
+        raise InputError(
+            f"{path} does not name its {len(columns)} columns; say what they are with --fields, as in --fields x,y,t,p"
+        )
+    return found, unit
+
+
+def _addresses(path: Path, columns: Mapping[str, NDArray[Any]]) -> NDArray[np.int64]:
+    pair = [name for name in ("x", "y") if name in columns]
+    if "address" in columns and pair:
+        raise InputError(f"{path} has addresses and {pair[0]}; say which with --fields, with - for the other")
+    if "address" not in columns and len(pair) < 2:
+        raise InputError(f"{path} has no columns x and y, and no address; name the columns with --fields")
+    names = pair or ["address"]
+    for name in names:
+        if columns[name].dtype.kind not in "iu":
+            raise InputError(f"{path}: column {name} must hold whole numbers, not {columns[name].dtype}")
+    if not pair:
+        return columns["address"].astype(np.int64)
+    return np.stack([columns[name].astype(np.int64) for name in names], axis=1)
+
+
+def _polarity(path: Path, column: NDArray[Any] | None, events: int) -> NDArray[np.bool_]:
+    if column is None:
+        return np.ones(events, bool)
+    values = set(np.unique(column).tolist())
+    if not (values <= {0, 1} or values <= {-1, 1}):
+        raise InputError(f"{path}: polarities are 0 and 1, or -1 and 1; this column has {sorted(values)[:4]}")
+    return np.asarray(column > 0)
+
+
+def write_events_table(path: Path, recording: Recording, unit: str) -> str:
+    """Write t, x, y, p as .csv or as structured .npy, whole or not at all; return a sentence about lost clocks.
+
+    Parameters
+    ----------
+    path : Path
+    recording : Recording
+    unit : "us" or "clocks"
+        Of t since the end of reset; microseconds are rounded half to even.
+    """
+    events = in_unit(recording, unit)
+    with atomic_write(path) as file:
+        if path.suffix == ".npy":
+            np.save(file, events)
+        else:
+            file.write(f"t_{unit},x,y,p\n".encode())
+            np.savetxt(file, np.stack([events[n].astype(np.int64) for n in "txyp"], axis=1), "%d", ",")
+    return lost_clocks(recording.events["t"], events["t"])

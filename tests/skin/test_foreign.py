@@ -1,0 +1,208 @@
+"""Event files of other programs: AEDAT 4 in two libraries, tables and arrays, address maps, counters that wrap."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from eskin.model.address_events import make_events
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.skin.foreign.aedat4 import read_aedat4, write_aedat4
+from eskin.skin.foreign.events import ForeignEvents, take, unwrapped
+
+Call = Callable[[str], tuple[int, str, str]]
+
+MICROSECONDS = ReadoutConfig(rows=9, columns=12, sample_rate_hz=1000.0, clocks_per_sample=1000)
+
+
+def recording(config: ReadoutConfig = MICROSECONDS, events: int = 3000, last: int = 90_000) -> Recording:
+    draw = np.random.default_rng(4)
+    t = np.sort(draw.integers(0, last, events))
+    row, column = draw.integers(0, config.rows, events), draw.integers(0, config.columns, events)
+    ticks = -(-last // config.clocks_per_sample)
+    made = make_events(t, row, column, draw.integers(0, 2, events) > 0)
+    return Recording(made, config, ticks * config.clocks_per_sample)
+
+
+# -- AEDAT 4 -----------------------------------------------------------------------------------------
+
+
+def test_another_library_reads_our_aedat4_and_it_comes_back_whole(folder: Path, call: Call) -> None:
+    aedat = pytest.importorskip("aedat", reason="the group exchange is not installed")
+    ours = recording()
+    ours.save(Path("e.npz"))
+    code, output, error = call("convert e.npz -o e.aedat4")
+    assert (code, error) == (0, "")
+    assert output == "e.aedat4: 3000 events in 0.09 s\n"
+    packets = list(aedat.Decoder("e.aedat4"))
+    theirs = np.concatenate([packet["events"] for packet in packets])
+    for name in "txy":
+        assert np.array_equal(theirs[name], ours.events[name])
+    assert np.array_equal(theirs["on"], ours.events["p"])
+    assert call("convert e.aedat4 -o back.npz")[0] == 0
+    back = Recording.load(Path("back.npz"))
+    assert (back.config, back.duration_clocks) == (ours.config, ours.duration_clocks)
+    assert np.array_equal(back.events, ours.events)
+
+
+def test_clocks_above_a_megahertz_merge_and_the_loss_is_said(folder: Path) -> None:
+    pytest.importorskip("dv_processing", reason="the group exchange is not installed")
+    fast = recording(ReadoutConfig(sample_rate_hz=1000.0, clocks_per_sample=4000), last=4000)
+    said = write_aedat4(Path("e.aedat4"), fast)
+    found = read_aedat4(Path("e.aedat4"))
+    assert np.array_equal(found.time, np.rint(fast.events["t"] / 4))
+    lost = len(np.unique(fast.events["t"])) - len(np.unique(found.time))
+    assert lost > 1000
+    assert said == f"{lost} clocks share their time stamp with another and cannot be told apart again"
+
+
+def test_a_camera_file_needs_a_map_and_takes_one(folder: Path, call: Call) -> None:
+    dv = pytest.importorskip("dv_processing", reason="the group exchange is not installed")
+    store = dv.EventStore()
+    for n in range(100):
+        store.push_back(1_700_000_000_000_000 + 10 * n, 100 + n % 2, 200, n % 3 == 0)
+    writer = dv.io.MonoCameraWriter("cam.aedat4", dv.io.MonoCameraWriter.EventOnlyConfig("theirs", (346, 260)))
+    writer.writeEvents(store)
+    del writer
+    code, _, error = call("convert cam.aedat4 -o e.npz")
+    assert code == 2
+    assert "the sensor has 260 x 346 addresses, a readout at most 64 x 64; name the taxels with --map FILE" in error
+    Path("map.csv").write_text("from_x,from_y,x,y\n100,200,1,0\n101,200,0,0\n")
+    assert (
+        "more than a day after 0; give the time that becomes clock 0 with --start 1700000000000000"
+        in call("convert cam.aedat4 -o e.npz --map map.csv")[2]
+    )
+    code, output, error = call("convert cam.aedat4 -o e.npz --map map.csv --start 1700000000000000 --plot e.png")
+    assert code == 0, error
+    assert output.startswith("clock 0 is time 1700000000000000 of the file\n")
+    made = Recording.load(Path("e.npz"))
+    assert made.events.tolist() == [(10 * n, 1 - n % 2, 0, n % 3 == 0) for n in range(100)]
+    assert Path("e.png").stat().st_size > 5000
+    Path("holes.csv").write_text("from_x,from_y,x,y\n100,200,0,0\n")
+    line = "convert cam.aedat4 -o h.npz --map holes.csv --start 1700000000000000"
+    assert "50 events have an address that holes.csv does not map, the first is (101, 200) of event 1" in call(line)[2]
+    assert not Path("h.npz").exists()
+    assert "50 events without a taxel were left out" in call(f"{line} --drop-unmapped")[1]
+
+
+# -- tables ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["csv", "npy", "nir"])
+@pytest.mark.parametrize("unit", ["us", "clocks"])
+def test_every_kind_comes_back_whole(kind: str, unit: str, folder: Path, call: Call) -> None:
+    ours = recording()
+    ours.save(Path("e.npz"))
+    assert call(f"convert e.npz -o e.{kind}" + (f" --unit {unit}" if kind != "nir" else ""))[0] == 0
+    again = f" --time-unit {unit}" if kind == "npy" else ""
+    assert (
+        call(
+            f"convert e.{kind} -o back.npz --rows 9 --columns 12{again}"
+            if kind != "nir"
+            else "convert e.nir -o back.npz"
+        )[0]
+        == 0
+    )
+    assert np.array_equal(Recording.load(Path("back.npz")).events, ours.events)
+
+
+def test_columns_are_found_by_name_in_any_order_and_unit(folder: Path, call: Call) -> None:
+    wanted = [(0, 1, 0, True), (1500, 0, 0, False), (2000, 1, 1, True)]
+    texts = {
+        "a.csv": "polarity;row;time [ms];col\n1;0;0;1\n-1;0;1.5;0\n1;1;2;1\n",
+        "b.txt": "# by hand\nx y timestamp p note\n1 0 0.0 1 a\n0 0 0.0015 0 b\n1 1 0.002 1 c\n",
+        "c.tsv": "on\taddress\tt_us\ntrue\t7\t0\nfalse\t3\t1500\ntrue\t9\t2000\n",
+    }
+    for name, text in texts.items():
+        Path(name).write_text(text)
+    Path("map.csv").write_text("address,x,y\n3,0,0\n7,1,0\n9,1,1\n")
+    np.savez("d.npz", x=np.array([1, 0, 1], "u1"), y=[0, 0, 1], t=[0, 1500, 2000], p=[1, 0, 1])
+    np.save("e.npy", np.array([[0, 0, 1, 1], [1500, 0, 0, 0], [2000, 1, 1, 1]]))
+    more = {"c.tsv": " --map map.csv", "e.npy": " --fields t,y,x,p"}
+    for name in (*texts, "d.npz", "e.npy"):
+        code, _, error = call(f"convert {name} -o e.npz{more.get(name, '')}")
+        assert code == 0, error
+        assert Recording.load(Path("e.npz")).events.tolist() == wanted, name
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "sentence"),
+    [
+        ("t,x,y,p\n5,0,0,1\n4,0,0,1\n", "", "event 1 has time 4, earlier than 5 before it; if a counter of N bits"),
+        ("t,x,y,p\n5,0,0,1\n5,0,0,2\n", "", "polarities are 0 and 1, or -1 and 1; this column has [1, 2]"),
+        ("t,x,y,p\n5,-1,0,1\n", "", "event 0 has x = -1, y = 0, outside"),
+        ("t,x,y,p\n5,64,0,1\n", "", "the sensor has 1 x 65 addresses, a readout at most 64 x 64"),
+        ("t,x,y,p\n5,1.5,0,1\n", "", "column x must hold whole numbers, not float64"),
+        ("t,x,y,p\n5,one,0,1\n", "", "event 0 has x 'one', which is no number"),
+        ("t,x,y,p\nnan,0,0,1\n", "", "event 0 has no finite time; remove it"),
+        ("t,x,y,p\n5,0,0\n", "", "event 0 has 3 cells, the first line 4"),
+        ("t,x,p\n5,0,1\n", "", "no columns x and y, and no address"),
+        ("t,address\n5,0\n", "", "single addresses; say which taxel each is, with --map FILE"),
+        ("time,t,x,y\n5,5,0,1\n", "", "two columns for t"),
+        ("5,0,0,1\n", "", "does not name its 4 columns; say what they are with --fields"),
+        ("5,0,0,1\n", " --fields t,x,y", "--fields names 3 columns, e.csv has 4"),
+        ("5,0,0,1\n", " --fields t,x,y,q", "--fields names 'q'"),
+        ("t,x,y\n5,0,0\n", " --encoding nlcs --drop-unmapped", "--drop-unmapped leaves out addresses that a map lacks"),
+        ("t,x,y,p\n5,0,0,0\n", " --encoding nlcs", "the file has OFF events, encoding nlcs sends none"),
+        ("t,x,y\n500,0,0\n", " --wrap 8", "time stamps reach 500, beyond a counter of 8 bits"),
+        ("t,x,y\n5,0,0\n", " --time-unit min", "--time-unit must be s, ms, us, ns or clocks, not 'min'"),
+        ("t,x,y\n", "", "e.csv has no event; nothing was written to e.npz"),
+    ],
+)
+def test_a_doubtful_table_is_refused(text: str, options: str, sentence: str, folder: Path, call: Call) -> None:
+    Path("e.csv").write_text(text)
+    code, _, error = call(f"convert e.csv -o e.npz{options}")
+    assert code == 2
+    assert sentence in error
+    assert not Path("e.npz").exists()
+
+
+def test_options_of_foreign_events_are_refused_for_ours(folder: Path, call: Call) -> None:
+    recording().save(Path("e.npz"))
+    for option in ("--map x.csv", "--sort", "--rows 3", "--wrap 32"):
+        code, _, error = call(f"convert e.npz -o f.npz {option}")
+        assert code == 2
+        assert f"{option.split()[0]} is for foreign events" in error
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("a,b\n1,2\n", "an address map has address,x,y or from_x,from_y,x,y"),
+        ("address,x,y\n1,0,zero\n", "line 2: '1,0,zero' is not 3 whole numbers"),
+        ("address,x,y\n1,0,0\n1,0,1\n", "line 3: address 1 stands twice"),
+        ("address,x,y\n1,0,0\n2,0,0\n", "gives taxel (0, 0) to two addresses"),
+        ("address,x,y\n1,64,0\n", "taxel (64, 0) is outside 0..63"),
+        ("address,x,y\n", "maps no address"),
+        ("from_x,from_y,x,y\n0,0,0,0\n", "maps from_x, the events have address"),
+    ],
+)
+def test_a_doubtful_map_is_refused(text: str, sentence: str, folder: Path, call: Call) -> None:
+    Path("e.csv").write_text("t,address\n5,1\n")
+    Path("map.csv").write_text(text)
+    code, _, error = call("convert e.csv -o e.npz --map map.csv")
+    assert code == 2
+    assert sentence in error
+
+
+@given(st.lists(st.integers(0, 250), min_size=1, max_size=300), st.integers(9, 12))
+def test_wraps_are_undone(steps: list[int], bits: int) -> None:
+    whole = np.cumsum(steps)
+    zeros = np.zeros((len(whole), 2), np.int64)
+    counter = ForeignEvents(whole % 2**bits, "us", zeros, np.ones(len(whole), bool))
+    found = unwrapped(counter, bits).time
+    assert np.array_equal(found - found[0], whole - whole[0])
+
+
+def test_times_between_clocks_are_counted() -> None:
+    events = ForeignEvents(np.array([0.0, 0.0014, 0.0016, 0.002]), "s", np.zeros((4, 2), np.int64), np.ones(4, bool))
+    taken = take(events, ReadoutConfig(rows=1, columns=1, sample_rate_hz=1000.0, clocks_per_sample=1))
+    assert taken.recording.events["t"].tolist() == [0, 1, 2, 2]
+    assert (taken.moved, taken.merged) == (2, 1)
+    assert taken.said() == ["2 events were moved to the nearest clock of 1000 Hz; 1 share one now"]
