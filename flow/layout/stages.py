@@ -9,6 +9,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+from eskin.base.cache import is_private
 from eskin.base.files import make_folder
 
 
@@ -50,7 +51,7 @@ class Stages:
         digest = hashlib.sha256(json.dumps(inputs).encode()).hexdigest()[:12]
         whole = self.folder / f"{stage}-{digest}"
         time_file = whole / "seconds.json"
-        if time_file.is_file():
+        if is_private(whole) and time_file.is_file():  # it holds programs and decks, which are run
             self.on_stage(f"{stage}: kept from an earlier run")
         else:
             self.on_stage(stage)
@@ -60,6 +61,7 @@ class Stages:
             (part / time_file.name).write_text(json.dumps(round(_processor_s() - start, 1)))
             for old in self.folder.glob(f"{stage}-*"):
                 shutil.rmtree(old)
+            part.chmod(0o700)
             part.rename(whole)
         self.seconds[stage] = json.loads(time_file.read_text())
         return whole

@@ -23,12 +23,12 @@ from typing import Any
 import numpy as np
 
 from eskin import model, skin
+from eskin.base import cache
 from eskin.base.errors import InputError
 from eskin.base.files import atomic_write, plain
 from eskin.model.config import ReadoutConfig
 from eskin.skin.textures.dataset import Dataset
 from eskin.skin.textures.presets import Scan
-from eskin.snn import cache
 from eskin.snn.data.scans import ScanData
 
 LIMIT_BYTES = 2**30

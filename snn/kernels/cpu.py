@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from eskin.snn import cache
+from eskin.base import cache
 from eskin.snn.kernels.rule import SURROGATES, NeuronRule
 
 SOURCE = Path(__file__).with_name("cpu.cpp")

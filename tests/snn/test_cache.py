@@ -15,11 +15,11 @@ import pytest
 from typer.testing import CliRunner
 
 from eskin.app.cli import app
+from eskin.base import cache as place
 from eskin.model.config import ReadoutConfig
 from eskin.skin.textures.dataset import Dataset, embedded_dataset
 from eskin.skin.textures.paper import PaperScan
 from eskin.skin.textures.physical import PhysicalScan
-from eskin.snn import cache as place
 from eskin.snn.data import cache
 from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.frame_steps import FrameSteps

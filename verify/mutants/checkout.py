@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from eskin.base.cache import is_private
 from eskin.base.errors import InputError
 from eskin.cocotb_tests.runner.build_cache import ROOT, scratch_folder
 from eskin.cocotb_tests.runner.cocotb_runners import run_watched
@@ -58,7 +59,7 @@ def original(folder: Path) -> Path:
         content = b"" if (ROOT / name).is_symlink() else (ROOT / name).read_bytes()  # eskin/ has links to the packages
         digest.update(f"{name}\0".encode() + content + b"\0")
     place = folder.resolve() / f"checkout-{digest.hexdigest()[:12]}"
-    if not place.exists():
+    if not is_private(place):
         for old in folder.glob("checkout-*"):
             shutil.rmtree(old)
         draft = Path(tempfile.mkdtemp(prefix=".checkout-", dir=folder))

@@ -9,7 +9,7 @@ import typer
 
 def cache(clear: Annotated[bool, typer.Option("--clear", help="remove all recorded scans")] = False) -> None:
     """Show how many recorded scans are kept for later runs, and where; with --clear remove them."""
-    from eskin.snn import cache as place
+    from eskin.base import cache as place
     from eskin.snn.data import cache as scans
 
     if clear:

@@ -1,0 +1,72 @@
+"""Find the cache folder for programs, kernels and recorded scans; it must belong to the user alone.
+
+What lies there is run as code (a kernel, a simulation) or believed (scans), so a folder that another user owns or can
+write to is never used, and nor is a predictable place that any user could have made first, such as one under /tmp.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+from eskin.base.errors import InputError
+
+CACHE_VARIABLE = "ESKIN_CACHE"
+"""Environment variable that names another folder."""
+
+_OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
+_NAME = "spiking-eskin-readout"
+
+
+def folder() -> Path:
+    """Return the path of the cache: ``$ESKIN_CACHE``, else a folder in ``$XDG_CACHE_HOME`` or ``~/.cache``."""
+    if named := os.environ.get(CACHE_VARIABLE):
+        return Path(named)
+    return Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")) / _NAME
+
+
+def usable(*parts: str) -> Path | None:
+    """Return a folder in the cache, created if missing; None if it cannot be trusted or written."""
+    place = folder()
+    if str(place).startswith("~"):  # this user has no home
+        return None
+    whole = place.joinpath(*parts)
+    return whole if _made_private(place) and _made_private(whole) else None
+
+
+def private_folder(path: Path) -> Path:
+    """Return a folder for what is run as code, made where it does not exist, that no other user can write to.
+
+    Raises
+    ------
+    InputError
+        If it belongs to another user, is a link, or cannot be written.
+    """
+    if not _made_private(path):
+        raise InputError(
+            f"{path} cannot be trusted with programs: it cannot be written, is a link, or other users own it or can "
+            f"write to it; remove it, or set {CACHE_VARIABLE} to a folder of your own"
+        )
+    return path
+
+
+def _made_private(path: Path) -> bool:
+    """Make a folder if need be, forbid others to write to it, and return whether it is this user's alone."""
+    try:
+        path.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if not path.is_symlink() and (mode := path.stat().st_mode) & _OTHERS_WRITE:
+            path.chmod(stat.S_IMODE(mode) & ~_OTHERS_WRITE)  # fails where it is another user's
+    except OSError:
+        return False
+    return is_private(path) and os.access(path, os.W_OK | os.X_OK)
+
+
+def is_private(path: Path) -> bool:
+    """Return whether a file or folder is not a link, belongs to this user, and no other user can change it."""
+    try:
+        found = path.lstat()
+    except OSError:
+        return False
+    mine = not hasattr(os, "getuid") or found.st_uid == os.getuid()
+    return mine and not stat.S_ISLNK(found.st_mode) and not found.st_mode & _OTHERS_WRITE
