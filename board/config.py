@@ -107,6 +107,14 @@ class BoardConfig:
         return "receiver" if self.chip is None else "player"
 
     @property
+    def word_bytes(self) -> int:
+        """Bytes of a word of weights; 0 without a classifier."""
+        if self.chip is None:
+            return 0
+        classifier = self.chip.classifier
+        return -(-max(classifier.lanes * classifier.weight_bits, classifier.neuron_bits) // 8)
+
+    @property
     def identity(self) -> int:
         """A number of 32 bits that differs between designs: it is asked for before anything else.
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from eskin.base.errors import InputError
+from eskin.base.inputs import not_a_file
 from eskin.model.address_events import EVENT_DTYPE
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording, check_event_path
@@ -75,24 +76,38 @@ def convert(
 ) -> Recording:
     """Make the recording of a journal, and remove the journal.
 
+    Where the clock runs backwards, as that of a board that was reset, the rest becomes recordings of their own, with
+    ``-2``, ``-3`` ... behind the name.
+
     Raises
     ------
     InputError
-        If the file is no journal.
+        If the file is no journal, or holds events that its array cannot have.
     """
+    if what := not_a_file(part):
+        raise InputError(f"{part} is {what}; give a file that ends in .npz{SUFFIX}")
     try:
         head, _, body = part.read_bytes().partition(b"\n")
     except OSError as error:
         raise InputError(f"cannot read {part}: {error.strerror}") from None
     try:
         header = json.loads(head)
-        config, metadata = ReadoutConfig.from_dict(header["config"]), header["metadata"]
-    except (ValueError, KeyError, TypeError):
+        config, metadata = ReadoutConfig.from_dict(header["config"]), header["metadata"] | (more or {})
+    except (ValueError, KeyError, TypeError, RecursionError):
         raise InputError(f"{part} is no journal of a recording; give a file that ends in .npz{SUFFIX}") from None
+    path = path or part.with_suffix("")
+    check_event_path(path)
     whole = len(body) // EVENT_DTYPE.itemsize  # a power cut may leave half an event
     events = np.frombuffer(body[: whole * EVENT_DTYPE.itemsize], EVENT_DTYPE)
-    least = int(events["t"][-1]) + 1 if whole else 0
-    recording = Recording(events, config, max(duration_clocks or 0, least), metadata=metadata | (more or {}))
-    recording.save(path or part.with_suffix(""))
+    made = []
+    for number, piece in enumerate(pieces := np.split(events, np.flatnonzero(np.diff(events["t"]) < 0) + 1)):
+        least = int(piece["t"][-1]) + 1 if len(piece) else 0
+        observed = max(duration_clocks or 0, least) if number == len(pieces) - 1 else least
+        try:
+            made.append(Recording(piece, config, observed, metadata=metadata))
+        except InputError as error:
+            raise InputError(f"{part} holds events that are none of its array: {error}; remove it") from None
+    for number, recording in enumerate(made, 1):
+        recording.save(path if number == 1 else path.with_stem(f"{path.stem}-{number}"))
     part.unlink()
-    return recording
+    return made[0]

@@ -12,11 +12,13 @@ from typing import Any
 
 from eskin.base.errors import InputError
 from eskin.board.config import DESIGNS, BoardConfig, Design
-from eskin.board.records import VALUE_BITS, VERSION, Ack, Reason, Record, RecordReader, Refused, Tag, Words
+from eskin.board.records import VALUE_BITS, Ack, Reason, Record, RecordReader, Refused, Tag, Words
 from eskin.board.serial_frames import Damaged, Frame, FrameReader, Kind
 
 BAUD = 2_000_000
 POLL_S = 0.05
+MOST_S = 600.0
+"""How long a board that sends all the time may take to carry out a frame: a RUN may give millions of events."""
 WORD_BYTES = 4
 
 WHY = {
@@ -108,8 +110,8 @@ class Link:
         """Send a frame as soon as the board has room for it; records that come meanwhile go to the sink."""
         frame = Frame(kind, self._sequence, payload)
         self._sequence = (self._sequence + 1) % 256
-        while self._waiting and sum(f.cost for f in self._waiting) + frame.cost > self.said["buffer_bytes"]:
-            self.receive()
+        room = self.said["buffer_bytes"] - frame.cost
+        self._until(lambda: sum(f.cost for f in self._waiting) <= max(room, 0), MOST_S)
         self._waiting.append(frame)
         self._write(frame)
         while not self._came.empty():
@@ -133,10 +135,28 @@ class Link:
             data = self._take()
         self._handle(data)
 
-    def wait(self) -> None:
-        """Wait until all frames have been carried out."""
-        while self._waiting:
+    def wait(self, seconds: float = MOST_S) -> None:
+        """Wait until all frames have been carried out, however much the board sends meanwhile.
+
+        Raises
+        ------
+        InputError
+            If a frame is not acknowledged within some seconds.
+        """
+        self._until(lambda: not self._waiting, seconds)
+
+    def _until(self, done: Callable[[], bool], seconds: float) -> None:
+        """Hand on what comes until something is so."""
+        left, ends = len(self._waiting), time.monotonic() + seconds
+        while not done():
             self.receive()
+            if len(self._waiting) < left:
+                left, ends = len(self._waiting), time.monotonic() + seconds
+            elif time.monotonic() > ends:
+                raise InputError(
+                    f"the board at {self.port} sends, but has not acknowledged frame {self._waiting[0].sequence} for "
+                    f"{seconds:g} s; load its bitstream again"
+                )
 
     def pause(self, seconds: float) -> None:
         """Hand on what comes for some time."""
@@ -208,7 +228,7 @@ class Link:
                     raise InputError(f"frame {record.sequence} to the board {why} (it waits for {record.expected})")
                 elif isinstance(record, Words) and record.tag == Tag.HELLO:
                     self.said = record.values
-                    self._records.classes = self.said["classes"]
+                    self._records.classes, self._records.addresses = self.said["classes"], self.said["channels"]
                 else:
                     records.append(record)
         finally:
@@ -223,10 +243,6 @@ class Link:
     def _check(self, design: Design, config: BoardConfig | None) -> None:
         """Refuse a board that holds something else."""
         said: dict[str, Any] = self.said
-        if said["version"] != VERSION:
-            raise InputError(
-                f"the board speaks version {said['version']}, this program {VERSION}; load its bitstream again"
-            )
         held = DESIGNS[said["design"] - 1] if 0 < said["design"] <= len(DESIGNS) else f"design {said['design']}"
         if held != design:
             raise InputError(f"the board holds the {held}, this needs the {design}; load that bitstream (make fpga)")
@@ -235,3 +251,11 @@ class Link:
                 f"the bitstream of the board is of another network or array ({said['identity']:08x}, not "
                 f"{config.identity:08x}); load that of these weights (make fpga WEIGHTS=)"
             )
+        if config is not None and config.chip is not None:
+            classifier = config.chip.classifier
+            wanted = {"channels": classifier.inputs, "classes": classifier.classes, "word_bytes": config.word_bytes}
+            if other := [name for name, value in wanted.items() if said[name] != value]:
+                raise InputError(
+                    f"the board says that its {other[0]} is {said[other[0]]}, where its network has "
+                    f"{wanted[other[0]]}; load its bitstream again"
+                )

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
-from typing import Any
+from typing import Any, cast
 
 from eskin.base.errors import InputError
 from eskin.board.records import Class, Event, Lost, Record
@@ -84,7 +84,7 @@ class View:
         last = state["steps"][-1][0] if state["steps"] else 0
         grid = [[0] * columns for _ in range(lines)]
         for step, counts in state["steps"]:
-            if (at := columns - 1 - (last - step)) >= 0:
+            if 0 <= (at := columns - 1 - (last - step)) < columns:  # the clock of a board that was reset runs backwards
                 for address, count in counts:
                     grid[min(address * lines // self.addresses, lines - 1)][at] += count
         return ["".join(SHADES[min(count.bit_length(), len(SHADES) - 1)] for count in row) for row in grid]
@@ -98,7 +98,11 @@ class _Handler(BaseHTTPRequestHandler):
         super().__init__(*arguments)
 
     def do_GET(self) -> None:
-        """Answer a request."""
+        """Answer a request that was made to this page by its own name."""
+        port = cast(ThreadingHTTPServer, self.server).server_port
+        if self.headers.get("Host") not in (f"127.0.0.1:{port}", f"localhost:{port}"):
+            self.send_error(403)  # a page of another name, which its owner lets lead here, would read the events
+            return
         if self.path == "/":
             content, kind = (
                 resources.files("eskin.board").joinpath("page.html").read_bytes(),

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from eskin.base.errors import InputError
-from eskin.board.config import ADDRESS_BITS
+from eskin.board.config import ADDRESS_BITS, MOST_CLASSES
+from eskin.board.serial_frames import MOST_PAYLOAD
 
 TIME_BITS = 16
 """Low bits of the time that stand in a record; those above come in a record of their own when they change."""
@@ -44,6 +45,17 @@ VERSION = 1
 HELLO_WORDS = ("version", "design", "identity", "clock_hz", "buffer_bytes", "channels", "classes", "word_bytes")
 STATUS_WORDS = ("time_low", "time_high", "events", "bins", "taken", "refused", "lost", "stalls")
 """Words behind the first of these records."""
+
+RANGES = {
+    "clock_hz": (1000, 10**9),
+    "buffer_bytes": (512, 2**24),
+    "channels": (1, 1 << ADDRESS_BITS),
+    "classes": (0, MOST_CLASSES),
+    "word_bytes": (0, MOST_PAYLOAD - 3),
+}
+"""Numbers that a board may say of itself."""
+
+AGAIN = "load its bitstream again"
 
 
 @dataclass(frozen=True)
@@ -105,10 +117,12 @@ class RecordReader:
     ----------
     classes : int
         Words of evidence behind a class.
+    addresses : int
+        Addresses that an event may have.
     """
 
-    def __init__(self, classes: int = 0) -> None:
-        self.classes = classes
+    def __init__(self, classes: int = 0, addresses: int = 1 << ADDRESS_BITS) -> None:
+        self.classes, self.addresses = classes, addresses
         self._high = 0
         self._begun: list[int] = []
 
@@ -118,7 +132,8 @@ class RecordReader:
         Raises
         ------
         InputError
-            If a word has an unknown tag: then program and board do not speak the same language.
+            If a word has an unknown tag, or a record holds what no board sends: then program and board do not speak
+            the same language.
         """
         if len(payload) % 4:
             raise InputError(
@@ -143,6 +158,8 @@ class RecordReader:
         time = self._high << TIME_BITS | value & (1 << TIME_BITS) - 1
         above = value >> TIME_BITS
         if tag == Tag.EVENT:
+            if above >= self.addresses:
+                raise InputError(f"the board sent an event with the address {above}, and has {self.addresses}; {AGAIN}")
             return Event(time, above)
         if tag == Tag.TIME:
             self._high = value
@@ -150,15 +167,36 @@ class RecordReader:
         if tag == Tag.LOST:
             return Lost(value)
         if tag == Tag.CLASS:
+            if above & 0x3F >= self.classes:
+                raise InputError(f"the board sent the class {above & 0x3F}, and has {self.classes}; {AGAIN}")
             return Class(time, above & 0x3F, bool(above >> ADDRESS_BITS - 1), tuple(map(_signed, words[1:])))
         if tag == Tag.ACK:
             return Ack(value & 0xFF)
         if tag == Tag.REFUSED:
             return Refused(value & 0xFF, value >> 8 & 0xFF, above)
         if tag in (Tag.HELLO, Tag.STATUS):
-            names = HELLO_WORDS if tag == Tag.HELLO else STATUS_WORDS
-            return Words(Tag(tag), dict(zip(names, words[1:], strict=False)))
-        raise InputError(f"the board sent a record with the unknown tag {tag}; load its bitstream again")
+            return Words(Tag(tag), said(Tag(tag), words[1:]))
+        raise InputError(f"the board sent a record with the unknown tag {tag}; {AGAIN}")
+
+
+def said(tag: Tag, words: list[int]) -> dict[str, int]:
+    """Return what a board says of itself or counts, by name.
+
+    Raises
+    ------
+    InputError
+        If words are missing, or a number is outside ``RANGES``; a board of another version may say what it likes.
+    """
+    names = HELLO_WORDS if tag == Tag.HELLO else STATUS_WORDS
+    values = dict(zip(names, words, strict=False))
+    if tag == Tag.HELLO and values.get("version", VERSION) != VERSION:
+        raise InputError(f"the board speaks version {values['version']}, this program {VERSION}; {AGAIN}")
+    if len(words) != len(names):
+        raise InputError(f"the board says {len(words)} numbers of itself, where {len(names)} belong; {AGAIN}")
+    for name, (low, high) in RANGES.items() if tag == Tag.HELLO else ():
+        if not low <= values[name] <= high:
+            raise InputError(f"the board says that its {name} is {values[name]}, outside {low}..{high}; {AGAIN}")
+    return values
 
 
 def encode(records: Iterable[Record]) -> list[int]:

@@ -219,13 +219,13 @@ def listen(link: Link, received: Received, seconds: float | None, on_look: Calla
     try:
         while ends is None or time.monotonic() < ends:
             link.pause(ASK_S if ends is None else min(ASK_S, max(ends - time.monotonic(), 0)))
-            link.wait()  # for what was asked before
+            link.wait(link.patience_s)  # for what was asked before
             link.send(Kind.STATUS)
             on_look()
     except KeyboardInterrupt:
         pass
     link.send(Kind.STATUS)
-    link.wait()
+    link.wait(link.patience_s)
 
 
 def foreign_config(config: ReadoutConfig, clock_hz: float) -> ReadoutConfig:

@@ -21,9 +21,6 @@ RESERVE = 32
 def hello_values(config: BoardConfig) -> dict[str, int]:
     """Return what a board says of itself."""
     classifier = config.chip.classifier if config.chip else None
-    bits = 0
-    if classifier is not None:
-        bits = max(classifier.lanes * classifier.weight_bits, classifier.neuron_bits)
     return {
         "version": VERSION,
         "design": DESIGNS.index(config.design) + 1,
@@ -32,7 +29,7 @@ def hello_values(config: BoardConfig) -> dict[str, int]:
         "buffer_bytes": config.serial.buffer_bytes,
         "channels": classifier.inputs if classifier else 1 << ADDRESS_BITS,
         "classes": classifier.classes if classifier else 0,
-        "word_bytes": -(-bits // 8),
+        "word_bytes": config.word_bytes,
     }
 
 

@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eskin.base import formats
 from eskin.base.errors import InputError
 from eskin.base.files import atomic_write, read_arrays, write_arrays
 from eskin.base.outputs import check_file
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.network import IntegerNetwork
 
-FORMAT_NAME = "spiking-eskin-readout integer network"
-FORMAT_VERSION = 1
 ARRAYS = {"w_in": np.int8, "w_rec": np.int8, "w_out": np.int8, "b_hidden": np.int16, "b_out": np.int16}
 
 
@@ -44,8 +43,8 @@ class IntegerWeights:
         if path.suffix != ".npz":
             raise InputError(f"integer networks end in .npz, {path.name} does not; rename the output")
         header = {
-            "format": FORMAT_NAME,
-            "format_version": FORMAT_VERSION,
+            "format": formats.INTEGER.name,
+            "format_version": formats.INTEGER.version,
             "classifier": self.network.config.to_dict(),
             "class_names": list(self.class_names),
             "notes": self.notes,
@@ -76,8 +75,7 @@ class IntegerWeights:
     @classmethod
     def _from_arrays(cls, arrays: dict[str, NDArray[Any]]) -> IntegerWeights:
         header = json.loads(str(arrays["metadata"]))
-        if header["format"] != FORMAT_NAME or header["format_version"] != FORMAT_VERSION:
-            raise InputError(f"it has format version {header['format_version']!r}, this program reads 1")
+        formats.INTEGER.check(header)
         config = ClassifierConfig.from_dict(header["classifier"])
         names, notes = header["class_names"], header["notes"]
         if not isinstance(names, list) or len(names) != config.classes or not all(isinstance(n, str) for n in names):

@@ -12,15 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eskin.base import formats
 from eskin.base.errors import InputError
 from eskin.base.files import check_unpacked, write_arrays
 from eskin.model import __version__
 from eskin.model.address_events import Events, check_events
 from eskin.model.config import ReadoutConfig
 from eskin.model.tiles.config import config_of
-
-FORMAT_NAME = "spiking-eskin-readout events"
-FORMAT_VERSION = 1
 
 _EVENTS_MEMBER = "events.npy"
 _METADATA_MEMBER = "metadata.npy"
@@ -106,8 +104,8 @@ class Recording:
 
     def _header(self) -> dict[str, Any]:
         return {
-            "format": FORMAT_NAME,
-            "format_version": FORMAT_VERSION,
+            "format": formats.EVENTS.name,
+            "format_version": formats.EVENTS.version,
             "version": self.version,
             "clock_hz": self.clock_hz,
             "duration_clocks": self.duration_clocks,
@@ -152,10 +150,10 @@ class Recording:
             header = json.loads(text)
         except (ValueError, RecursionError):
             raise InputError("its metadata are not JSON") from None
-        if not isinstance(header, dict) or header.get("format") != FORMAT_NAME:
-            raise InputError(f"its format is not {FORMAT_NAME!r}")
-        if (version := header.get("format_version")) != FORMAT_VERSION:
-            raise InputError(f"it has format version {version!r}, this program reads {FORMAT_VERSION}")
+        try:
+            formats.EVENTS.check(header)
+        except KeyError:
+            raise InputError(f"its format is not {formats.EVENTS.name!r}") from None
         for name, kind in _HEADER_TYPES.items():
             if type(header.get(name)) is not kind:
                 raise InputError(f"its metadata have no usable {name}")

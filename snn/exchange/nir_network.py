@@ -27,6 +27,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from eskin.base import formats
 from eskin.base.errors import InputError
 from eskin.base.files import atomic_write
 from eskin.snn.exchange.hdf5 import read_hdf5
@@ -34,9 +35,6 @@ from eskin.snn.exchange.nir_layers import Layer, affine, broadcast, follow
 from eskin.snn.exchange.weights import Weights, check_class_names, check_step, config_of
 from eskin.snn.network import SpikingNetwork, build
 from eskin.snn.network_config import NetworkConfig
-
-FORMAT_NAME = "spiking-eskin-readout network"
-FORMAT_VERSION = 1
 
 SMALLEST_LOSS = 2.0**-60
 """Part of the potential that a learned decay of exactly 1 loses in a step, so that tau stays finite."""
@@ -97,8 +95,8 @@ def to_nir(weights: Weights) -> nir.NIRGraph:
     }
     header = {"network": config.to_dict(), "class_names": list(weights.class_names), "step_s": weights.step_s}
     metadata = {
-        "format": FORMAT_NAME,
-        "format_version": FORMAT_VERSION,
+        "format": formats.NETWORK.name,
+        "format_version": formats.NETWORK.version,
         "dt": weights.step_s,
         "output_scale": config.output_scale,
         "logits": f"output_scale * {'sum' if fires else 'mean'} over time of node {READOUT}",
@@ -340,10 +338,10 @@ def _decay_fields(hidden: Layer, readout: Layer) -> dict[str, Any]:
 
 def _header(graph: nir.NIRGraph) -> dict[str, Any] | None:
     """Return the metadata of a graph from ``to_nir``, or None for other graphs."""
-    if graph.metadata.get("format") != FORMAT_NAME:
+    if graph.metadata.get("format") != formats.NETWORK.name:
         return None
-    if (version := graph.metadata.get("format_version")) != FORMAT_VERSION:
-        raise InputError(f"the graph has format version {version}, this program reads {FORMAT_VERSION}")
+    if (version := graph.metadata.get("format_version")) != formats.NETWORK.version:
+        raise InputError(f"the graph has format version {version}, this program reads {formats.NETWORK.version}")
     try:
         header = json.loads(graph.metadata["header"])
     except (KeyError, TypeError, ValueError):

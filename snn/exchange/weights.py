@@ -12,13 +12,12 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
+from eskin.base import formats
 from eskin.base.errors import InputError
 from eskin.base.files import read_arrays, write_arrays
 from eskin.snn.network import SpikingNetwork, build
 from eskin.snn.network_config import NetworkConfig
 
-FORMAT_NAME = "spiking-eskin-readout weights"
-FORMAT_VERSION = 1
 SCALE_SUFFIX = "_scale"
 """A matrix of 8-bit weights has an array of this name beside it: one factor per row."""
 
@@ -74,8 +73,8 @@ def save_weights(path: Path, weights: Weights, eight_bits: bool = False) -> None
         decay, output_decay = (d.detach().cpu().numpy() for d in network.decays())
         arrays |= {"decay": decay, "output_decay": output_decay}
     header = {
-        "format": FORMAT_NAME,
-        "format_version": FORMAT_VERSION,
+        "format": formats.WEIGHTS.name,
+        "format_version": formats.WEIGHTS.version,
         "network": config_of(network).to_dict(),
         "class_names": list(weights.class_names),
         "step_s": weights.step_s,
@@ -106,8 +105,7 @@ def load_weights(path: Path) -> Weights:
 def _from_arrays(arrays: dict[str, NDArray[Any]]) -> Weights:
     """Return the network of a file's arrays, after checking its metadata against them."""
     header = json.loads(str(arrays.pop("metadata")))
-    if header["format"] != FORMAT_NAME or header["format_version"] != FORMAT_VERSION:
-        raise InputError(f"it has format version {header['format_version']!r}, this program reads 1")
+    formats.WEIGHTS.check(header)
     config = NetworkConfig.from_dict(header["network"])
     class_names = check_class_names(header["class_names"], config.classes)
     step_s = check_step(header["step_s"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import threading
 import tty
@@ -37,7 +38,7 @@ from eskin.board.records import (
     encode,
 )
 from eskin.board.serial_frames import FLAG, Damaged, Frame, FrameReader, Kind
-from eskin.board.session import foreign_events, listen
+from eskin.board.session import Received, foreign_events, listen, observed_clocks
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 
@@ -45,9 +46,7 @@ FRAMES = st.builds(Frame, st.integers(0, 255), st.integers(0, 255), st.binary(ma
 TIMES = st.integers(0, 1 << 40)
 RECORDS = st.one_of(
     st.builds(Event, TIMES, st.integers(0, 4095)),
-    st.builds(
-        Class, TIMES, st.integers(0, 63), st.booleans(), st.tuples(*[st.integers(-(1 << 31), (1 << 31) - 1)] * 3)
-    ),
+    st.builds(Class, TIMES, st.integers(0, 2), st.booleans(), st.tuples(*[st.integers(-(1 << 31), (1 << 31) - 1)] * 3)),
     st.builds(Lost, st.integers(0, (1 << 28) - 1)),
     st.builds(Ack, st.integers(0, 255)),
     st.builds(Refused, st.integers(0, 255), st.integers(0, 255), st.sampled_from(sorted(Reason))),
@@ -123,6 +122,20 @@ def test_something_else_is_no_journal(tmp_path: Path) -> None:
     (tmp_path / "b.npz.part").write_bytes(b"{}\n")
     with pytest.raises(InputError, match="is no journal of a recording"):
         convert(tmp_path / "b.npz.part")
+
+
+def test_a_clock_that_runs_backwards_parts_the_recording(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "a.npz", ReadoutConfig(), {"name": "a"})
+    journal.add([(5, 1, 2, True), (9, 3, 4, False), (2, 0, 0, True), (2, 0, 1, True), (0, 7, 7, False)])
+    convert(tmp_path / "a.npz.part")
+    found = [Recording.load(tmp_path / f"a{piece}.npz").events["t"].tolist() for piece in ("", "-2", "-3")]
+    assert found == [[5, 9], [2, 2], [0]]
+    assert not (tmp_path / "a.npz.part").exists()
+    Journal(tmp_path / "b.npz", ReadoutConfig(), {}).add([(5, 1, 99, True)])
+    with pytest.raises(InputError, match=r"b.npz.part holds events that are none of its array: event 0 has y = 99"):
+        convert(tmp_path / "b.npz.part")
+    with pytest.raises(InputError, match=r"/dev/zero is a device; give a file that ends in .npz.part"):
+        convert(Path("/dev/zero"))
 
 
 # -- a board that misbehaves -------------------------------------------------------------------------
@@ -233,6 +246,61 @@ def test_another_bitstream_is_refused(changes: dict[str, int], sentence: str) ->
         link.hello("receiver", BoardConfig(chip=None))
 
 
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        ([], "says 0 numbers of itself, where 8 belong"),
+        ([VERSION, 2], "says 2 numbers of itself, where 8 belong"),
+        ([7], "speaks version 7, this program 1"),
+        ([VERSION, 2, 0, 0, 512, 1, 0, 0], r"its clock_hz is 0, outside 1000\.\.1000000000"),
+        ([VERSION, 2, 0, 50_000_000, 1, 1, 0, 0], r"its buffer_bytes is 1, outside 512\.\.16777216"),
+        ([VERSION, 1, 0, 50_000_000, 512, 16, 200, 3], r"its classes is 200, outside 0\.\.64"),
+        ([VERSION, 1, 0, 50_000_000, 512, 16, 3, 1 << 31], r"its word_bytes is 2147483648, outside 0\.\.252"),
+    ],
+)
+def test_what_a_board_says_of_itself_has_a_range(words: list[int], sentence: str) -> None:
+    first = Tag.HELLO << 28 | len(words)
+    data = b"".join(word.to_bytes(4, "little") for word in (first, *words))
+
+    def answer(frame: Frame, board: FakeBoard) -> bytes:
+        return Frame(Kind.RECORDS, 0, data).encode()
+
+    with linked(answer) as (link, _), pytest.raises(InputError, match=f"^the board .*{sentence}; load its bitstream"):
+        link.hello("receiver")
+
+
+@pytest.mark.parametrize(
+    ("record", "sentence"),
+    [
+        (Event(1, 4000), "sent an event with the address 4000, and has 16; load its bitstream again"),
+        (Class(1, 63, False, (0, 0)), "sent the class 63, and has 2; load its bitstream again"),
+    ],
+)
+def test_what_a_board_sends_is_what_it_has(record: Record, sentence: str) -> None:
+    with pytest.raises(InputError, match=sentence):
+        list(RecordReader(classes=2, addresses=16).feed(packed([record])))
+
+
+def test_a_board_that_floods_and_never_acknowledges_is_left() -> None:
+    def flood(board: FakeBoard) -> None:
+        with contextlib.suppress(OSError):
+            while not board.closed:
+                os.write(board.master, board.say(EVENT))
+
+    def answer(frame: Frame, board: FakeBoard) -> bytes | None:
+        if frame.kind == Kind.RESTART:
+            threading.Thread(target=flood, args=(board,), daemon=True).start()
+        return None if frame.kind == Kind.HELLO else b""
+
+    received = Received(lambda event: (event.time, 0, 0, True), keep=False)
+    with linked(answer) as (link, _):
+        link.sink, link.patience_s = received, 0.3
+        link.hello("receiver")
+        with pytest.raises(InputError, match=r"sends, but has not acknowledged frame 1 for 0\.3 s; load its bitstream"):
+            listen(link, received, 0.2)
+    assert received.count
+
+
 def test_no_board_is_one_sentence() -> None:
     with pytest.raises(InputError, match=r"no board at /dev/none: .*; look for the name of its port"):
         Link("/dev/none", lambda records: None)
@@ -286,8 +354,6 @@ def test_listening_asks_and_ends(tmp_path: Path) -> None:
         status = Words(Tag.STATUS, dict(zip(STATUS_WORDS, (5, 1, 2, 0, 0, 0, 3, 0), strict=True)))
         return board.say(EVENT, Lost(3), status, Ack(frame.sequence))
 
-    from eskin.board.session import Received, observed_clocks
-
     config = ReadoutConfig(rows=1, columns=8)
     received = Received(foreign_events(config))
     with linked(answer) as (link, _):
@@ -303,6 +369,7 @@ def test_listening_asks_and_ends(tmp_path: Path) -> None:
 
 def test_the_page_shows_what_came() -> None:
     import json
+    import urllib.error
     import urllib.request
 
     view = View(16, 100, 1e6, ("wood", "wool"))
@@ -312,6 +379,11 @@ def test_the_page_shows_what_came() -> None:
         place = f"http://127.0.0.1:{server.server_port}/"
         said = json.loads(urllib.request.urlopen(f"{place}state").read())
         page = urllib.request.urlopen(place).read().decode()
+        for host in (f"evil.example:{server.server_port}", "127.0.0.1", "localhost:1", ""):
+            for path in ("", "state"):
+                with pytest.raises(urllib.error.HTTPError, match="403"):
+                    urllib.request.urlopen(urllib.request.Request(place + path, headers={"Host": host}))
+        urllib.request.urlopen(f"http://localhost:{server.server_port}/state").close()
     finally:
         server.shutdown()
         server.server_close()
@@ -319,6 +391,8 @@ def test_the_page_shows_what_came() -> None:
     assert (said["class"], said["evidence"], said["events"], said["lost"]) == ("wool", [-4, 9], 3, 2)
     assert "http" not in page.replace("http-equiv", "")
     assert [line.rstrip()[-2:] for line in view.raster(4)] == [":", "", "", "."] or view.raster(4)[0][-2:] == ": "
+    view([Event(5, 0)])  # a board that was reset: the raster begins anew
+    assert [line[-1] for line in view.raster(4)] == [".", " ", " ", " "]
 
 
 @pytest.mark.parametrize(

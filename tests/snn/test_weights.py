@@ -10,6 +10,9 @@ import pytest
 import torch
 
 from eskin.base.errors import InputError
+from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.classifier.file import IntegerWeights
+from eskin.model.classifier.network import IntegerNetwork
 from eskin.snn.exchange.weights import Weights, load_weights, quantise, save_weights
 from eskin.snn.network import build
 from eskin.snn.network_config import NetworkConfig
@@ -85,3 +88,18 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
     np.savez(path, events=np.zeros(3))
     with pytest.raises(InputError, match="is an archive, but not a weight file; train again"):
         load_weights(path)
+
+
+def test_a_file_of_another_kind_is_named_with_the_command_that_makes_the_right_one(tmp_path: Path) -> None:
+    path, integer = tmp_path / "float.npz", tmp_path / "integer.npz"
+    save_weights(path, made())
+    with pytest.raises(InputError) as refused:
+        IntegerWeights.load(path)
+    remedy = "make one with eskin quantise WEIGHTS.npz -o INTEGER.npz"
+    assert str(refused.value) == f"{path}: it is a float network, where an integer network belongs; {remedy}"
+    shapes = {"w_in": (4, 4), "w_rec": (4, 4), "w_out": (4, 2), "b_hidden": 4, "b_out": 2}
+    config = ClassifierConfig(inputs=4, hidden=4, classes=2, lanes=4)
+    network = IntegerNetwork(config, **{name: np.zeros(shape, np.int64) for name, shape in shapes.items()})
+    IntegerWeights(network, ("a", "b")).save(integer)
+    with pytest.raises(InputError, match="it is an integer network, where a float network belongs; make one"):
+        load_weights(integer)

@@ -1,0 +1,55 @@
+"""The kinds of files of this project, by the name that stands in each: a reader says what it was given instead."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from eskin.base.errors import InputError
+
+
+class Format(NamedTuple):
+    """A kind of file.
+
+    Attributes
+    ----------
+    name : str
+        What the file says under ``format``.
+    noun : str
+        What it is to a user.
+    made : str
+        How a user gets one.
+    version : int
+    """
+
+    name: str
+    noun: str
+    made: str
+    version: int = 1
+
+    def check(self, header: Any) -> None:
+        """Refuse the header of a file of another kind or version.
+
+        Raises
+        ------
+        InputError
+            With a sentence that continues the name of the file and a colon.
+        KeyError
+            If the header is of no kind of this project.
+        """
+        if not isinstance(header, dict) or (found := KINDS.get(str(header.get("format")))) is None:
+            raise KeyError("format")
+        if found != self:
+            raise InputError(f"it is {found.noun}, where {self.noun} belongs; {self.made}")
+        if (version := header.get("format_version")) != self.version:
+            raise InputError(f"it has format version {version!r}, this program reads {self.version}")
+
+
+EVENTS = Format("spiking-eskin-readout events", "an event file", "make one with eskin encode")
+NETWORK = Format("spiking-eskin-readout network", "a NIR graph", "make one with eskin export")
+WEIGHTS = Format("spiking-eskin-readout weights", "a float network", "make one with eskin train")
+INTEGER = Format(
+    "spiking-eskin-readout integer network",
+    "an integer network",
+    "make one with eskin quantise WEIGHTS.npz -o INTEGER.npz",
+)
+KINDS = {kind.name: kind for kind in (EVENTS, NETWORK, WEIGHTS, INTEGER)}
