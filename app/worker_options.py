@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from eskin.base.workers.pool import WorkerPool
 
 Workers = Annotated[
-    int | None, typer.Option(metavar="N", help="pieces of work side by side on this machine [one per usable core]")
+    int | None, typer.Option(metavar="N", help="parallel processes on this machine [one per usable core]")
 ]
 Scheduler = Annotated[
     str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler, tcp://HOST:8786, instead of this machine")

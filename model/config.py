@@ -131,7 +131,7 @@ class ReadoutConfig:
     sample_bits: int = parameter(12, "", f"{SPECIFICATION} 2", "W, bits of a signed sample")
     resolution: int = parameter(6, "", f"{SPECIFICATION} 2", "N, LSB = 2**-N of full scale, 1..W-2")
     decide_every: DecideEvery = parameter(
-        "clock", "", f"{SPECIFICATION} 2", "a free taxel decides once per clock or per sample"
+        "clock", "", f"{SPECIFICATION} 2", "decision of a free taxel: once per clock or per sample"
     )
     reference_reset: int = parameter(0, "codes", f"{SPECIFICATION} 2", "reference after reset, in codes")
     closing_shift: int = parameter(2, "", f"{SPECIFICATION} 2", "cw-lcs: window closes by D / 2**shift")
@@ -140,7 +140,9 @@ class ReadoutConfig:
     leak_period: int = parameter(63, "", f"{SPECIFICATION} 2", "nlcs: P, sample ticks per decay tick")
     fraction_bits: int = parameter(8, "", f"{SPECIFICATION} 2", "nlcs: F, bits of the reference below the sample LSB")
     link: Link = parameter("stream", "", f"{SPECIFICATION} 3", "valid/ready stream or REQ/ACK")
-    frontend: Frontend = parameter("digital", "", f"{SPECIFICATION} 4", "samples in, or comparator decisions in")
+    frontend: Frontend = parameter(
+        "digital", "", f"{SPECIFICATION} 4", "input: samples, or decisions of analog comparators"
+    )
     reset: Reset = parameter("sync", "", f"{SPECIFICATION} 4", "reset style of the flops")
     sample_rate_hz: float = parameter(20_000.0, "Hz", f"{SPECIFICATION} 6", "sample ticks per second")
     clocks_per_sample: int = parameter(64, "", f"{SPECIFICATION} 4", "clocks per sample tick")

@@ -32,7 +32,7 @@ class Preparation:
         Column of time stamps, by name or number, or ``none``; found by itself if empty.
     time_unit : "auto", "s", "ms", "us" or "ns"
     baseline : "none", "first", "median" or "highpass"
-        What is taken off every taxel of a recording: its first value, its median, or all below ``highpass_hz``.
+        Value subtracted from every taxel: its first value, its median, or everything below ``highpass_hz``.
     highpass_hz : float
     strict : bool
         Refuse a folder in which something has the name of a recording and cannot be read.
@@ -42,16 +42,16 @@ class Preparation:
         Factor to full scale, ``max``, or a percentile of the magnitudes of all recordings as ``p99.9``.
     """
 
-    taxel_columns: str = parameter("", "", GUIDE, "columns of the file that are taxels, as 2-17 or s1,s2 [all]")
-    delimiter: str = parameter("", "", GUIDE, "between the cells of a .csv, or tab, space [found]")
+    taxel_columns: str = parameter("", "", GUIDE, "taxel columns of the file, such as 2-17 or s1,s2 [all]")
+    delimiter: str = parameter("", "", GUIDE, "delimiter of a .csv: a character, tab or space [detected]")
     decimal: Decimal = parameter("auto", "", GUIDE, "decimal point or comma of a .csv")
-    time_column: str = parameter("", "", GUIDE, "column of time stamps, by name or number, or none [found]")
+    time_column: str = parameter("", "", GUIDE, "column of time stamps, by name or number, or none [detected]")
     time_unit: TimeUnit = parameter("auto", "", GUIDE, "unit of the time stamps")
-    baseline: Baseline = parameter("none", "", GUIDE, "taken off every taxel")
+    baseline: Baseline = parameter("none", "", GUIDE, "value subtracted from every taxel")
     highpass_hz: float = parameter(0.1, "Hz", GUIDE, "corner of --baseline highpass")
-    strict: bool = parameter(False, "", GUIDE, "refuse links to nothing, FIFOs and folders among the recordings")
+    strict: bool = parameter(False, "", GUIDE, "refuse broken links, FIFOs and folders among the recordings")
     names: tuple[str, ...] = ()
-    scale: str = parameter("max", "", GUIDE, "factor to full scale, max, or a percentile as p99.9")
+    scale: str = parameter("max", "", GUIDE, "factor to full scale, max, or a percentile such as p99.9")
 
     def __post_init__(self) -> None:
         for name, choices in (("decimal", Decimal), ("time_unit", TimeUnit), ("baseline", Baseline)):

@@ -25,9 +25,11 @@ if TYPE_CHECKING:
 
 BAUD = 2_000_000
 Port = Annotated[str, typer.Option(help="serial port of the board, as /dev/ttyUSB0")]
-Baud = Annotated[int, typer.Option(min=1, help="bits a second, as built into the board")]
-Page = Annotated[int | None, typer.Option(metavar="PORT", help="show it in a browser of this machine, too")]
-Patience = Annotated[float, typer.Option(metavar="SECONDS", min=0.1, help="a board that is silent so long is missed")]
+Baud = Annotated[int, typer.Option(min=1, help="bits per second of the board")]
+Page = Annotated[int | None, typer.Option(metavar="PORT", help="also show a live page in a browser on this machine")]
+Patience = Annotated[
+    float, typer.Option(metavar="SECONDS", min=0.1, help="seconds of silence after which the board counts as lost")
+]
 NETWORK = typer.Argument(metavar="INTEGER.npz", help="integer network, from eskin quantise")
 RASTER_LINES = 16
 
@@ -38,9 +40,9 @@ def play(
     samples: Annotated[Path | None, typer.Option(metavar="FILE", help="codes of all taxels (.npy, .npz, .csv)")] = None,
     data: OwnData = None,
     dataset: Annotated[str | None, typer.Option(help="texture folder, or 'embedded' [embedded]")] = None,
-    only: Annotated[str | None, typer.Option(help="the texture or recording, by its name")] = None,
-    limit: Annotated[int | None, typer.Option(min=1, help="only so many sample ticks")] = None,
-    check: Annotated[bool, typer.Option(help="hold events and classes to the model's")] = True,
+    only: Annotated[str | None, typer.Option(help="texture or recording, by name")] = None,
+    limit: Annotated[int | None, typer.Option(min=1, help="number of sample ticks [all]")] = None,
+    check: Annotated[bool, typer.Option(help="compare events and classes with the model")] = True,
     page: Page = None,
     baud: Baud = BAUD,
     patience: Patience = 3.0,
@@ -48,7 +50,7 @@ def play(
 ) -> None:
     """Play a texture, a recording or codes through the readout and classifier of a board.
 
-    The weights are loaded first. Exit code 1 where the board and the model differ.
+    The weights are loaded first. Exit code 1 if board and model differ.
     """
     from eskin.board import session
     from eskin.board.config import BoardConfig
@@ -84,7 +86,7 @@ def play(
 def listen(
     config: ReadoutConfig,
     port: Port,
-    seconds: Annotated[float | None, typer.Option(min=0.0, help="for so long [until Ctrl-C]")] = None,
+    seconds: Annotated[float | None, typer.Option(min=0.0, help="duration of the recording [until Ctrl-C]")] = None,
     page: Page = None,
     baud: Baud = BAUD,
     patience: Patience = 3.0,
@@ -92,7 +94,7 @@ def listen(
 ) -> None:
     """Record what a foreign chip sends over four-phase AER: its array is said by --rows, --columns, --encoding.
 
-    Addresses are {polarity, row, column}; times are in clocks of the board. Ctrl-C ends the recording and keeps it.
+    Addresses are {polarity, row, column}; times are in clocks of the board. Ctrl-C ends and saves the recording.
     """
     from eskin.board import session
     from eskin.board.live import View
@@ -130,8 +132,10 @@ def load(
     print(f"loaded {network.network.config.memory_bits / 8192:.1f} kB of weights")
 
 
-def rescue(journal: Annotated[Path, typer.Argument(metavar="FILE.npz.part", help="what a recording left")]) -> None:
-    """Make an event file of what a recording that was killed has left."""
+def rescue(
+    journal: Annotated[Path, typer.Argument(metavar="FILE.npz.part", help="partial file of a killed recording")],
+) -> None:
+    """Convert the partial file of a killed recording into an event file."""
     from eskin.board.journal import convert
 
     recording = convert(journal)

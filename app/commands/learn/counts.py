@@ -27,7 +27,7 @@ def counts(
     dataset: DatasetName = None,
     bin_s: BinSeconds = None,
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="FILE", help="numbers as JSON"), WRITES_FILE
+        Path | None, typer.Option("-o", "--out", metavar="FILE", help="JSON file for the numbers"), WRITES_FILE
     ] = None,
 ) -> None:
     """Compare the event counts of one encoder's resolutions on the same scans: empty bins, correlation, ratio."""

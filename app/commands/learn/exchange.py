@@ -70,9 +70,9 @@ def _tell_lacks(path: Path, weights: Weights) -> None:
 
 
 def import_(
-    graph: Annotated[Path, typer.Argument(metavar="GRAPH.nir", help="NIR graph of a network of this form")],
+    graph: Annotated[Path, typer.Argument(metavar="GRAPH.nir", help="NIR graph of a network")],
     out: Annotated[Path, typer.Option("-o", "--out", metavar="WEIGHTS.npz", help="archive to write"), WRITES_FILE],
-    step: Annotated[float | None, typer.Option(metavar="SECONDS", help="time step, where the file has none")] = None,
+    step: Annotated[float | None, typer.Option(metavar="SECONDS", help="time step, if the file has none")] = None,
     classes: Annotated[
         str | None, typer.Option(metavar="A,B,...", help="names of the outputs [those in the file, or numbers]")
     ] = None,
@@ -93,7 +93,9 @@ def import_(
 def quantise(
     weights: Annotated[Path, typer.Argument(metavar="WEIGHTS.npz", help="trained network")],
     out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="INTEGER.npz", help="file to write; images beside it"), WRITES_FILE
+        Path,
+        typer.Option("-o", "--out", metavar="INTEGER.npz", help="file to write; memory images are written beside it"),
+        WRITES_FILE,
     ],
     bits: Annotated[int, typer.Option(min=2, max=8, help="bits of all weights")] = 8,
     in_bits: Annotated[int | None, typer.Option(metavar="2..8", help="bits of the input weights")] = None,
@@ -102,7 +104,7 @@ def quantise(
     bias_bits: Annotated[int, typer.Option(help="bits of a bias, 2..16")] = 9,
     threshold_bits: Annotated[int, typer.Option(help="least bits of the threshold, 2..16")] = 8,
     membrane_bits: Annotated[
-        int | None, typer.Option(help="bits of a hidden potential [as many as it can ever need]")
+        int | None, typer.Option(help="bits of a hidden potential [enough for all inputs]")
     ] = None,
     lanes: Annotated[int, typer.Option(help="weights added in one clock")] = 16,
     clock: Annotated[float, typer.Option(metavar="HZ", help="clock of the hardware")] = 50e6,

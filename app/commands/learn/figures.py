@@ -48,21 +48,21 @@ def fig9(
 
 
 def fig8(
-    weights: Annotated[Path, typer.Option(metavar="FILE", help="of eskin train")] = Path("out/train/weights.npz"),
+    weights: Annotated[Path, typer.Option(metavar="FILE", help="weights from eskin train")] = Path(
+        "out/train/weights.npz"
+    ),
     result: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="of the same training [result.json beside the weights]")
+        Path | None, typer.Option(metavar="FILE", help="result of the same training [result.json beside the weights]")
     ] = None,
     dataset: Annotated[
-        str | None, typer.Option(metavar="DIR|embedded", help="textures, if they are elsewhere than in training")
+        str | None, typer.Option(metavar="DIR|embedded", help="textures [folder used in training]")
     ] = None,
     data: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="your own recordings, if those were trained on")
+        Path | None, typer.Option(metavar="DIR", help="your own recordings, if the network was trained on them")
     ] = None,
     image: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME", help="texture or recording, as brick/brick-00 [first test one that is classified rightly]"
-        ),
+        typer.Option(metavar="NAME", help="texture or recording, such as brick/brick-00 [first correct test image]"),
     ] = None,
     out: OutOption = DEFAULT_OUT,
     data_out: DataOutOption = None,

@@ -40,21 +40,21 @@ DatasetName = Annotated[
     str | None, typer.Option(metavar="DIR|embedded", help="textures [$ESKIN_DATA, data/kylberg, else embedded]")
 ]
 EventFolder = Annotated[
-    Path | None, typer.Option(metavar="DIR", help="event files, as of a replay, instead of textures")
+    Path | None, typer.Option(metavar="DIR", help="event files, for example of a replay, instead of textures")
 ]
 Frames = Annotated[
-    str | None, typer.Option(metavar=FRAMES, help="frames instead of events, as frame-diff:250:8; RATE in hertz")
+    str | None, typer.Option(metavar=FRAMES, help="frames instead of events, such as frame-diff:250:8; RATE in hertz")
 ]
 StartRows = Annotated[int | None, typer.Option(min=1, help="scans per image (physical) [1]")]
 Disturbed = Annotated[
-    int | None, typer.Option(min=1, help="further scans per image, each disturbed at random, to learn (physical)")
+    int | None, typer.Option(min=1, help="additional training scans per image, randomly disturbed (physical)")
 ]
 BinSeconds = Annotated[
     float | None, typer.Option("--bin", metavar="SECONDS", help="time bin, or step of frames [0.004]")
 ]
 Start = Annotated[
     float | None,
-    typer.Option(metavar="SECONDS", help="events count from there [0; paper 0.01, nlcs 0.1]", show_default=False),
+    typer.Option(metavar="SECONDS", help="time from which events count [0; paper 0.01, nlcs 0.1]", show_default=False),
 ]
 Epochs = Annotated[int, typer.Option(min=1, help="passes over the training scans")]
 Settings = Annotated[
@@ -63,9 +63,9 @@ Settings = Annotated[
 ]
 Grid = Annotated[
     list[str] | None,
-    typer.Option("--grid", metavar="NAME=VALUE,...", help="values to try, chosen by inner validation; repeatable"),
+    typer.Option("--grid", metavar="NAME=VALUE,...", help="values to try; inner validation chooses; repeatable"),
 ]
-Recipe = Annotated[str, typer.Option(metavar="|".join(RECIPES), help="fields to start from: docs/guide/classifier.md")]
+Recipe = Annotated[str, typer.Option(metavar="|".join(RECIPES), help="named settings: docs/guide/classifier.md")]
 Folds = Annotated[int, typer.Option(min=2, help="stratified folds")]
 Seeds = Annotated[int, typer.Option(min=1, help="seeds per fold")]
 Workers = Annotated[int | None, typer.Option(min=1, help="processes of one thread [one per usable core]")]

@@ -13,15 +13,15 @@ from eskin.app.options import WRITES_FILE
 from eskin.base.errors import InputError
 from eskin.base.files import write_json
 
-POINT = "SWEEP:POINT, as rates-cnn:lcs-4; SWEEP is one of the project or a file"
+POINT = "SWEEP:POINT, such as rates-cnn:lcs-4; SWEEP is a file or a sweep of the project"
 
 
 def pair(
     first: Annotated[str, typer.Argument(metavar="A", help=POINT)],
-    second: Annotated[str, typer.Argument(metavar="B", help="likewise")],
+    second: Annotated[str, typer.Argument(metavar="B", help="SWEEP:POINT to compare with")],
     reading: Annotated[str, typer.Option(metavar="last|selected", help="epoch that counts")] = "last",
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="FILE", help="numbers as JSON"), WRITES_FILE
+        Path | None, typer.Option("-o", "--out", metavar="FILE", help="JSON file for the numbers"), WRITES_FILE
     ] = None,
 ) -> None:
     """Compare two points of sweeps image by image: McNemar's exact test, and the difference with its interval."""

@@ -36,21 +36,24 @@ def predict(
     weights: Annotated[Path, typer.Argument(metavar="WEIGHTS.npz", help="trained network")],
     events: Annotated[
         list[Path] | None,
-        typer.Option("--events", metavar="DIR|FILE", help="event files, also foreign ones; repeatable"),
+        typer.Option("--events", metavar="DIR|FILE", help="event files, also of other programs; repeatable"),
     ] = None,
     address_map: Annotated[
-        Path | None, typer.Option("--map", metavar="FILE", help="foreign events: taxel of each address, a .csv")
+        Path | None,
+        typer.Option("--map", metavar="FILE", help="events of other programs: .csv with the taxel of each address"),
     ] = None,
     data: Annotated[
         Path | None,
-        typer.Option(metavar="DIR|FILE", help="your own recordings, taken as those of the training were"),
+        typer.Option(metavar="DIR|FILE", help="your own recordings, prepared as in the training"),
     ] = None,
     check_model: Annotated[
-        bool, typer.Option("--check-model", help="hold RTL recordings to the model's; exit code 1 if they differ")
+        bool, typer.Option("--check-model", help="compare RTL recordings with the model; exit code 1 if they differ")
     ] = False,
     dataset: Annotated[
         str | None,
-        typer.Option(metavar="DIR|embedded", help="their textures [$ESKIN_DATA, data/kylberg; else embedded]"),
+        typer.Option(
+            metavar="DIR|embedded", help="textures of the recordings [$ESKIN_DATA, data/kylberg; else embedded]"
+        ),
     ] = None,
     out: Annotated[
         Path, typer.Option("-o", "--out", metavar="FILE", help="predictions of all recordings"), WRITES_FILE

@@ -24,7 +24,7 @@ TIMES_MS = (10, 14, 18, 22, 26, 30, 40, 50, 70, 100, 150, 200, 300, 398)
 NOISES_V = (0.0, 1e-3, 3e-3, 1e-2)
 FRAMES_HZ = (250.0, 500.0, 1000.0, 5000.0, 20000.0)
 
-Pair = Annotated[str | None, typer.Option(metavar="A,B", help="two networks, to be compared image by image")]
+Pair = Annotated[str | None, typer.Option(metavar="A,B", help="two networks to compare image by image")]
 
 
 def noise_power(
@@ -103,9 +103,11 @@ def merits(
         typer.Argument(metavar="DIR...", help="folders NETWORK/TRAINING/ of snn train, for the latency; [none]"),
     ] = None,
     pair: Pair = None,
-    noise: Annotated[Path | None, typer.Option(metavar="FILE", help="noise_power.json, to be drawn beside")] = None,
+    noise: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="noise_power.json to include in the figure")
+    ] = None,
     dataset: DatasetName = None,
-    limit: Annotated[int, typer.Option(min=1, help="textures, evenly spread, of rest and timing")] = 24,
+    limit: Annotated[int, typer.Option(min=1, help="number of textures for rest and timing, evenly spread")] = 24,
     out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="merits.json and .png"), WRITES_FOLDER] = Path(
         "out/merits"
     ),

@@ -50,7 +50,9 @@ def sweep(
     ] = DEFAULT_POINTS,
     events: Annotated[
         list[Path] | None,
-        typer.Option("--events", metavar="DIR", help="event files as a point, instead of --points; repeatable"),
+        typer.Option(
+            "--events", metavar="DIR", help="folder of event files as a point, instead of --points; repeatable"
+        ),
     ] = None,
     options: dict[str, Any],
     folds: Folds = 6,

@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 def train(
     made: Any,
     folds: Folds = 6,
-    fold: Annotated[int, typer.Option(min=0, help="the fold that is tested, from 0")] = 0,
-    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="of weights, order and augmentation")] = 0,
+    fold: Annotated[int, typer.Option(min=0, help="test fold, from 0")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="seed of weights, order and augmentation")] = 0,
     checkpoint_every: Annotated[int, typer.Option(min=1, help="epochs between checkpoints")] = 5,
     threads: Annotated[int, typer.Option(min=1, help="threads of torch")] = 1,
-    device: Annotated[str, typer.Option(help="as torch names it")] = "cpu",
+    device: Annotated[str, typer.Option(help="device name of torch")] = "cpu",
     watch_test: Annotated[
-        bool, typer.Option("--watch-test", help="also note the test accuracy of every epoch; it selects nothing")
+        bool, typer.Option("--watch-test", help="also store the test accuracy of every epoch; it selects nothing")
     ] = False,
     out: Annotated[
         Path, typer.Option("-o", "--out", metavar="DIR", help="checkpoint and result"), WRITES_FOLDER

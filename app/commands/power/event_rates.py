@@ -26,7 +26,7 @@ def event_rates(
     preset_name: Annotated[
         str, typer.Option("--preset", metavar="paper|physical|both", help="constants of the texture scan")
     ] = "both",
-    limit: Annotated[int | None, typer.Option(metavar="K", help="only K images, evenly spread")] = None,
+    limit: Annotated[int | None, typer.Option(metavar="K", help="number of images, evenly spread [all]")] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
 ) -> None:

@@ -48,9 +48,9 @@ def explore(
         float | None, typer.Option(metavar="HZ", help="events/s of the whole array, instead of textures")
     ] = None,
     nlcs_event_rate: Annotated[
-        float | None, typer.Option(metavar="HZ", help="the same of N-LCS [that of --event-rate]")
+        float | None, typer.Option(metavar="HZ", help="events/s of N-LCS [value of --event-rate]")
     ] = None,
-    rate_resolution: Annotated[int, typer.Option(metavar="N", help="resolution to which these rates belong")] = 6,
+    rate_resolution: Annotated[int, typer.Option(metavar="N", help="resolution of these rates")] = 6,
     min_resolution: Annotated[
         int | None, typer.Option(metavar="N", help="resolution needed [the finest that the noise allows]")
     ] = None,

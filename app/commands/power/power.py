@@ -42,10 +42,10 @@ def power(
     resolution: Annotated[int, typer.Option(metavar="N", help="LSB = 2**-N of full scale, 1..10")] = 6,
     noise: Annotated[float, typer.Option(metavar="V", help="AFE output noise, rms, for 1 V full scale")] = 1e-3,
     tau: Annotated[float, typer.Option(metavar="SECONDS", help="time constant of N-LCS")] = 0.2,
-    correct: Annotated[str | None, typer.Option(metavar="NAME,...", help="make only these corrections")] = None,
-    without: Annotated[str | None, typer.Option(metavar="NAME,...", help="make all corrections but these")] = None,
+    correct: Annotated[str | None, typer.Option(metavar="NAME,...", help="apply only these corrections")] = None,
+    without: Annotated[str | None, typer.Option(metavar="NAME,...", help="apply all corrections except these")] = None,
     crossover: Annotated[
-        bool, typer.Option("--crossover", help="AFE noise where spikes beat frames, N = 1..10")
+        bool, typer.Option("--crossover", help="AFE noise at which spikes need less power than frames, N = 1..10")
     ] = False,
     parameters: Annotated[bool, typer.Option("--parameters", help="list all parameters and corrections")] = False,
     settings: SettingsOption = None,

@@ -43,7 +43,7 @@ def encode(
     ],
     out: Annotated[
         Path,
-        typer.Option("-o", "--out", help="event file to write, .npz; of a folder, a folder", metavar="OUT"),
+        typer.Option("-o", "--out", help="event file to write (.npz); for an input folder, a folder", metavar="OUT"),
         Writes(folder=lambda given: given["source"].is_dir()),
     ],
     preset: Annotated[str | None, typer.Option(help="scan of an image [physical]", metavar="physical|paper")] = None,
@@ -51,11 +51,13 @@ def encode(
         float | None, typer.Option(help="image row of the array's top edge [0]", metavar="PIXELS")
     ] = None,
     model: Annotated[
-        str, typer.Option(help="with contention and link, or without", metavar="|".join(get_args(Model)))
+        str, typer.Option(help="cycle: with arbiter and link; functional: without", metavar="|".join(get_args(Model)))
     ] = "cycle",
-    name: Annotated[str | None, typer.Option(help="name kept in the file [that of the input]", metavar="TEXT")] = None,
+    name: Annotated[
+        str | None, typer.Option(help="name stored in the file [name of the input]", metavar="TEXT")
+    ] = None,
     label: Annotated[
-        str | None, typer.Option("--class", "--label", help="class kept in the file", metavar="TEXT")
+        str | None, typer.Option("--class", "--label", help="class stored in the file", metavar="TEXT")
     ] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,

@@ -42,7 +42,7 @@ def frames(
     preset_name: Annotated[
         str, typer.Option("--preset", metavar="paper|physical", help="constants of the texture scan")
     ] = "paper",
-    limit: Annotated[int | None, typer.Option(metavar="K", help="only K images, evenly spread")] = None,
+    limit: Annotated[int | None, typer.Option(metavar="K", help="number of images, evenly spread [all]")] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,

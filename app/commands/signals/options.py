@@ -14,7 +14,7 @@ OutOption = Annotated[
 ]
 DataOutOption = Annotated[
     Path | None,
-    typer.Option("--data-out", metavar="DIR", help="folder for the data, if another", show_default=False),
+    typer.Option("--data-out", metavar="DIR", help="folder for the data [folder of the picture]", show_default=False),
     WRITES_FOLDER,
 ]
 SettingsOption = Annotated[

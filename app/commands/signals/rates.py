@@ -33,7 +33,7 @@ def rates(
         str | None,
         typer.Option(metavar="DIR|embedded", help="textures [$ESKIN_DATA, data/kylberg, else embedded]"),
     ] = None,
-    limit: Annotated[int | None, typer.Option(metavar="K", help="only K images, evenly spread")] = None,
+    limit: Annotated[int | None, typer.Option(metavar="K", help="number of images, evenly spread [all]")] = None,
     start_row: Annotated[
         list[float] | None, typer.Option(metavar="PIXELS", help="physical: start row, repeatable [0]")
     ] = None,

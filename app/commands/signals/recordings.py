@@ -26,7 +26,7 @@ PREPARATION = tuple(field.name for field in dataclasses.fields(Preparation) if f
 
 OwnData = Annotated[
     Path | None,
-    typer.Option("--data", metavar="DIR", help="class folders of your own recordings, in place of textures"),
+    typer.Option("--data", metavar="DIR", help="class folders of your own recordings, instead of textures"),
 ]
 
 

@@ -25,9 +25,10 @@ def report(
         Writes(folder=lambda given: given["out"].is_dir() and not _is_page(given["out"])),
     ] = Path("out/report.html"),
     sim: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="runs of make sim: event files of RTL and model [out/sim]")
+        Path | None,
+        typer.Option(metavar="DIR", help="runs of make sim: runs of make sim: event files of RTL and model [out/sim]"),
     ] = None,
-    replay: Annotated[Path | None, typer.Option(metavar="DIR", help="what make replay left [out/replay]")] = None,
+    replay: Annotated[Path | None, typer.Option(metavar="DIR", help="results of make replay [out/replay]")] = None,
     benchmarks: Annotated[
         Path | None, typer.Option(metavar="DIR", help="benchmark results [benchmarks/results]")
     ] = None,

@@ -22,11 +22,11 @@ def gatesim(
     config: ReadoutConfig,
     lib: Annotated[Path, typer.Option(help="cell library (.lib) of the netlist")],
     simulator: Annotated[str, typer.Option("--sim", help="icarus or verilator")] = "icarus",
-    waves: Annotated[bool, typer.Option(help="leave a waveform")] = False,
+    waves: Annotated[bool, typer.Option(help="write a waveform")] = False,
     seed: Annotated[int, typer.Option(help="seed of the scenarios")] = 0,
-    textures: Annotated[int, typer.Option(help="scans of the encoding, one class after the other")] = 1,
-    only: Annotated[str | None, typer.Option(help="one texture, by its name, and no scenarios")] = None,
-    ticks: Annotated[int | None, typer.Option(help="sample ticks of a scan at most [all]")] = None,
+    textures: Annotated[int, typer.Option(help="scans, from alternating classes")] = 1,
+    only: Annotated[str | None, typer.Option(help="one texture, by name, without scenarios")] = None,
+    ticks: Annotated[int | None, typer.Option(help="most sample ticks of a scan [all]")] = None,
     dataset: Annotated[str | None, typer.Option(help="texture folder, or 'embedded'")] = None,
     out: Annotated[
         Path, typer.Option("-o", "--out", help="folder for netlist, pictures, events"), WRITES_FOLDER
@@ -64,9 +64,9 @@ def asic(
     slow: Annotated[Path | None, typer.Option(help="the same cells at the slow corner")] = None,
     fast: Annotated[Path | None, typer.Option(help="the same cells at the fast corner")] = None,
     readout: Annotated[str, typer.Option(metavar="spiking|frame", help="which readout")] = "spiking",
-    name: Annotated[str, typer.Option(help="of the run and its folder [made of the configuration]")] = "",
-    power: Annotated[bool, typer.Option(help="idle power and energies too, by simulation of the netlist")] = True,
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder of the run's folder"), WRITES_FOLDER] = Path(
+    name: Annotated[str, typer.Option(help="name of the run and its folder [from the configuration]")] = "",
+    power: Annotated[bool, typer.Option(help="also measure idle power and energies, by simulation")] = True,
+    out: Annotated[Path, typer.Option("-o", "--out", help="parent folder of the run"), WRITES_FOLDER] = Path(
         "out/asic"
     ),
 ) -> None:
@@ -99,9 +99,11 @@ def asic_scale(
     config: ReadoutConfig,
     lib: Annotated[Path, typer.Option(help="cell library (.lib)")],
     sizes: Annotated[str, typer.Option(metavar="RxC,...", help="rows and columns of the arrays")] = SIZES,
-    tiles: Annotated[str, typer.Option(metavar="RxC,...", help="cut each array into tiles, with their merge")] = "",
+    tiles: Annotated[str, typer.Option(metavar="RxC,...", help="tiles of each array, joined by a merge")] = "",
     relays: Annotated[str, typer.Option(metavar="N,...", help="relay stations between each tile and the merge")] = "",
-    pitch_um: Annotated[float, typer.Option("--pitch", metavar="UM", help="of the taxels")] = PITCH_UM,
+    pitch_um: Annotated[
+        float, typer.Option("--pitch", metavar="UM", help="distance of neighbouring taxels")
+    ] = PITCH_UM,
     ohm: Annotated[float, typer.Option(metavar="PER_UM", help="resistance of a wire")] = OHM_PER_UM,
     farad: Annotated[float, typer.Option(metavar="PER_UM", help="capacitance of a wire")] = FARAD_PER_UM,
     out: Annotated[Path, typer.Option("-o", "--out", help="file for the results, JSON"), WRITES_FILE] = Path(
@@ -136,8 +138,10 @@ def asic_scale(
 @with_config
 def gatepower(
     config: ReadoutConfig,
-    lib: Annotated[list[Path], typer.Option(help="cell library (.lib), once for each")],
-    three: Annotated[bool, typer.Option("--three", help="analog LCS, N-LCS and frames of this array instead")] = False,
+    lib: Annotated[list[Path], typer.Option(help="cell library (.lib), repeatable")],
+    three: Annotated[
+        bool, typer.Option("--three", help="measure analog LCS, analog N-LCS and frames of this array")
+    ] = False,
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for the results, JSON"), WRITES_FOLDER] = Path(
         "out/gatepower"
     ),

@@ -16,9 +16,9 @@ from eskin.model.config import ReadoutConfig
 @with_config
 def layout(
     config: ReadoutConfig,
-    name: Annotated[str, typer.Option(help="of the run and its folder [made of the configuration]")] = "",
+    name: Annotated[str, typer.Option(help="name of the run and its folder [from the configuration]")] = "",
     compare: Annotated[bool, typer.Option(help="compare the netlist in the layout with the cells' too")] = True,
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder of the run's folder"), WRITES_FOLDER] = Path(
+    out: Annotated[Path, typer.Option("-o", "--out", help="parent folder of the run"), WRITES_FOLDER] = Path(
         "out/layout"
     ),
 ) -> None:
@@ -45,16 +45,16 @@ def fpga(
         str, typer.Option(help="ulx3s (the one with 85 k LUTs), ulx3s-45f, ulx3s-25f, ulx3s-12f")
     ] = "ulx3s",
     weights: Annotated[
-        Path | None, typer.Option(help="integer network whose chip is built [the embedded textures', fold 0]")
+        Path | None, typer.Option(help="integer network of the chip [network of the embedded textures, fold 0]")
     ] = None,
-    receiver: Annotated[bool, typer.Option("--receiver", help="the receiver of a foreign chip's AER instead")] = False,
+    receiver: Annotated[bool, typer.Option("--receiver", help="build the receiver of another chip's AER")] = False,
     alone: Annotated[
         int | None,
         typer.Option(
-            metavar="BITS", min=2, max=8, help="only the classifier 128-256-6, weights of BITS, on an ECP5-25"
+            metavar="BITS", min=2, max=8, help="build only the classifier 128-256-6 with weights of BITS, on an ECP5-25"
         ),
     ] = None,
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder of the board's folder"), WRITES_FOLDER] = Path(
+    out: Annotated[Path, typer.Option("-o", "--out", help="parent folder of the board"), WRITES_FOLDER] = Path(
         "out/fpga"
     ),
 ) -> None:

@@ -28,28 +28,26 @@ def verilog(
     given: frozenset[str],
     own: dict[str, Any],
     stored: dict[str, Any],
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder to write to, made if need be"), WRITES_FOLDER],
+    out: Annotated[Path, typer.Option("-o", "--out", help="output folder, created if missing"), WRITES_FOLDER],
     readout: Annotated[str, typer.Option(metavar="|".join(READOUTS), help="which readout")] = "spiking",
     classifier: Annotated[
-        Path | None, typer.Option(metavar="INTEGER.npz", help="the classifier of such a file instead, eskin_classifier")
+        Path | None, typer.Option(metavar="INTEGER.npz", help="write the classifier of this file, eskin_classifier")
     ] = None,
-    chip: Annotated[
-        bool, typer.Option("--chip", help="the readout with that classifier behind it, eskin_chip")
-    ] = False,
+    chip: Annotated[bool, typer.Option("--chip", help="write the readout with this classifier, eskin_chip")] = False,
     tiles: Annotated[
-        str | None, typer.Option(metavar="RxC", help="a skin of such tiles and their merge instead, eskin_tiles")
+        str | None, typer.Option(metavar="RxC", help="write a skin of RxC tiles and their merge, eskin_tiles")
     ] = None,
     merge: Annotated[
-        bool, typer.Option("--merge", help="the merge of those tiles alone, eskin_merge, each a chip of its own")
+        bool, typer.Option("--merge", help="write only the merge, eskin_merge, for tiles that are separate chips")
     ] = False,
     relays: Annotated[
         int, typer.Option(metavar="N", help="relay stations on the line from each tile to the merge, for a large skin")
     ] = 0,
     report: Annotated[
-        Path | None, typer.Option(metavar="report.json", help="what make asic found, for the datasheet")
+        Path | None, typer.Option(metavar="report.json", help="report of make asic, for the datasheet")
     ] = None,
     prove: Annotated[
-        bool, typer.Option("--prove", help="prove the Verilog equal to the RTLIL of make formal, before it is written")
+        bool, typer.Option("--prove", help="before writing, prove the Verilog equal to the RTLIL of make formal")
     ] = False,
 ) -> None:
     """Write eskin_readout.v or eskin_frame_readout.v, .sdc, .json (configuration and ports) and .core (FuseSoC).
@@ -111,10 +109,10 @@ def gates(
     config: ReadoutConfig,
     given: frozenset[str],
     stored: dict[str, Any],
-    liberty: Annotated[Path | None, typer.Option(help="cell library (.lib): mapped to it, with its area")] = None,
+    liberty: Annotated[Path | None, typer.Option(help="cell library (.lib) for mapping and area")] = None,
     classifier: Annotated[
         Path | None,
-        typer.Option(metavar="INTEGER.npz", help="the classifier of such a file instead, memories left out"),
+        typer.Option(metavar="INTEGER.npz", help="count the classifier of this file, without memories"),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
 ) -> None:

@@ -33,12 +33,12 @@ def replay(
     data: OwnData = None,
     preset: Annotated[str | None, typer.Option(help="physical or paper [physical]")] = None,
     start_row: Annotated[float | None, typer.Option(help="image row where the array starts (physical) [0]")] = None,
-    limit: Annotated[int | None, typer.Option(help="only so many textures or recordings, evenly spread")] = None,
-    only: Annotated[str | None, typer.Option(help="only one texture or recording, by its name")] = None,
+    limit: Annotated[int | None, typer.Option(help="number of textures or recordings, evenly spread [all]")] = None,
+    only: Annotated[str | None, typer.Option(help="only one texture or recording, by name")] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
     keep: Annotated[
-        Path | None, typer.Option(help="file of JSON that gets the sums, beside other encoders'"), WRITES_FILE
+        Path | None, typer.Option(help="JSON file for the totals of this encoder, beside those of others"), WRITES_FILE
     ] = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for the event files"), WRITES_FOLDER] = Path(
         "out/replay"
@@ -46,7 +46,7 @@ def replay(
 ) -> None:
     """Drive a whole dataset, or your recordings, through RTL and model, compare every event, keep the RTL's events.
 
-    Can be stopped and started again: what has its events already, for the same configuration, is done.
+    Can be stopped and started again: existing events of the same configuration are not computed again.
     """
     from eskin.cocotb_tests.runner import replay as session
     from eskin.cocotb_tests.runner.process import MismatchFound

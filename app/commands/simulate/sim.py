@@ -30,16 +30,16 @@ def sim(
     data: OwnData = None,
     dataset: Annotated[str | None, typer.Option(help="texture folder, or 'embedded'")] = None,
     simulator: Annotated[str, typer.Option("--sim", help="verilator or icarus")] = "verilator",
-    waves: Annotated[bool, typer.Option(help="leave a waveform")] = False,
-    textures: Annotated[int, typer.Option(help="scans or recordings of each encoding, one class after the other")] = 3,
-    only: Annotated[str | None, typer.Option(help="one texture or recording, by its name, and no scenarios")] = None,
-    ticks: Annotated[int | None, typer.Option(help="sample ticks of a scan at most [all]")] = None,
+    waves: Annotated[bool, typer.Option(help="write a waveform")] = False,
+    textures: Annotated[int, typer.Option(help="scans or recordings per encoding, from alternating classes")] = 3,
+    only: Annotated[str | None, typer.Option(help="one texture or recording, by name, without scenarios")] = None,
+    ticks: Annotated[int | None, typer.Option(help="most sample ticks of a scan [all]")] = None,
     seed: Annotated[int, typer.Option(help="seed of the scenarios")] = 0,
     netlist: Annotated[
-        Path | None, typer.Option(help="Verilog netlist to hold to the model instead of the RTL")
+        Path | None, typer.Option(help="Verilog netlist to compare with the model instead of the RTL")
     ] = None,
     cells: Annotated[Path | None, typer.Option(help="Verilog of the cells of the netlist")] = None,
-    keep: Annotated[Path | None, typer.Option(help="file for the sums, JSON"), WRITES_FILE] = None,
+    keep: Annotated[Path | None, typer.Option(help="JSON file for the totals"), WRITES_FILE] = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for pictures and event files"), WRITES_FOLDER] = Path(
         "out/sim"
     ),

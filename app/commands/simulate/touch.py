@@ -25,12 +25,14 @@ if TYPE_CHECKING:
 def touch(
     weights: Annotated[
         Path | None,
-        typer.Option(help="integer network, or a folder of them, one for each fold [the project's own]"),
+        typer.Option(help="integer network, or a folder with one for each fold [the project's own]"),
     ] = None,
     dataset: Annotated[str | None, typer.Option(help="texture folder, or 'embedded' [embedded]")] = None,
     data: OwnData = None,
-    limit: Annotated[int | None, typer.Option(min=1, help="only so many, evenly spread")] = None,
-    only: Annotated[str | None, typer.Option(help="only one texture or recording, by its name")] = None,
+    limit: Annotated[
+        int | None, typer.Option(min=1, help="number of textures or recordings, evenly spread [all]")
+    ] = None,
+    only: Annotated[str | None, typer.Option(help="only one texture or recording, by name")] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for results and picture"), WRITES_FOLDER] = Path(
@@ -39,7 +41,7 @@ def touch(
 ) -> None:
     """Play textures, or your recordings, through readout and classifier as one chip, and hold it to the models.
 
-    Every image goes through the network that has not learned it. Can be stopped and started again.
+    Every image goes through a network that was not trained on it. Can be stopped and started again.
     """
     from eskin.cocotb_tests.runner import replay
     from eskin.cocotb_tests.runner.process import MismatchFound

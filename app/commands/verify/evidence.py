@@ -25,13 +25,13 @@ def formal(
         ),
     ] = "",
     small: Annotated[bool, typer.Option(help="only one small configuration of each block")] = False,
-    mutants: Annotated[bool, typer.Option(help="search generated mutants too, and see the properties fail")] = False,
-    limit: Annotated[int, typer.Option(min=1, metavar="SECONDS", help="most that one proof may take")] = 300,
+    mutants: Annotated[bool, typer.Option(help="also check that the properties fail for generated mutants")] = False,
+    limit: Annotated[int, typer.Option(min=1, metavar="SECONDS", help="time limit of one proof")] = 300,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON"), WRITES_FILE] = None,
 ) -> None:
     """Prove the properties of every block; the last line reports how many hold.
 
-    With --mutants and --out the search of mutants goes on where it was stopped. With --block the file keeps its
+    With --mutants and --out, a stopped search of mutants continues. With --block the file keeps its
     results of other blocks.
     """
     from eskin.verify.proofs.engine import solve
@@ -71,7 +71,7 @@ def faults(
 ) -> None:
     """Turn every flop over, one at a time, and meet hostile surroundings; with --out it goes on where it was stopped.
 
-    Exit code 1 if more breaks than is stated.
+    Exit code 1 if the effects exceed the stated ones.
     """
     from eskin.verify.faults.run import campaign, closing_line, write
 
@@ -87,8 +87,8 @@ def faults(
 
 def coverage(
     small: Annotated[bool, typer.Option(help="only a few runs")] = False,
-    only: Annotated[str, typer.Option(help="runs whose names begin so")] = "",
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder for what is found"), WRITES_FOLDER] = Path(
+    only: Annotated[str, typer.Option(help="only runs whose names begin with this text")] = "",
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder for the results"), WRITES_FOLDER] = Path(
         "out/coverage"
     ),
 ) -> None:
@@ -118,7 +118,7 @@ def coverage(
 @with_config
 def properties(
     config: ReadoutConfig,
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder to write to, made if need be"), WRITES_FOLDER],
+    out: Annotated[Path, typer.Option("-o", "--out", help="output folder, created if missing"), WRITES_FOLDER],
 ) -> None:
     """Write eskin_readout_properties.sv: the properties as assertions, bound to the modules of eskin_readout.v."""
     from eskin.verify.proofs.bind import properties as text
@@ -163,14 +163,14 @@ def crosscheck(
 
 
 def crossproof(
-    block: Annotated[str, typer.Option(help="only this block, as of make formal")] = "",
+    block: Annotated[str, typer.Option(help="only this block, as in make formal")] = "",
     small: Annotated[bool, typer.Option(help="only one small configuration of each block")] = False,
     mutants: Annotated[bool, typer.Option(help="compare generated mutants too")] = False,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON"), WRITES_FILE] = None,
 ) -> None:
     """Search with z3 what make formal proved: each first clock, of failures too, must be that of the first solver.
 
-    With --out it goes on where it was stopped.
+    With --out a stopped run continues.
     """
     from eskin.verify.crosscheck.prove import campaign, closing_line, write
 

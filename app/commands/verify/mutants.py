@@ -19,15 +19,17 @@ def mutants(
     model: Annotated[bool, typer.Option(help="mutate the model and the network instead of the RTL")] = False,
     block: Annotated[str, typer.Option(help="only this block or room: arbiter, link, taxel, classifier, ...")] = "",
     share: Annotated[
-        float | None, typer.Option(min=0.0, max=1.0, help="share of all places that is tried [0.3, of the model 0.07]")
+        float | None, typer.Option(min=0.0, max=1.0, help="share of the places to mutate [0.3, with --model 0.07]")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="of the edits that are drawn")] = 1,
-    again: Annotated[bool, typer.Option(help="judge anew what is alive: tests are new")] = False,
-    limit: Annotated[int | None, typer.Option(min=1, help="mutants at most [all]")] = None,
-    judging: Annotated[bool, typer.Option("--judge/--no-judge", help="judge, or report what was found")] = True,
+    seed: Annotated[int, typer.Option(min=0, help="seed of the random edits")] = 1,
+    again: Annotated[bool, typer.Option(help="judge survivors again, after new tests")] = False,
+    limit: Annotated[int | None, typer.Option(min=1, help="largest number of mutants [all]")] = None,
+    judging: Annotated[
+        bool, typer.Option("--judge/--no-judge", help="judge mutants, or only report earlier results")
+    ] = True,
     workers: Workers = None,
     scheduler: Scheduler = None,
-    out: Annotated[Path, typer.Option("-o", "--out", help="folder for what is found"), WRITES_FOLDER] = Path(
+    out: Annotated[Path, typer.Option("-o", "--out", help="folder for the results"), WRITES_FOLDER] = Path(
         "out/mutants"
     ),
 ) -> None:

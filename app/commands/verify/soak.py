@@ -12,27 +12,32 @@ from eskin.base.errors import InputError
 
 
 def soak(
-    hours: Annotated[float, typer.Option(help="begin no further configuration after so many hours")] = 0.1,
-    seed: Annotated[int, typer.Option(help="of the first configuration; the next has the next")] = 0,
-    clocks: Annotated[int, typer.Option(help="clocks of each configuration, or of the one run")] = 20_000_000,
+    hours: Annotated[float, typer.Option(help="hours after which no further configuration starts")] = 0.1,
+    seed: Annotated[int, typer.Option(help="seed of the first configuration; each further one adds 1")] = 0,
+    clocks: Annotated[
+        int, typer.Option(help="clocks of each configuration, or of the run given by --only")
+    ] = 20_000_000,
     simulator: Annotated[str, typer.Option("--sim", help="verilator or icarus")] = "verilator",
     only: Annotated[
-        int | None, typer.Option(metavar="SEED", help="play one run of this seed, as a failure says")
+        int | None, typer.Option(metavar="SEED", help="play one run of this seed, as printed by a failure")
     ] = None,
-    run: Annotated[int, typer.Option(help="number of that run")] = 0,
+    run: Annotated[int, typer.Option(help="number of the run of --only")] = 0,
     set_: Annotated[
-        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="part of that run, not drawn; repeatable")
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="NAME=VALUE", help="fixed part of the run of --only, instead of a random one; repeatable"
+        ),
     ] = None,
     keep: Annotated[
-        Path | None, typer.Option(help="file for the sums of all that was soaked in --out, JSON"), WRITES_FILE
+        Path | None, typer.Option(help="JSON file for the totals of all runs in --out"), WRITES_FILE
     ] = None,
     out: Annotated[
-        Path, typer.Option("-o", "--out", help="folder of what is done; started again, it goes on"), WRITES_FOLDER
+        Path, typer.Option("-o", "--out", help="folder of the results; a restarted soak continues there"), WRITES_FOLDER
     ] = Path("out/soak"),
 ) -> None:
     """Hold the RTL to the model on random configurations; a failure is shrunk to one command; exit code 1 then.
 
-    Several may run side by side with the same --out.
+    Several processes may share the same --out.
     """
     from eskin.cocotb_tests.runner.simulator import require_programs
     from eskin.verify.soak import campaign
