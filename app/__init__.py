@@ -1,1 +1,1 @@
-"""What the command lines of all packages share: app and errors, the configuration as options, tables, progress."""
+"""Command lines: app and errors, the configuration as options, tables, progress."""

@@ -1,4 +1,5 @@
-"""List the commands of ``eskin``; needs the standard library alone, since make reads it before anything is installed.
+"""List the commands of ``eskin``, with the standard library alone, because make reads this file before any
+installation.
 
 To add a command: write its function in a module of ``app/commands``, and list it here under what users want to do.
 """
@@ -66,12 +67,12 @@ HELP = "eskin COMMAND --help lists the options of a command."
 
 
 def words_of(name: str) -> list[str]:
-    """Return what stands behind ``eskin`` to run a command."""
+    """Return the words after ``eskin`` that run a command."""
     return [DEV, name] if name in CHECKS else [name]
 
 
 def summary(name: str) -> str:
-    """Return the first line of a command's docstring; imports no command."""
+    """Return the first line of a command's docstring, without importing the command."""
     text = Path(__file__).parents[1].joinpath(*MODULES[name].split(".")[1:]).with_suffix(".py").read_text()
     function = re.search(rf'^def {name.replace("-", "_")}_?\(.*?^    """(.*?)("""|$)', text, re.MULTILINE | re.DOTALL)
     assert function is not None, f"{MODULES[name]} has no function {name} with a docstring"
@@ -79,7 +80,7 @@ def summary(name: str) -> str:
 
 
 def overview() -> str:
-    """Return what ``eskin --help`` prints."""
+    """Return the text of ``eskin --help``."""
     listed = {heading: {name: summary(name) for name in names} for heading, names in COMMANDS.items()}
     listed["Development"] = {DEV: f"{ABOUT_DEV} Commands: {', '.join(CHECKS)}."}
     options = {"Options": {"-h, --help": "Show this message and exit."}}
@@ -87,7 +88,7 @@ def overview() -> str:
 
 
 def sections(listed: Mapping[str, Mapping[str, str]], width: int | None = None) -> Iterable[str]:
-    """Yield the lines of lists of names and texts, each under its heading; no text is cut.
+    """Yield the lines of name and text lists, each below its heading; no text is cut.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the commands of all packages share: the app, its exit codes and its errors."""
+"""Common parts of all commands: the app, exit codes and errors."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ EXIT_INPUT_ERROR = 2
 
 
 class Command(typer.core.TyperCommand):
-    """Lists its own options first in the help, then those that it shares with other commands, under their heading."""
+    """A command whose help lists its own options first, then common options below their headings."""
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write a section for arguments, one for the command's own options and one for each other heading."""
+        """Write a section for arguments, one for the command's own options, and one for each other heading."""
         found: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
         for parameter in self.get_params(ctx):
             own = "Arguments" if parameter.param_type_name == "argument" else "Options"
@@ -46,7 +46,7 @@ class Command(typer.core.TyperCommand):
 
 
 class Commands(Mapping[str, typer.core.TyperCommand]):
-    """Commands by name; each is imported when it is asked for, so that help and errors come at once."""
+    """A group that imports a command only when it is used, so that help and errors are immediate."""
 
     def __init__(self, names: Iterable[str]) -> None:
         self.names = tuple(names)
@@ -70,7 +70,7 @@ class Commands(Mapping[str, typer.core.TyperCommand]):
 
 
 class Group(typer.core.TyperGroup):
-    """Has commands of the catalogue, in its order."""
+    """Commands of the catalogue, in its order."""
 
     names: tuple[str, ...]
 
@@ -99,13 +99,13 @@ class AllCommands(Group):
     names = (*(name for name in MODULES if name not in CHECKS), DEV)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Return a command; a check is found behind ``dev`` alone."""
+        """Return a command; checks are only available behind ``dev``."""
         if cmd_name in CHECKS:
             raise InputError(f"{cmd_name} is a check of the project; run eskin {DEV} {cmd_name}")
         return super().get_command(ctx, cmd_name)
 
     def get_help(self, ctx: Any) -> str:
-        """Return the commands under their headings."""
+        """Return the commands below their headings."""
         return overview()
 
 
@@ -121,14 +121,14 @@ def _new_app(**options: Any) -> typer.Typer:
 
 
 def make_app(help_text: str, group: type[typer.core.TyperGroup] | None = None) -> typer.Typer:
-    """Return an app to which commands are added, or one of a class that has them."""
+    """Return an app without commands, optionally of a class that provides them."""
     app = _new_app(help=help_text, cls=group)
     app.callback()(lambda: None)  # keeps the name of the subcommand even where there is only one
     return app
 
 
 def run(app: typer.Typer, prog_name: str, args: Sequence[str] | None = None) -> NoReturn:
-    """Run an app and leave the process.
+    """Run an app and exit the process.
 
     An InputError, or a wrong option, prints ``error: <sentence>`` on standard error and exits with code 2.
     Ctrl-C and a reader that closes the pipe are quiet: codes 130 and 141. Commands choose other codes by
@@ -175,7 +175,7 @@ def _invoke(app: typer.Typer, prog_name: str, args: list[str]) -> int:
 
 
 def missing_group(error: ModuleNotFoundError) -> str:
-    """Return how to get the group of packages that is not installed; other errors are raised again."""
+    """Return how to install a missing group of packages; raise other errors again."""
     package = (error.name or "").partition(".")[0]
     for group, packages in GROUPS.items():
         if package in packages:
@@ -184,17 +184,17 @@ def missing_group(error: ModuleNotFoundError) -> str:
 
 
 def leave_without(error: ModuleNotFoundError) -> NoReturn:
-    """Say how to get what is not installed, and leave: for a program whose commands import it themselves."""
+    """Print how to install a missing package, and exit; for programs whose commands import it themselves."""
     sys.exit(_report(missing_group(error)))
 
 
 def asked_for() -> str:
-    """Return the command that runs, as it was typed; what it keeps says so."""
+    """Return the running command as typed, for the results that it stores."""
     return shlex.join(["eskin", *sys.argv[1:]])
 
 
 def printable(text: object) -> str:
-    """Return a text that a terminal shows and does not obey: control characters of names and files as \\x1b.
+    """Return a text with control characters of names and files escaped, such as \\x1b.
 
     Controls that turn the direction of writing are among them, by which one name can look like another.
     """

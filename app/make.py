@@ -1,4 +1,4 @@
-"""``python -m eskin.app.make TARGET``: run a command of ``eskin``, or the steps of a target, for the Makefile.
+"""Run a command of ``eskin``, or the steps of a target, for the Makefile: ``python -m eskin.app.make TARGET``.
 
 The variables of a target are the options of its command: ROWS=12 is ``--rows 12``. They come in MAKEFLAGS, as make
 hands them on: no shell reads them, and no exported variable is mistaken for one. Only the standard library is imported
@@ -94,7 +94,7 @@ INSIDE = "--inside"
 
 
 def typed_variables(flags: str) -> dict[str, str]:
-    r"""Return the variables of a command line of make, from its MAKEFLAGS, where they stand behind ``--``.
+    r"""Return the variables typed on make's command line, from the part of MAKEFLAGS after ``--``.
 
     A space is written ``\ `` there, a backslash ``\\`` and a dollar ``$$``.
 
@@ -113,7 +113,7 @@ def typed_variables(flags: str) -> dict[str, str]:
 
 
 def options_of(target: str) -> dict[str, Any]:
-    """Return the parameters of a target by the name of their variable."""
+    """Return the parameters of a target by variable name."""
     if target not in MODULES:
         return {name: None for step in STEPS[target][1] for name in re.findall(r"\$(\w+)", step)}
     from eskin.app.cli import Commands
@@ -136,7 +136,7 @@ def needs_of(target: str, variables: dict[str, str]) -> list[str]:
 
 
 def command_lines(target: str, parameters: dict[str, Any], variables: dict[str, str]) -> list[list[str]]:
-    """Return the command lines of a target, each behind the interpreter of the environment."""
+    """Return the command lines of a target, each preceded by the interpreter of the environment."""
     if target in MODULES:
         default = DEFAULTS.get(target, {})
         if target == "predict" and "DATA" in variables:  # own recordings stand in place of a replay's events
@@ -152,7 +152,7 @@ def command_lines(target: str, parameters: dict[str, Any], variables: dict[str, 
 
 
 def _arguments(parameters: dict[str, Any], variables: dict[str, str]) -> list[str]:
-    """Return the words behind a command that its variables stand for; those of a repeatable ``--set`` are split."""
+    """Return the arguments of a command for its variables; split those of a repeatable ``--set``."""
     options: list[str] = []
     positional: list[str] = []
     for name, parameter in parameters.items():
@@ -192,7 +192,7 @@ def main() -> None:
 
 
 def _make(name: str, variables: dict[str, str], dry: bool) -> None:
-    """Check the variables as early as the packages allow, install what is missing, and run the target."""
+    """Check the variables as far as installed packages allow, install missing packages, and run the target."""
     target, switches = name, [switch for owner, switch in SWITCHES if owner == name]
     for switch in switches:
         target = SWITCHES[name, switch] if _is_yes(switch, variables.pop(switch, "")) else target
@@ -220,14 +220,14 @@ def _make(name: str, variables: dict[str, str], dry: bool) -> None:
 
 
 def _check(name: str, variables: dict[str, str], known: list[str]) -> None:
-    """Refuse the first variable that a target does not take, with the nearest one that it takes."""
+    """Refuse the first variable that a target does not have, and suggest the most similar one."""
     for variable in variables:
         if variable not in known and variable != "PYTHON":  # which make itself uses
             _fail(f"make {name} does not take {variable}{_nearest(variable, known)}")
 
 
 def _call(line: list[str]) -> None:
-    """Run a command line without what make has put into the environment; leave with its exit code if it fails."""
+    """Run a command line without make's environment variables; exit with its code if it fails."""
     outer = {k: v for k, v in os.environ.items() if k not in ("MAKEFLAGS", "MFLAGS", "MAKEOVERRIDES", "MAKELEVEL")}
     process = subprocess.Popen(line, env=outer | {"NO_MKDOCS_2_WARNING": "1"})
     while True:
@@ -241,14 +241,14 @@ def _call(line: list[str]) -> None:
 
 
 def print_help() -> None:
-    """Print the targets, and how to give a command its options."""
+    """Print the targets, and how to pass options to a command."""
     project = OWN | {name: text for name, (text, _) in STEPS.items()}
     listed = {"Project": project} | {heading: {n: summary(n) for n in names} for heading, names in GROUPS.items()}
     print("\n".join(["make TARGET [VARIABLE=value ...]", *sections(listed, ONE_LINE), "", ENDING]))
 
 
 def _clean(dry: bool) -> None:
-    """Remove builds and the recorded scans that trainings cache."""
+    """Remove builds and cached scans."""
     clear = [python(), "-m", "eskin", "cache", "--clear"]
     if dry:
         print(shlex.join(clear), shlex.join(["rm", "-r", *BUILT]), sep="\n")
@@ -260,7 +260,7 @@ def _clean(dry: bool) -> None:
 
 
 def _nearest(word: str, known: list[str]) -> str:
-    """Return the question for the known word that is most like another."""
+    """Return a question that suggests the known word most similar to another."""
     return f"; did you mean {difflib.get_close_matches(word, known, 1, 0)[0]}?" if known else "; it takes no variable"
 
 

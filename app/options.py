@@ -36,7 +36,7 @@ MAIN = ("rows", "columns", "encoding", "resolution", "sample_rate_hz")
 
 @dataclasses.dataclass(frozen=True)
 class Writes:
-    """Mark of an option that names where a command writes: ``Annotated[Path, typer.Option(...), WRITES_FILE]``.
+    """Mark an option as an output path: ``Annotated[Path, typer.Option(...), WRITES_FILE]``.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Writes:
     folder: bool | Callable[[Mapping[str, Any]], bool] = False
 
     def path(self, path: Path, given: Mapping[str, Any], inputs: Iterable[Path]) -> Path:
-        """Return where to write: the path, or what it leads to through links.
+        """Return the path to write: the path itself, or its target through links.
 
         Raises
         ------
@@ -72,7 +72,7 @@ WRITES_FILE, WRITES_FOLDER = Writes(), Writes(folder=True)
 
 
 def checking_outputs(command: Command) -> Command:
-    """Return a command that refuses wrong output paths before its work, and gets those behind links."""
+    """Return a command that refuses wrong output paths before its work, and receives link targets."""
     signature = inspect.signature(command, eval_str=True)
     parameters = signature.parameters
     marks = {n: mark for n, p in parameters.items() for mark in get_args(p.annotation) if isinstance(mark, Writes)}
@@ -100,7 +100,7 @@ def checking_outputs(command: Command) -> Command:
 def option(
     name: str, hint: Any, text: str, metavar: str | None, flag: str, heading: str | None = None
 ) -> inspect.Parameter:
-    """Return an optional keyword parameter with an option; None stands for "not given"."""
+    """Return an optional keyword parameter with an option; None means "not given"."""
     info = typer.Option(flag, help=text, metavar=metavar, show_default=False, rich_help_panel=heading)
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[hint, info])
 
@@ -143,13 +143,13 @@ def field_options(
 
 
 def parse_fields(cls: type, texts: Mapping[str, str | bool | None]) -> dict[str, Any]:
-    """Return the values of the fields whose option was given, by name."""
+    """Return the values of the given field options, by name."""
     hints, fields = get_type_hints(cls), {field.name: field for field in dataclasses.fields(cls)}
     return {n: parse_number(option_of(fields[n]), hints[n], v) for n, v in texts.items() if v is not None}
 
 
 def parse_number(name: str, hint: Any, text: Any) -> Any:
-    """Return the number that the text of an option stands for; texts of other kinds stay as they are."""
+    """Return the number of an option's text; other texts stay unchanged."""
     kind = _numeric(hint)
     if kind is None:
         return text
@@ -164,7 +164,7 @@ def parse_number(name: str, hint: Any, text: Any) -> Any:
 
 
 def _numeric(hint: Any) -> type | None:
-    """Return int or float where a type hint is that, or that or None; None for other hints."""
+    """Return int or float for a type hint of that type, optionally with None; None for other hints."""
     return next((kind for kind in (get_args(hint) or (hint,)) if kind in (int, float)), None)
 
 
@@ -175,7 +175,7 @@ def replace_parameters(
     build: Callable[[dict[str, Any]], dict[str, Any]],
     last: bool = False,
 ) -> Command:
-    """Return a command that has options in the place of some of its parameters.
+    """Return a command with options in place of some of its parameters.
 
     Parameters
     ----------
@@ -212,7 +212,7 @@ def with_fields(
     defaults: Mapping[str, object] | None = None,
     heading: str | None = None,
 ) -> Callable[[Command], Command]:
-    """Replace the parameter ``into`` of a command, a dict of the fields that the user set, by options for them."""
+    """Replace the parameter ``into`` of a command, a dict of the fields set by the user, by options."""
     options = field_options(cls, names, defaults, heading)
     return lambda command: replace_parameters(command, [into], options, lambda t: {into: parse_fields(cls, t)})
 
@@ -228,7 +228,7 @@ TAU = option("tau", str | None, _TAU_HELP, "SECONDS", "--tau", DETAIL)
 
 
 def check_leaks(config: ReadoutConfig) -> None:
-    """Refuse ``--tau`` for an encoder whose reference does not leak."""
+    """Refuse ``--tau`` for an encoder without leak."""
     if not config.encoder.leaks:
         first, named = LEAKY[0], " or ".join(LEAKY)
         raise InputError(f"--tau is the leak of encoding {named}, not of {config.encoding}; add --encoding {first}")

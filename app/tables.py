@@ -1,4 +1,4 @@
-"""Tables of the commands on standard output, all of one look."""
+"""Print tables of commands on standard output, in one style."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def new_table(headings: Iterable[str], title: str = "", left: Iterable[int] = (0
 
 
 def show(table: Table, least_width: int = 0) -> None:
-    """Print a table, at least so many characters wide, on standard output."""
+    """Print a table on standard output with a minimum width in characters."""
     from rich.console import Console
 
     console = Console()
@@ -43,7 +43,7 @@ def show(table: Table, least_width: int = 0) -> None:
 
 
 def show_facts(facts: Mapping[str, str]) -> None:
-    """Print names and values, one pair a line."""
+    """Print names and values, one pair per line."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text

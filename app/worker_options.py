@@ -1,4 +1,4 @@
-"""Who does the work of a command, as options: processes or threads of this machine, or a Dask cluster."""
+"""Options for parallel work: processes or threads of this machine, or a Dask cluster."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Scheduler = Annotated[
 def open_pool(
     workers: int | None, scheduler: str | None, needs: Needs | None = None, *, threads: bool = False
 ) -> WorkerPool:
-    """Return the pool that a user asked for.
+    """Return the worker pool for the user's options.
 
     Parameters
     ----------

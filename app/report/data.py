@@ -1,4 +1,4 @@
-"""Collect what the report shows (docs/guide/report.md)."""
+"""Collect the data of the report (docs/guide/report.md)."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SHOWN_ALONE = ("lcs", "nlcs")
 
 @dataclass(frozen=True)
 class Run:
-    """Recordings of one readout: of RTL and model, or of the model alone with its samples.
+    """The recordings of one readout: of RTL and model, or of the model alone with its samples.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class Run:
     samples: NDArray[np.float64] | None = None
 
     def to_dict(self) -> Data:
-        """Return name, readout, length, numbers of events and verdict."""
+        """Return name, readout, length, event counts and verdict."""
         config = self.model.config
         return {
             "name": self.name,
@@ -69,7 +69,7 @@ class Run:
 
 
 def load_runs(folder: Path) -> tuple[list[Run], list[str]]:
-    """Return all runs of ``make sim`` in a folder, and what is not there, in sentences.
+    """Return all runs of ``make sim`` in a folder, and sentences on missing files.
 
     Without any run, the model alone encodes the beginning of an embedded texture.
 
@@ -131,7 +131,7 @@ def _model_alone(encoding: str) -> Run:
 
 
 def load_replays(folder: Path) -> list[Data]:
-    """Return the summaries that ``make replay`` left in a folder."""
+    """Return the summaries written by ``make replay`` in a folder."""
     found = []
     for file in sorted(folder.glob("*/summary.json")):
         summary = read_json(file, "the summary of make replay")
@@ -191,7 +191,7 @@ def _accuracy_point(point: Any, where: str) -> Data:
 
 
 def load_benchmarks(folder: Path) -> tuple[list[Data], list[str]]:
-    """Return the ratios of all benchmark results in a folder, and which files have none, in sentences."""
+    """Return the ratios of all benchmark results in a folder, and sentences on files without results."""
     found: list[Data] = []
     missing: list[str] = []
     for file in sorted(folder.glob("*.json")):
@@ -205,7 +205,7 @@ def load_benchmarks(folder: Path) -> tuple[list[Data], list[str]]:
 
 
 def _ratios(benchmark: str, values: Any) -> Iterator[Data]:
-    """Yield name, ratio, median, least and most of each result, or of each of its candidates."""
+    """Yield name, ratio, median, minimum and maximum of each result, or of each of its candidates."""
     results = values.get("results") if isinstance(values, dict) else None
     for number, result in enumerate(results if isinstance(results, list) else [], 1):
         if not isinstance(result, dict):
@@ -232,7 +232,7 @@ def _is_number(value: Any) -> TypeGuard[float]:
 def report_data(
     sim: Path, replay: Path, benchmarks: Path, accuracy: Path, synthesis: Sequence[Path]
 ) -> tuple[Data, list[Run]]:
-    """Return everything that the page shows, and the recordings of its pictures.
+    """Return all data of the page, and the recordings of its pictures.
 
     ``missing`` of the data says, by section, what is not there and how to make it.
 

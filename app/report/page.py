@@ -33,7 +33,7 @@ SYNTHESIS_UNITS = {"leakage_w": "W", "clock_power_w_per_hz": "W/Hz", "energy_per
 
 
 def runs_in(folder: Path) -> tuple[Path, Path]:
-    """Return the folders of the runs of ``make sim`` and ``make replay`` that were given this folder as OUT.
+    """Return the folders of ``make sim`` and ``make replay`` runs with this folder as OUT.
 
     They lie in it, or in ``sim`` and ``replay`` in it as in ``out``.
     """
@@ -42,7 +42,7 @@ def runs_in(folder: Path) -> tuple[Path, Path]:
 
 
 def page(data: Data, runs: Sequence[Run]) -> str:
-    """Return the page of ``report_data``; the same data give the same page."""
+    """Return the page for ``report_data``; equal data give an equal page."""
     from eskin.power.figures.plots import plot_explore, plot_fig6, plot_fig7, plot_sensitivity
 
     fig6, sensor = data["fig6"], data["explore"]["sensor"]
@@ -93,7 +93,7 @@ def page(data: Data, runs: Sequence[Run]) -> str:
 
 
 def embedded(data: Any) -> str:
-    """Return data as JSON that can stand in a script element: without ``<``."""
+    """Return data as JSON for a script element: without ``<``."""
     return json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
@@ -101,7 +101,7 @@ def embedded(data: Any) -> str:
 
 
 def _picture(plot: Callable[..., None], *args: Any, alt: str, kind: str = "svg", **options: Any) -> str:
-    """Return what a plotting function draws as an embedded picture."""
+    """Return the picture of a plotting function, embedded."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"picture.{kind}"
         plot(*args, path=path, **options)
@@ -163,7 +163,7 @@ def _plot_accuracy(data: Data, path: Path) -> None:
 
 
 def _table(caption: str, headings: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """Return a table whose first column names the rows; nothing without rows."""
+    """Return a table whose first column names the rows; empty without rows."""
 
     def cell(value: Any) -> str:
         text = "-" if value is None else plain(value) if isinstance(value, float) else str(value)

@@ -92,7 +92,7 @@ def listen(
     patience: Patience = 3.0,
     out: Annotated[Path, typer.Option("-o", "--out", help="file for the events"), WRITES_FILE] = Path("out/heard.npz"),
 ) -> None:
-    """Record what a foreign chip sends over four-phase AER: its array is said by --rows, --columns, --encoding.
+    """Record the events that another chip sends over four-phase AER; --rows, --columns, --encoding describe its array.
 
     Addresses are {polarity, row, column}; times are in clocks of the board. Ctrl-C ends and saves the recording.
     """
@@ -121,7 +121,7 @@ def load(
     baud: Baud = BAUD,
     patience: Patience = 3.0,
 ) -> None:
-    """Load weights into a board, and see that all of them arrived."""
+    """Load weights into a board, and verify that all arrived."""
     from eskin.board import session
     from eskin.model.classifier.file import IntegerWeights
 
@@ -150,7 +150,7 @@ def _link(port: str, sink: Callable[[list[Record]], object], baud: int, patience
 
 @contextmanager
 def _shown(view: View, page: int | None) -> Iterator[Callable[[list[Record]], object]]:
-    """Give what takes records to be looked at: in the terminal, where there is one, and in a browser if asked for."""
+    """Yield a viewer of records: in the terminal, if there is one, and optionally in a browser."""
     from eskin.board.live import serve
 
     server = None if page is None else serve(view, page)

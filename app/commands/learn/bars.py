@@ -1,4 +1,4 @@
-"""Progress of the commands: bars on standard error; without a terminal, lines on standard output."""
+"""Show progress of trainings: bars on standard error, or lines on standard output without a terminal."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def epoch_bar(epochs: int) -> Iterator[tuple[Any, Any]]:
-    """Give functions to show an epoch and to say a sentence; without a terminal every tenth epoch is a line.
+    """Yield functions that show an epoch and print a sentence; without a terminal, print every tenth epoch.
 
     Sentences are warnings, and go to standard error always.
     """
@@ -39,7 +39,7 @@ def epoch_bar(epochs: int) -> Iterator[tuple[Any, Any]]:
 
 @contextmanager
 def cell_bar(total: int) -> Iterator[Any]:
-    """Give the ``progress`` of a sweep: without a terminal a line per cell that was run."""
+    """Yield the ``progress`` of a sweep; without a terminal, print a line per finished cell."""
     if not watched():
 
         def line(run: PointRun, result: dict[str, Any] | None) -> None:

@@ -8,7 +8,7 @@ import typer
 
 
 def cache(clear: Annotated[bool, typer.Option("--clear", help="remove all recorded scans")] = False) -> None:
-    """Show how many recorded scans are kept for later runs, and where; with --clear remove them."""
+    """Print the number of cached scans and their folder; --clear removes them."""
     from eskin.base import cache as place
     from eskin.snn.data import cache as scans
 

@@ -43,7 +43,7 @@ def export(
 
 
 def _tell_lacks(path: Path, weights: Weights) -> None:
-    """Print what snnTorch and Norse lack of a network, and what that costs on its test images."""
+    """Print the features of a network that snnTorch and Norse lack, and the loss of test accuracy without them."""
     from eskin.snn.exchange.portable import lacks
     from eskin.snn.exchange.weights import config_of
 
@@ -112,7 +112,7 @@ def quantise(
         bool, typer.Option("--accuracy", help="classify the test images of the training, float and integer")
     ] = False,
 ) -> None:
-    """Write a trained network as whole numbers for the classifier in hardware, with images of its memories."""
+    """Convert a trained network to integers for the hardware classifier, and write its memory images."""
     if out.suffix != ".npz":
         raise InputError(f"integer networks end in .npz, {out.name} does not; rename the output")
     from eskin.model.classifier.file import write_images

@@ -25,7 +25,9 @@ def fig9(
     out: OutOption = DEFAULT_OUT,
     data_out: DataOutOption = None,
 ) -> None:
-    """Draw figure 9, accuracy against data rate beside the published points; confusion matrices; equal rates."""
+    """Draw figure 9 (accuracy against data rate, with published points), confusion matrices, and readouts at equal
+    rates.
+    """
     from eskin.snn.experiments.points import READINGS, load_sweep
     from eskin.snn.figures.confusion import confusion_data, plot_confusion
     from eskin.snn.figures.fig9 import fig9_data, kept_rates, load_sweeps
@@ -67,7 +69,7 @@ def fig8(
     out: OutOption = DEFAULT_OUT,
     data_out: DataOutOption = None,
 ) -> None:
-    """Draw figure 8: one scan from the texture over events and hidden spikes to the evidence for each class."""
+    """Draw figure 8: one scan from texture through events and hidden spikes to the evidence for each class."""
     from eskin.skin.figures.scan_to_class import plot_scan
     from eskin.snn.figures.fig8_play import Places, play
 

@@ -1,4 +1,4 @@
-"""What the commands train, crossval and sweep share: their options, and the experiment that these describe."""
+"""Common options of train, crossval and sweep, and the experiment that they describe."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def _options(
     settings: Settings = None,
     grid: Grid = None,
 ) -> None:
-    """Have the options that describe an experiment beside those of the readout, in their order; never called."""
+    """Declare the options that describe an experiment, in their order; never called."""
 
 
 NOT_OF_A_SWEEP = ("encoding", "resolution", "events", "frames")
@@ -114,7 +114,7 @@ NOT_OF_A_SWEEP = ("encoding", "resolution", "events", "frames")
 
 
 def with_experiment(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Replace the parameter ``made`` of a command, an Experiment (whose module loads torch), by the options for it.
+    """Replace the parameter ``made`` of a command, an Experiment (whose module loads torch), by its options.
 
     A parameter ``options`` instead receives their values by name, without those that the points of a sweep say.
     """
@@ -127,7 +127,7 @@ def with_experiment(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _made(values: dict[str, Any]) -> dict[str, Any]:
-    """Return the experiment of a command for one network; a setting that this network does not have is refused."""
+    """Return the experiment of a command for one network; refuse settings that the network does not have."""
     from eskin.snn.experiments.settings import idle_settings
 
     made = build_experiment(values)
@@ -193,7 +193,7 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
 
 
 def _bin_of(folder: Path) -> float | None:
-    """Return a sample period of own recordings where it is longer than the default bin: shorter ones would be empty."""
+    """Return the sample period of recordings if longer than the default bin, since shorter bins would be empty."""
     from eskin.model.events.recording import Recording
     from eskin.snn.data.bins import BinConfig
     from eskin.snn.data.recordings import event_files
@@ -206,7 +206,7 @@ def _bin_of(folder: Path) -> float | None:
 
 
 def check_device(device: str, threads: int) -> None:
-    """Set torch up, and refuse a device that is not there."""
+    """Set torch up, and refuse a missing device."""
     import torch
 
     torch.set_num_threads(threads)
@@ -217,7 +217,7 @@ def check_device(device: str, threads: int) -> None:
 
 
 def output_folder(folder: Path, *names: str) -> None:
-    """Make a folder, and refuse one in which these files cannot be written, before any work is done."""
+    """Create a folder, and refuse a folder in which these files cannot be written, before any work."""
     folder.mkdir(parents=True, exist_ok=True)
     for name in names:
         check_file(folder / name)

@@ -59,7 +59,7 @@ def predict(
         Path, typer.Option("-o", "--out", metavar="FILE", help="predictions of all recordings"), WRITES_FILE
     ] = Path("out/predictions.json"),
 ) -> None:
-    """Classify recordings with a trained network; with --check-model RTL and model must agree bit for bit."""
+    """Classify recordings with a trained network; --check-model requires that RTL and model agree bit for bit."""
     import torch
 
     from eskin.skin.foreign.address_map import AddressMap
@@ -102,7 +102,7 @@ def predict(
 
 
 def _own_events(trained: Trained, data: Path | None, check_model: bool) -> Path:
-    """Return the event files of own recordings, taken as those of the training were."""
+    """Return the event files of a user's recordings, prepared as for the training."""
     from eskin.skin.recordings.trained_on import EVERY_FIELD
 
     if data is None:
@@ -118,7 +118,7 @@ def _own_events(trained: Trained, data: Path | None, check_model: bool) -> Path:
 
 
 def _print_check(check: Check, recordings: Sequence[Recording], again: str) -> None:
-    """Print how many recordings of the RTL are those of the model; leave with 1 if one differs or none was compared."""
+    """Print how many RTL recordings equal the model's; exit with 1 if any differs or none was compared."""
     from eskin.snn.experiments.evaluate import LEVELS
 
     names = [recording.metadata["name"] for recording in recordings]
@@ -139,7 +139,7 @@ def _print_check(check: Check, recordings: Sequence[Recording], again: str) -> N
 
 
 def _print_recordings(recordings: Sequence[Recording], logits: NDArray[np.float32], trained: Trained) -> None:
-    """Print name, class and prediction of a few recordings, or of those that have no class."""
+    """Print name, class and prediction of a few recordings, or of those without a class."""
     from eskin.snn.data.recordings import class_of
 
     for recording, row in zip(recordings, logits, strict=True):
@@ -149,7 +149,7 @@ def _print_recordings(recordings: Sequence[Recording], logits: NDArray[np.float3
 
 
 def _print_scores(scores: dict[str, Score], trained: Trained) -> None:
-    """Print the accuracy of each part, and the confusion of the part that is a result."""
+    """Print the accuracy of each group, and the confusion matrix of the test group."""
     from eskin.snn.experiments.trained import OTHER, TEST, TRAINING
 
     words = {

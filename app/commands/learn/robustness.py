@@ -33,7 +33,7 @@ def robustness(
         Path, typer.Option("-o", "--out", metavar="DIR", help="cells, robustness.json and .png"), WRITES_FOLDER
     ] = Path("out/robustness"),
 ) -> None:
-    """Test trained networks under noise, mismatch, faults and other movements; stopped, it goes on where it was."""
+    """Test trained networks under noise, mismatch, faults and other movements; continues a stopped run."""
     from eskin.snn.data.disturb import DISTURBANCES
     from eskin.snn.experiments.robustness import Subject, cases, run_cells, summarise
     from eskin.snn.figures.robustness import plot_robustness
@@ -60,7 +60,7 @@ def robustness(
 
 
 def trained_files(places: list[Path]) -> list[Path]:
-    """Return the weight files of folders, at any depth."""
+    """Return the weight files in folders, at any depth."""
     found = []
     for place in places:
         below = sorted(place.rglob("weights.npz")) if place.is_dir() else [place]

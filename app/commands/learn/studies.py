@@ -36,7 +36,7 @@ def noise_power(
         Path, typer.Option("-o", "--out", metavar="DIR", help="cells, noise_power.json and .png"), WRITES_FOLDER
     ] = Path("out/noise-power"),
 ) -> None:
-    """Accuracy, event rate and power of trained networks at one AFE noise, in both modes of the power model."""
+    """Measure accuracy, event rate and power of trained networks at each AFE noise, in both power modes."""
     from eskin.snn.experiments.robustness import Subject
     from eskin.snn.figures.noise_power import plot_noise_power
     from eskin.snn.studies.noise import MODES, points_of, under_noise
@@ -62,7 +62,7 @@ def noise_power(
 
 
 def two_of(text: str | None, known: Collection[str]) -> list[str]:
-    """Return the two networks that are to be compared; none where none are named."""
+    """Return the two networks to compare, or none."""
     names = [name.strip() for name in text.split(",")] if text is not None else []
     if text is not None and (len(names) != 2 or not set(names) <= set(known)):
         raise InputError(f"--pair takes two of {', '.join(sorted(known))}, with a comma between, not {text!r}")
@@ -112,7 +112,7 @@ def merits(
         "out/merits"
     ),
 ) -> None:
-    """What events and frames are good for: latency of the answer, bits at rest, noise, and timing precision."""
+    """Compare events and frames: latency, data rate at rest, noise, and timing precision."""
     from eskin.model.config import ReadoutConfig
     from eskin.skin.textures.dataset import open_dataset
     from eskin.snn.data.frame_steps import FrameSteps
@@ -185,7 +185,7 @@ def precision(
         Path, typer.Option("-o", "--out", metavar="DIR", help="cells, precision.json and .png"), WRITES_FOLDER
     ] = Path("out/precision"),
 ) -> None:
-    """Accuracy of trained networks as whole numbers of few bits, by the integer model of the hardware."""
+    """Measure the accuracy of trained networks as integers of few bits, with the hardware's integer model."""
     from eskin.snn.experiments.robustness import Subject
     from eskin.snn.figures.precision import plot_precision
     from eskin.snn.studies.precision import in_precisions, parse_variants, points_of, tests_of

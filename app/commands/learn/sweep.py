@@ -63,7 +63,7 @@ def sweep(
         Path, typer.Option("-o", "--out", metavar="DIR", help="a folder per point, and sweep.json"), WRITES_FOLDER
     ] = Path("out/sweep"),
 ) -> None:
-    """Cross-validate many operating points at once; stopped, it goes on with the cells that are missing."""
+    """Cross-validate many points at once; continues a stopped sweep with the missing cells."""
     if events and points != DEFAULT_POINTS:
         raise InputError("--points says what is recorded from textures, --events what is recorded already; give one")
     from eskin.snn.experiments.settings import parse_points
@@ -95,7 +95,7 @@ def sweep(
 
 
 def _tell_idle(points: list[SweepPoint], settings: list[str] | None) -> None:
-    """Say which settings mean nothing to some of the points; refuse one that means nothing to any."""
+    """Print the settings without effect on some points; refuse a setting without effect on any point."""
     from eskin.snn.experiments.settings import idle_settings
 
     idle: dict[str, list[str]] = {}
@@ -109,7 +109,7 @@ def _tell_idle(points: list[SweepPoint], settings: list[str] | None) -> None:
 
 
 def _point(readout: str, numbers: str, options: dict[str, Any]) -> SweepPoint:
-    """Return the point, which takes all other options of the command."""
+    """Return the point for all other options of the command."""
     from eskin.snn.experiments.sweep import SweepPoint
 
     options = options | UNSAID
@@ -132,7 +132,7 @@ def _point(readout: str, numbers: str, options: dict[str, Any]) -> SweepPoint:
 
 
 def _recorded_point(folder: Path, options: dict[str, Any]) -> SweepPoint:
-    """Return the point of a folder of event files, called as the folder."""
+    """Return the point of a folder of event files, named after the folder."""
     from eskin.snn.experiments.sweep import SweepPoint
 
     made = build_experiment(options | UNSAID | {"events": folder})
@@ -141,7 +141,7 @@ def _recorded_point(folder: Path, options: dict[str, Any]) -> SweepPoint:
 
 
 def command_line(context: typer.Context) -> str:
-    """Return what to type for the same result: the options that differ from their defaults."""
+    """Return the command that reproduces the result: the non-default options."""
     words = ["eskin", str(context.info_name)]
     for option in context.command.params:
         value = context.params.get(str(option.name))
@@ -154,7 +154,7 @@ def command_line(context: typer.Context) -> str:
 
 
 def _print_table(points: list[PointSummary]) -> None:
-    """Print the accuracy of every point over its data rate."""
+    """Print the accuracy and data rate of every point."""
     title = (
         "accuracy in % by data rate in units of 640 kb/s\n"
         "95 % interval over images and seeds; sd over cells, each one fold and seed"

@@ -38,7 +38,7 @@ def train(
         Path, typer.Option("-o", "--out", metavar="DIR", help="checkpoint and result"), WRITES_FOLDER
     ] = Path("out/train"),
 ) -> None:
-    """Train one network on one fold; stopped, it goes on from its checkpoint when called again."""
+    """Train one network on one fold; continues a stopped training from its checkpoint."""
     check_device(device, threads)
     if made.grid is not None:
         raise InputError("train takes one setting; give it with --set, or the grid to crossval or sweep")
@@ -73,7 +73,7 @@ def train(
 
 @contextmanager
 def _epochs(made: Experiment, data: ScanData) -> Iterator[Callable[[Epoch], None]]:
-    """Give what shows an epoch; a warning of each kind is printed once."""
+    """Yield a function that shows an epoch; print each kind of warning once."""
     network = made.network_config(data)
     told: set[str] = set()
     with epoch_bar(made.train.epochs) as (show, say):
@@ -99,7 +99,7 @@ def crossval(
         Path, typer.Option("-o", "--out", metavar="DIR", help="one file per cell, and the report"), WRITES_FOLDER
     ] = Path("out/crossval"),
 ) -> None:
-    """Cross-validate a network: folds x seeds; stopped, it goes on with the cells that are missing."""
+    """Cross-validate a network: folds x seeds; continues a stopped run with the missing cells."""
     check_device("cpu", 1)
     output_folder(out, "result.json")
     with bar("recording scans") as step:

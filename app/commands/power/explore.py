@@ -62,7 +62,7 @@ def explore(
     out: OutOption = DEFAULT_OUT,
     as_json: JsonOption = False,
 ) -> None:
-    """Show which readout and resolution cost least for your sensor."""
+    """Find the readout and resolution with the least power for your sensor."""
     from eskin.power.figures.plots import plot_explore
 
     own = list(settings or [])
@@ -95,7 +95,7 @@ def explore(
 
 
 def _print(data: dict[str, Any]) -> None:
-    """Print the study as a table, the cheapest of every resolution marked, and the answer."""
+    """Print the study as a table with the cheapest readout at every resolution marked, and the result."""
     from rich.text import Text
 
     from eskin.base.units import with_unit

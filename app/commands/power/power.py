@@ -138,7 +138,7 @@ def _print_crossovers(data: dict[str, Any], sides: dict[str, Any], model: PowerM
 
 
 def _side_text(noise_v_rms: float | None, side: str) -> str:
-    """Return a crossover in mV with its side as a sign, or any, none."""
+    """Return a crossover in mV with a sign for its side, or "any" or "none"."""
     if noise_v_rms is None:
         return {"always": "any", "never": "none"}[side]
     return f"{'>' if side == 'above' else '<'} {noise_v_rms * 1e3:.4g}"
@@ -213,7 +213,7 @@ def sensitivity(
     synthesis: SynthesisOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Show what each correction does to spiking / frame power."""
+    """Compute the effect of each correction on the ratio of spiking to frame power."""
     from eskin.power.equations import CORRECTIONS
     from eskin.power.figures.plots import plot_sensitivity
     from eskin.power.rates import load_tables, stored_table

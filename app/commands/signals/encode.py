@@ -108,7 +108,7 @@ def encode(
 def _encode_folder(
     source: Path, out: Path, options: Preparation, config: ReadoutConfig, given: frozenset[str], pool: WorkerPool
 ) -> None:
-    """Write an event file for every recording of a folder of class folders, and say how well they render it."""
+    """Write an event file for every recording of class folders, and print their quality."""
     from eskin.skin.recordings.folder import read_set, write_folder
 
     with bar("reading recordings") as progress:

@@ -1,4 +1,4 @@
-"""The command ``frames``: what spiking readouts and frame readout send, on the same scans (docs/reference/frame.md)."""
+"""The command ``frames``: data rates of spiking readouts and frame readout on the same scans."""
 
 from __future__ import annotations
 

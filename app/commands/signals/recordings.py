@@ -1,4 +1,4 @@
-"""Options and words that all commands on a user's own recordings share."""
+"""Options and messages of all commands that read a user's recordings."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ OwnData = Annotated[
 
 
 def with_preparation(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Replace the parameter ``prepared`` of a command by options for how own recordings are read and scaled."""
+    """Replace the parameter ``prepared`` of a command by options for reading and scaling recordings."""
     return with_fields(Preparation, PREPARATION, "prepared", {"baseline": "first"}, RECORDINGS)(command)
 
 
 def check_alone(data: Path | None, prepared: Mapping[str, Any], others: Mapping[str, object]) -> None:
-    """Refuse what belongs to textures beside own recordings, and what belongs to own recordings without them."""
+    """Refuse options for textures together with recordings, and options for recordings without them."""
     if data is None and prepared:
         raise InputError(f"{option_named(next(iter(prepared)))} is for your own recordings; add --data DIR")
     if data is not None and (idle := [option for option, value in others.items() if value is not None]):
@@ -49,14 +49,14 @@ def option_named(field: str) -> str:
 
 
 def preparation(prepared: Mapping[str, Any]) -> Preparation:
-    """Return how the recordings of a folder are read: with the first value as baseline, unless a user says else."""
+    """Return how to read the recordings of a folder; the baseline is the first value by default."""
     return Preparation(**({"baseline": "first"} | dict(prepared)))
 
 
 def own_recordings(
     place: Path, prepared: Mapping[str, Any], config: ReadoutConfig, given: Collection[str], again: bool = False
 ) -> RecordingSet:
-    """Return a user's recordings with the configuration that suits them, and say what they are, but not ``again``."""
+    """Return a user's recordings with a suitable configuration, and print a summary unless ``again``."""
     from eskin.skin.recordings.folder import read_set
 
     if not place.exists():
@@ -71,7 +71,7 @@ def own_recordings(
 def events_of(
     place: Path, prepared: Mapping[str, Any], config: ReadoutConfig, given: Collection[str], flat: bool = False
 ) -> Path:
-    """Return the folder of event files of a user's own recordings, made unless they are kept.
+    """Return the folder of event files of a user's recordings, from the cache if present.
 
     ``flat`` takes recordings without a class too: a file, or a folder of files.
     """
@@ -88,7 +88,7 @@ def events_of(
 
 
 def print_notes(notes: Iterable[str]) -> None:
-    """Print what was taken for what."""
+    """Print how the files were interpreted."""
     for note in notes:
         print(printable(f"note: {note}"))
 
@@ -100,7 +100,7 @@ def warn(warnings: Iterable[str]) -> None:
 
 
 def print_set(recordings: RecordingSet, again: bool = False) -> None:
-    """Print what a set of recordings is, but not ``again``, and the configuration that suits it."""
+    """Print a summary of recordings, unless ``again``, and their configuration."""
     config = recordings.config
     print_notes(() if again else recordings.notes)
     classes = sorted({source.class_name for source in recordings.sources if source.class_name is not None})

@@ -29,7 +29,7 @@ def study(
     out: OutOption = DEFAULT_OUT,
     as_json: JsonOption = False,
 ) -> None:
-    """Show SNR at what data rate each encoder gives on slow signals, beside uniform sampling at the same rate."""
+    """Compare SNR and data rate of every encoder on slow signals with uniform sampling at the same rate."""
     from eskin.skin.figures.study import plot_study
     from eskin.skin.recordings.study import RESOLUTIONS, study_data
 

@@ -32,7 +32,9 @@ def gatesim(
         Path, typer.Option("-o", "--out", help="folder for netlist, pictures, events"), WRITES_FOLDER
     ] = Path("out/gates"),
 ) -> None:
-    """Hold the gated netlist to the model, as make sim does the RTL; exit code 1 if they differ or reset leaves X."""
+    """Compare a clock-gated netlist with the model, as make sim does the RTL; exit code 1 on a difference or X after
+    reset.
+    """
     from eskin.cocotb_tests.runner import sim as session
     from eskin.cocotb_tests.runner.process import MismatchFound
     from eskin.flow.gatesim.sim import play, prepare
@@ -70,7 +72,7 @@ def asic(
         "out/asic"
     ),
 ) -> None:
-    """Make a gated netlist of a cell library, prove and check it, and say what it costs; exit code 1 if a check fails.
+    """Make a clock-gated netlist, prove and check it, and measure area, timing and power; exit code 1 if a check fails.
 
     OUT/NAME gets the netlist, its constraints (.sdc) and report.json.
     """
@@ -110,7 +112,7 @@ def asic_scale(
         "out/asic/scale.json"
     ),
 ) -> None:
-    """Estimate area and highest clock as the array grows, with wires of its size and repeaters in them."""
+    """Estimate area and highest clock of growing arrays, with wires and repeaters."""
     from eskin.app.tables import new_table, show
     from eskin.flow.liberty.library import read
     from eskin.flow.scale.measure import designs_of, measure
@@ -146,7 +148,7 @@ def gatepower(
         "out/gatepower"
     ),
 ) -> None:
-    """Power of gated netlists from what they do in simulation, without and with wires, computed in two ways."""
+    """Measure the power of clock-gated netlists in simulation, without and with wires, in two ways."""
     from eskin.app.tables import new_table, show
     from eskin.base.files import origin
     from eskin.cocotb_tests.runner.reproduce import variables
@@ -171,7 +173,7 @@ def gatepower(
 
 
 def _scale_row(result: dict[str, Any]) -> list[str]:
-    """Return a line of the table of an array."""
+    """Return a table row for an array."""
     without, wired = result["without_wires"], result["with_wires"]
     tiles = f"{result['tile_rows']} x {result['tile_columns']}" if "relays" in result else ""
     return [
@@ -188,7 +190,7 @@ def _scale_row(result: dict[str, Any]) -> list[str]:
 
 
 def _power_row(result: dict[str, Any]) -> list[str]:
-    """Return a line of the table of a result."""
+    """Return a table row for a result."""
     energies = [result.get(f"energy_per_{name}event_j") for name in ("", "lone_", "texture_")]
     ratios = [stretch["agreement"] for stretch in result["scenarios"].values()]
     return [

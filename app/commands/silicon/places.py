@@ -22,7 +22,7 @@ def layout(
         "out/layout"
     ),
 ) -> None:
-    """Lay a readout out in SkyWater 130 nm rules and check it; exit code 1 if a check fails.
+    """Lay out a readout in SkyWater 130 nm rules and check the result; exit code 1 if a check fails.
 
     OUT/NAME gets GDS, DEF, a picture and report.json. Needs KLayout and the packages that make layout installs.
     """
@@ -58,7 +58,7 @@ def fpga(
         "out/fpga"
     ),
 ) -> None:
-    """Make a bitstream for a board, and say what it takes and how fast it is; exit code 1 below 50 MHz.
+    """Make a bitstream for a board, and report resources and clock; exit code 1 below 50 MHz.
 
     OUT/BOARD gets eskin_board.bit and report.json. The same design gives the same bytes.
     """

@@ -92,7 +92,7 @@ def verilog(
 
 
 def _deliver(config: Config, out: Path, prove: bool, report: Path | None = None) -> None:
-    """Write a design and its datasheet into a folder and name the files; prove the Verilog first if so asked."""
+    """Write a design and its datasheet into a folder and print the files; optionally prove the Verilog first."""
     from eskin.flow.datasheet.page import deliver
 
     if prove:
@@ -116,7 +116,7 @@ def gates(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object")] = False,
 ) -> None:
-    """Count gates and flops of both readouts, synthesised for the same array, or of a classifier."""
+    """Count gates and flops of both readouts for the same array, or of a classifier."""
     import json
 
     from eskin.flow.gate_count import count_gates
@@ -152,7 +152,7 @@ def gates(
 
 
 def _count_classifier(path: Path, liberty: Path | None, as_json: bool) -> None:
-    """Count gates and flops of the classifier of a file, and print them."""
+    """Count gates and flops of a classifier file, and print them."""
     import json
 
     from eskin.flow.gate_count import count_gates

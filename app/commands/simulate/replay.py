@@ -44,7 +44,7 @@ def replay(
         "out/replay"
     ),
 ) -> None:
-    """Drive a whole dataset, or your recordings, through RTL and model, compare every event, keep the RTL's events.
+    """Play a whole dataset, or your recordings, through RTL and model, compare every event, and store the RTL's events.
 
     Can be stopped and started again: existing events of the same configuration are not computed again.
     """
@@ -91,7 +91,7 @@ def _plan_own(
 
 
 def _conclude(plan: Plan, played: int, now: dict[str, Any], keep: Path | None) -> None:
-    """Write and print what all recordings hold together; fail where some are missing or none has an event."""
+    """Write and print the totals of all recordings; fail if some are missing or none has an event."""
     from eskin.cocotb_tests.runner.replay import summarise
 
     summary, count = summarise(plan), len(plan.names)

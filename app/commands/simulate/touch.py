@@ -39,7 +39,7 @@ def touch(
         "out/touch"
     ),
 ) -> None:
-    """Play textures, or your recordings, through readout and classifier as one chip, and hold it to the models.
+    """Play textures, or your recordings, through readout and classifier as one chip, and compare with the models.
 
     Every image goes through a network that was not trained on it. Can be stopped and started again.
     """
@@ -65,7 +65,7 @@ def touch(
 
 
 def _conclude(plan: Plan, now: dict[str, Any]) -> None:
-    """Write and print what all results say together; fail where some are missing or none has an event."""
+    """Write and print the totals of all results; fail if some are missing or none has an event."""
     from eskin.cocotb_tests.touch.picture import draw
     from eskin.cocotb_tests.touch.plan import summarise
 

@@ -29,7 +29,7 @@ def formal(
     limit: Annotated[int, typer.Option(min=1, metavar="SECONDS", help="time limit of one proof")] = 300,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON"), WRITES_FILE] = None,
 ) -> None:
-    """Prove the properties of every block; the last line reports how many hold.
+    """Prove the properties of every block; the last line gives their number.
 
     With --mutants and --out, a stopped search of mutants continues. With --block the file keeps its
     results of other blocks.
@@ -69,7 +69,7 @@ def faults(
     small: Annotated[bool, typer.Option(help="only a few readouts, and few upsets of each flop")] = False,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON"), WRITES_FILE] = None,
 ) -> None:
-    """Turn every flop over, one at a time, and meet hostile surroundings; with --out it goes on where it was stopped.
+    """Flip every flop, one at a time, and test hostile surroundings; --out continues a stopped run.
 
     Exit code 1 if the effects exceed the stated ones.
     """
@@ -92,7 +92,7 @@ def coverage(
         "out/coverage"
     ),
 ) -> None:
-    """Count what runs that are held to the models reach, of Verilog and specification; goes on where it was stopped."""
+    """Measure how much of Verilog and specification the compared runs cover; continues a stopped run."""
     from eskin.verify.coverage.plan import runs
     from eskin.verify.coverage.run import closing_line, judge, play, write
     from eskin.verify.coverage.waivers import waivers
@@ -137,7 +137,7 @@ def crosscheck(
     ticks: Annotated[int | None, typer.Option(min=1, help="sample ticks of the scan at most [all]")] = None,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON"), WRITES_FILE] = None,
 ) -> None:
-    """Play the delivered Verilog in CXXRTL, a third simulator, against the model, and lint all texts with slang."""
+    """Play the delivered Verilog in CXXRTL, a third simulator, and lint all texts with slang."""
     from dataclasses import asdict
 
     from eskin.base.files import origin, write_json
@@ -168,7 +168,7 @@ def crossproof(
     mutants: Annotated[bool, typer.Option(help="compare generated mutants too")] = False,
     out: Annotated[Path | None, typer.Option("-o", "--out", help="file for the results, JSON"), WRITES_FILE] = None,
 ) -> None:
-    """Search with z3 what make formal proved: each first clock, of failures too, must be that of the first solver.
+    """Repeat the search of make formal with z3; both solvers must find the same first clocks.
 
     With --out a stopped run continues.
     """
@@ -190,7 +190,7 @@ def crossproof(
 
 
 def _chosen(block: str, small: bool) -> list[Proof]:
-    """Return the proofs of a block, or of all, without those of large configurations if so asked."""
+    """Return the proofs of a block, or of all, optionally without large configurations."""
     from eskin.verify.proofs.plan import proofs
 
     known = sorted({proof.block for proof in proofs()})
@@ -200,5 +200,5 @@ def _chosen(block: str, small: bool) -> list[Proof]:
 
 
 def _command(make: str, block: str, small: bool, mutants: bool) -> str:
-    """Return the command that makes a result."""
+    """Return the command that reproduces a result."""
     return " ".join([make, *[f"BLOCK={block}"] * bool(block), *["SMALL=1"] * small, *["MUTANTS=1"] * mutants])

@@ -33,7 +33,7 @@ def mutants(
         "out/mutants"
     ),
 ) -> None:
-    """Mutate the source, and see which mutants the tests and proofs kill; goes on where it was stopped."""
+    """Mutate the source, and report which mutants the tests and proofs kill; continues a stopped run."""
     from eskin.verify.mutants.campaign import MODEL, NEEDS, OF_MODEL, RTL, Plan, closing_line, run, write
     from eskin.verify.mutants.questions import mutated_files
 

@@ -1,4 +1,4 @@
-"""The command soak: random configurations through RTL and model, for as long as one likes."""
+"""The command soak: random configurations through RTL and model for a given time."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def soak(
         Path, typer.Option("-o", "--out", help="folder of the results; a restarted soak continues there"), WRITES_FOLDER
     ] = Path("out/soak"),
 ) -> None:
-    """Hold the RTL to the model on random configurations; a failure is shrunk to one command; exit code 1 then.
+    """Compare RTL and model on random configurations; a failure is shrunk to one command, with exit code 1.
 
     Several processes may share the same --out.
     """
@@ -69,7 +69,7 @@ def soak(
 
 
 def _tell(piece: dict[str, Any]) -> None:
-    """Print a line for a configuration that is done."""
+    """Print a line for a finished configuration."""
     fields = piece["configuration"]
     what = f"{fields['rows']}x{fields['columns']} {fields['encoding']} {fields['sample_bits']}b/{fields['resolution']}b"
     what += f" {fields['link']} {fields['frontend']} {fields['decide_every']}"
@@ -78,7 +78,7 @@ def _tell(piece: dict[str, Any]) -> None:
 
 
 def _parts(words: list[str]) -> dict[str, Any]:
-    """Return the parts that are set, whole numbers as such."""
+    """Return the given parts, with integers converted."""
     from eskin.cocotb_tests.bench.draw import FIELDS, PARTS
 
     parts: dict[str, Any] = {}
@@ -93,7 +93,7 @@ def _parts(words: list[str]) -> dict[str, Any]:
 
 
 def _one(seed: int, run: int, clocks: int, parts: dict[str, Any], simulator: Any) -> None:
-    """Play one run, and say what came of it."""
+    """Play one run, and print its result."""
     from eskin.cocotb_tests.bench.draw import Draw
     from eskin.cocotb_tests.runner.process import MismatchFound
     from eskin.verify.soak.play import play
