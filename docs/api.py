@@ -17,12 +17,14 @@ from mkdocs.structure.pages import Page
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("model", "rtl", "skin", "power", "cocotb_tests", "snn", "board", "flow", "verify", "base")
 COMMANDS = ("commands",)
+TOP = "eskin"
+"""The package itself: what a user calls."""
 AT_THE_TOP = ("CONTRIBUTING.md", "CHANGELOG.md")
 
 
 def rooms() -> dict[str, list[str]]:
     """Return the public modules of every room, by the room's dotted name: ``model.events`` and so on."""
-    found: dict[str, list[str]] = {}
+    found: dict[str, list[str]] = {TOP: ["api"]}
     for package in PACKAGES:
         for path in sorted((ROOT / package).rglob("*.py")):
             room = path.parent.relative_to(ROOT).parts
@@ -44,10 +46,8 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages themselves."""
     for room, modules in rooms().items():
-        folder = "/".join(room.split("."))
-        text = f"# {room}\n\nFiles of `{folder}/`.\n\n" + "\n\n".join(
-            f"::: eskin.{room}.{module}" for module in modules
-        )
+        folder, package = "/".join(room.split(".")), TOP if room == TOP else f"{TOP}.{room}"
+        text = f"# {room}\n\nFiles of `{folder}/`.\n\n" + "\n\n".join(f"::: {package}.{module}" for module in modules)
         files.append(File.generated(config, f"reference/api/{room}.md", content=text + "\n"))
     for name in AT_THE_TOP:
         text = (ROOT / name).read_text().replace("](docs/", "](")

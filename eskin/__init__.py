@@ -1,1 +1,59 @@
-"""Spiking readout for electronic skin. The rooms are subpackages: ``eskin.model``, ``eskin.rtl``, and so on."""
+"""Spiking readout for electronic skin, from Python: events, RTL, pictures and classes.
+
+``docs/guide/python.md`` shows all of it in ten lines. A name is imported when it is first used, so ``import eskin``
+takes no time and needs no other package. The rooms are subpackages: ``eskin.model``, ``eskin.rtl``, and so on.
+"""
+
+from __future__ import annotations
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from eskin.api import dataset, decode, encode, plot, predict, run_rtl, train
+    from eskin.base.errors import InputError
+    from eskin.model.config import ReadoutConfig
+    from eskin.model.events.recording import Recording
+    from eskin.rtl.readout import Readout
+    from eskin.rtl.stream import StreamReadout
+    from eskin.snn.exchange.weights import Weights, load_weights, save_weights
+
+_MODULES = {
+    "eskin.api": "encode decode run_rtl plot dataset train predict",
+    "eskin.base.errors": "InputError",
+    "eskin.model.config": "ReadoutConfig",
+    "eskin.model.events.recording": "Recording",
+    "eskin.rtl.readout": "Readout",
+    "eskin.rtl.stream": "StreamReadout",
+    "eskin.snn.exchange.weights": "Weights load_weights save_weights",
+}
+_PLACES = {name: module for module, names in _MODULES.items() for name in names.split()}
+
+__all__ = [
+    "InputError",
+    "Readout",
+    "ReadoutConfig",
+    "Recording",
+    "StreamReadout",
+    "Weights",
+    "dataset",
+    "decode",
+    "encode",
+    "load_weights",
+    "plot",
+    "predict",
+    "run_rtl",
+    "save_weights",
+    "train",
+]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _PLACES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    globals()[name] = found = getattr(import_module(_PLACES[name]), name)
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -391,9 +391,9 @@ class ReadoutConfig:
         return cls.from_dict(fields)
 
     @classmethod
-    def load(cls, path: Path) -> ReadoutConfig:
+    def load(cls, path: str | Path) -> ReadoutConfig:
         """Return the configuration of a JSON file: a configuration file, or the file beside the Verilog."""
-        return cls.of_file(path)[0]
+        return cls.of_file(Path(path))[0]
 
     @classmethod
     def of_file(cls, path: Path, beside: Collection[str] = ()) -> tuple[ReadoutConfig, dict[str, Any]]:

@@ -143,7 +143,9 @@ def _check_samples(config: ReadoutConfig, samples: NDArray[Any]) -> None:
             f"taxels, not {samples.shape}"
         )
     if not np.issubdtype(samples.dtype, np.integer):
-        raise InputError(f"samples must be codes of an integer type, not {samples.dtype}")
+        raise InputError(
+            f"samples must be integer codes, not {samples.dtype}; eskin.encode takes floats in full scales"
+        )
     if samples.size and not -full_scale <= samples.min() <= samples.max() < full_scale:
         raise InputError(
             f"samples must be in {-full_scale}..{full_scale - 1} ({config.sample_bits} bits), "

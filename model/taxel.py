@@ -301,7 +301,9 @@ def _check_samples(config: ReadoutConfig, samples: Samples) -> NDArray[Any]:
     if samples.ndim != 2:
         raise InputError(f"samples must have the shape (ticks, taxels), not {samples.shape}")
     if samples.dtype.kind not in "iu":
-        raise InputError(f"samples must be integer codes, not {samples.dtype}; quantise them first")
+        raise InputError(
+            f"samples must be integer codes, not {samples.dtype}; eskin.encode takes floats in full scales"
+        )
     if config.encoder.leaks and samples.shape[1] != config.taxels:
         raise InputError(
             f"samples must have one column for each of the {config.taxels} taxels, not {samples.shape[1]}, "

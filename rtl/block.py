@@ -12,6 +12,8 @@ from eskin.rtl import yosys
 
 Config = TypeVar("Config")
 
+yosys.offer_to_amaranth()
+
 
 class Block(wiring.Component, Generic[Config]):
     """A component of a readout, configured by the parameter object of that readout and nothing else.

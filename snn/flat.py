@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from typing import Any, TypeVar, get_args, get_type_hints
 
@@ -51,6 +52,19 @@ def unflatten(kind: type[Config], fields: dict[str, Any]) -> Config:
             value = fields[name]
             made[name] = value if dataclasses.is_dataclass(value) else _checked(name, value, hint)
     return kind(**made)
+
+
+def takes_flat_fields(cls: type[Config]) -> type[Config]:
+    """Let the constructor of a dataclass take the fields of the dataclasses in it too, as its ``from_dict`` does."""
+    made: Any = cls
+    own, initialise = {field.name for field in dataclasses.fields(made)}, made.__init__
+
+    @functools.wraps(initialise)
+    def __init__(self: Any, **fields: Any) -> None:
+        initialise(self, **(fields if own >= set(fields) else vars(made.from_dict(fields))))
+
+    made.__init__ = __init__
+    return cls
 
 
 def refuse_unknown(fields: Any, known: Any, what: str) -> None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
 from eskin.base.errors import InputError
-from eskin.snn.flat import flatten, hints_of, refuse_unknown, unflatten
+from eskin.snn.flat import flatten, hints_of, refuse_unknown, takes_flat_fields, unflatten
 from eskin.snn.kernels.rule import NeuronRule
 
 BaselineKind = Literal["rnn", "gru", "cnn"]
@@ -96,9 +96,12 @@ class BaselineConfig:
             raise InputError(f"input_offset must be a number, not {self.input_offset!r}")
 
 
+@takes_flat_fields
 @dataclass(frozen=True, kw_only=True)
 class NetworkConfig:
     """All parameters of a network. Immutable, validated on construction.
+
+    Fields of the units may stand beside the others: ``NetworkConfig(inputs=64, classes=6, decay=0.9)``.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ from torch import nn
 from eskin.base.errors import InputError
 from eskin.snn.adam import Adam
 from eskin.snn.data.augment import AugmentConfig
-from eskin.snn.flat import flatten, hints_of, refuse_unknown, unflatten
+from eskin.snn.flat import flatten, hints_of, refuse_unknown, takes_flat_fields, unflatten
 
 LARGE_GRADIENT = 1e4
 """Norm of the gradient, before clipping, that is reported as a sign of divergence."""
@@ -24,6 +24,7 @@ SILENT, SATURATED = 1e-4, 0.5
 """Mean spikes per step and hidden neuron outside of which the surrogate gradient teaches little."""
 
 
+@takes_flat_fields
 @dataclass(frozen=True, kw_only=True)
 class TrainConfig:
     """The settings of a training. Paper: Adam 1e-3, batch 32, up to 500 epochs.

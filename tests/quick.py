@@ -19,6 +19,7 @@ BLOCKS = {
     "link": "cocotb_tests/test_link.py::test_link_keeps_the_protocol_and_equals_its_reference[icarus-3x5",
     "logic": "tests/rtl/test_logic.py::test_networks_compute_what_they_say",
     "readout": "cocotb_tests/test_readout.py::test_rtl_equals_model_in_every_encoding[lcs-3x5-6b",
+    "stream": "tests/rtl/test_stream.py::test_streams_carry_the_events_of_the_model_to_a_consumer_that_stalls[lcs",
     "taxel": f"{TAXEL}[icarus-lcs-digital-12b-5b",
     "verilog": "cocotb_tests/test_verilog.py::test_lint_is_clean[lcs-3x5-6b",
     "window": f"{WINDOW}[analog-m1-5",

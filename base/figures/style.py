@@ -36,8 +36,9 @@ FORMATS = (".png", ".pdf", ".svg")
 DPI = 160
 
 
-def check_picture_path(path: Path) -> None:
+def check_picture_path(path: str | Path) -> None:
     """Refuse a picture path with unknown format or missing folder, before any work."""
+    path = Path(path)
     if path.suffix.lower() not in FORMATS:
         raise InputError(f"pictures end in {', '.join(FORMATS)}, {path.name} does not; rename the output")
     check_file(path)
@@ -63,10 +64,11 @@ def dress(panel: Axes, title: str = "") -> None:
     panel.set_title(title, loc="left", fontsize=9.5, fontweight="bold", pad=4)
 
 
-def save_figure(figure: Figure, path: Path) -> None:
+def save_figure(figure: Figure, path: str | Path) -> None:
     """Write a figure; equal data give equal bytes."""
     import matplotlib
 
+    path = Path(path)
     check_picture_path(path)
     undated: dict[str, Any] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}[path.suffix.lower()]
     with matplotlib.rc_context({"svg.hashsalt": "figure"}), atomic_write(path) as file:

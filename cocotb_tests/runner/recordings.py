@@ -1,4 +1,4 @@
-"""What ``sim --data`` does: a user's own recordings through RTL and model."""
+"""What ``sim --data`` and ``eskin.run_rtl`` do: a user's own recordings through RTL and model."""
 
 from __future__ import annotations
 
@@ -8,17 +8,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from eskin.base.errors import InputError
 from eskin.base.files import make_folder
 from eskin.base.progress import reported
-from eskin.cocotb_tests.runner.chunk import job_of, play_here
+from eskin.cocotb_tests.runner.chunk import job_of, play_here, until_it_lives
 from eskin.cocotb_tests.runner.cocotb_runners import Simulator
 from eskin.cocotb_tests.runner.inputs import Own
 from eskin.cocotb_tests.runner.picture import PICTURE, draw
+from eskin.cocotb_tests.runner.player import Job
 from eskin.cocotb_tests.runner.process import Tally
 from eskin.cocotb_tests.runner.reproduce import variables
 from eskin.cocotb_tests.runner.simulator import build, require_programs
+from eskin.model.address_events import Events
 from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
 from eskin.skin.recordings.quality import link_warning
 
 
@@ -95,3 +101,31 @@ def play(plan: OwnPlan, on_run: Callable[[Any], None]) -> Tally:
     tally = play_here(program, job, codes, make_folder(plan.out, f"{plan.folder}/run", empty=True), on_run)
     draw(plan.config, plan.names[0], codes[plan.names[0]][: plan.ticks], plan.out / plan.folder)
     return tally
+
+
+def play_samples(config: ReadoutConfig, codes: NDArray[np.int32], simulator: Simulator = "verilator") -> Events:
+    """Return the events that the RTL sends while samples last, held to those of the model.
+
+    Parameters
+    ----------
+    config : ReadoutConfig
+    codes : int32 array, shape (ticks, taxels)
+    simulator : "verilator" or "icarus"
+
+    Raises
+    ------
+    InputError
+        If a program that the simulator needs is not installed.
+    MismatchFound
+        If RTL and model differ.
+    """
+    program, name = build(config, simulator), "signal"
+
+    def play(folder: Path) -> Events:
+        again = " ".join(["make sim", *variables(config)])
+        job = Job(config.to_dict(), again, played={name: {"proof": ""}}, keep=str(folder))
+        play_here(program, job, {name: codes}, folder)
+        return Recording.load(folder / f"{name}.npz").events
+
+    events = until_it_lives(name, play)
+    return events[events["t"] < len(codes) * config.clocks_per_sample]

@@ -113,7 +113,7 @@ class Recording:
             "metadata": self.metadata,
         }
 
-    def save(self, path: Path) -> None:
+    def save(self, path: str | Path) -> None:
         """Write an ``.npz`` file, whole or not at all; equal recordings give equal bytes.
 
         Raises
@@ -121,6 +121,7 @@ class Recording:
         InputError
             If the name does not end in .npz, the file cannot be written, or the metadata are not JSON.
         """
+        path = Path(path)
         check_event_path(path)
         try:
             text = json.dumps(self._header(), allow_nan=False)
@@ -129,7 +130,7 @@ class Recording:
         write_arrays(path, {"events": self.events, "metadata": np.array(text)}, compressed=True)
 
     @classmethod
-    def load(cls, path: Path) -> Recording:
+    def load(cls, path: str | Path) -> Recording:
         """Read an ``.npz`` file written by :meth:`save`.
 
         Raises
@@ -138,7 +139,7 @@ class Recording:
             If the file cannot be read, is damaged, is not a recording, has another format version, or its
             events do not fit its configuration.
         """
-        events, text = _read_members(path)
+        events, text = _read_members(Path(path))
         try:
             return cls._from_parts(events, text)
         except InputError as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +29,7 @@ _POINTS = 4000  # points of a signal drawn at most
 def plot_comparison(
     pair: tuple[Events, Events],
     config: ReadoutConfig,
-    path: Path,
+    path: str | Path,
     labels: tuple[str, str] = ("RTL", "model"),
     title: str = "",
     signal: NDArray[np.floating[Any]] | None = None,
@@ -43,7 +44,7 @@ def plot_comparison(
         The recordings; the first is drawn above the second.
     config : ReadoutConfig
         Array size and clock.
-    path : Path
+    path : str or Path
         Picture to write: .png, .pdf or .svg.
     labels : (str, str)
         Names of the two.
@@ -64,7 +65,8 @@ def plot_comparison(
     check_picture_path(path)
     end_ms = _end_ms(config, pair, signal, duration_clocks)
     marks = unmatched(*pair)
-    figure, axes = _panels(title, texture is not None, signal is not None, 2, config)
+    above = ({} if texture is None else {"texture": 1.0}) | ({} if signal is None else {"signal": 1.5})
+    figure, axes = _panels(title, above, 2, config)
     if texture is not None:
         _draw_texture(axes["texture"], texture, end_ms)
     if signal is not None:
@@ -76,14 +78,15 @@ def plot_comparison(
         _draw_events(axes[name], events, config, end_ms, mark)
         _caption(axes[name], label, f"{len(events):,} events, {remark}")
     _legend(axes["raster0"], config, any_alone)
-    _finish(figure, axes, end_ms, path)
+    _label_time(axes, end_ms)
+    save_figure(figure, path)
 
 
 def plot_signals(
     events: Events,
     signal: NDArray[np.floating[Any]] | None,
     config: ReadoutConfig,
-    path: Path,
+    path: str | Path,
     title: str = "",
     label: str = "signal",
     duration_clocks: int | None = None,
@@ -101,14 +104,35 @@ def plot_signals(
         As for :func:`plot_comparison`.
     """
     check_picture_path(path)
-    end_ms = _end_ms(config, (events,), signal, duration_clocks)
-    figure, axes = _panels(title, False, signal is not None, 1, config)
-    if signal is not None:
-        _draw_signals(axes["signal"], signal, config, label)
+    save_figure(draw_signals(events, {} if signal is None else {label: signal}, config, title, duration_clocks), path)
+
+
+def draw_signals(
+    events: Events,
+    signals: Mapping[str, NDArray[np.floating[Any]]],
+    config: ReadoutConfig,
+    title: str = "",
+    duration_clocks: int | None = None,
+) -> Figure:
+    """Return a picture of signals, one panel each, above the events they belong to.
+
+    Parameters
+    ----------
+    signals : mapping of str to float array, shape (ticks, taxels)
+        By the name of the panel; as for :func:`plot_signals`.
+    events, config, title, duration_clocks
+        As for :func:`plot_signals`.
+    """
+    longest = max(signals.values(), key=len, default=None)
+    end_ms = _end_ms(config, (events,), longest, duration_clocks)
+    figure, axes = _panels(title, dict.fromkeys(signals, 1.5), 1, config)
+    for name, signal in signals.items():
+        _draw_signals(axes[name], signal, config, name)
     _draw_events(axes["raster0"], events, config, end_ms, np.zeros(len(events), np.bool_))
     _caption(axes["raster0"], "events", f"{len(events):,} events")
     _legend(axes["raster0"], config, False)
-    _finish(figure, axes, end_ms, path)
+    _label_time(axes, end_ms)
+    return figure
 
 
 # -- panels ------------------------------------------------------------------------------------------
@@ -129,16 +153,14 @@ def _end_ms(
 
 
 def _panels(
-    title: str, texture: bool, signal: bool, rasters: int, config: ReadoutConfig
+    title: str, above: Mapping[str, float], rasters: int, config: ReadoutConfig
 ) -> tuple[Figure, dict[str, Axes]]:
-    """Return a figure with one panel below the other on a common time axis."""
+    """Return a figure with one panel below the other on a common time axis; ``above`` has heights in inches by name."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     raster_in = min(max(1.0, 0.045 * config.taxels), 3.0)
-    heights = {"texture": 1.0} if texture else {}
-    heights |= {"signal": 1.5} if signal else {}
-    heights |= {f"raster{i}": raster_in for i in range(rasters)}
+    heights = dict(above) | {f"raster{i}": raster_in for i in range(rasters)}
     figure = Figure(figsize=(_WIDTH_IN, sum(heights.values()) + 0.45 * len(heights) + 0.6), layout="constrained")
     FigureCanvasAgg(figure)
     grid = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=list(heights.values()))
@@ -266,9 +288,8 @@ def _legend(panel: Axes, config: ReadoutConfig, any_marked: bool) -> None:
     )
 
 
-def _finish(figure: Figure, axes: dict[str, Axes], end_ms: float, path: Path) -> None:
-    """Label the time axis and write the picture."""
+def _label_time(axes: dict[str, Axes], end_ms: float) -> None:
+    """Label the time axis."""
     last = list(axes.values())[-1]
     last.set_xlim(0, end_ms)
     last.set_xlabel("time (ms)", fontsize=8.5)
-    save_figure(figure, path)

@@ -43,12 +43,12 @@ class Weights:
     step_s: float
 
 
-def save_weights(path: Path, weights: Weights, eight_bits: bool = False) -> None:
+def save_weights(path: str | Path, weights: Weights, eight_bits: bool = False) -> None:
     """Write a network atomically; equal networks give equal bytes.
 
     Parameters
     ----------
-    path : Path
+    path : str or Path
         Ends in .npz.
     weights : Weights
     eight_bits : bool
@@ -59,6 +59,7 @@ def save_weights(path: Path, weights: Weights, eight_bits: bool = False) -> None
     InputError
         If the name does not end in .npz, or the file cannot be written.
     """
+    path = Path(path)
     if path.suffix != ".npz":
         raise InputError(f"weight files end in .npz, {path.name} does not; rename the output")
     network = weights.network
@@ -83,7 +84,7 @@ def save_weights(path: Path, weights: Weights, eight_bits: bool = False) -> None
     write_arrays(path, {name: np.ascontiguousarray(a).reshape(a.shape) for name, a in arrays.items()})
 
 
-def load_weights(path: Path) -> Weights:
+def load_weights(path: str | Path) -> Weights:
     """Return the network of a file written by ``save_weights``.
 
     Raises
@@ -91,6 +92,7 @@ def load_weights(path: Path) -> Weights:
     InputError
         If the file cannot be read, is damaged, or is something else.
     """
+    path = Path(path)
     if not path.exists():
         raise InputError(f"weight file {path} does not exist; make one with eskin train")
     arrays = read_arrays(path, "a weight file", "train again")

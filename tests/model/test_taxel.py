@@ -360,7 +360,7 @@ def test_cw_lcs_goes_from_end_to_end_of_the_scale_where_16_bits_hold_it_and_wher
     ("samples", "sentence"),
     [
         (np.zeros(4, np.int16), "samples must have the shape (ticks, taxels), not (4,)"),
-        (np.zeros((4, 1)), "samples must be integer codes, not float64; quantise them first"),
+        (np.zeros((4, 1)), "samples must be integer codes, not float64; eskin.encode takes floats in full scales"),
         (column(0, 128), "samples must be in -128..127 (8 bits), not 128; scale or clip them first"),
         (column(0, -129), "samples must be in -128..127 (8 bits), not -129; scale or clip them first"),
         (
