@@ -1,0 +1,170 @@
+"""Every command that the README and the pages print is one that the program takes.
+
+All are parsed as printed: options, values, arguments. Many would take minutes, or need a dataset, a cell library or a
+board; ``RUN`` are run as printed. Another test runs the smallest form of each command; ``tests/quick.py`` lists them.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+import typer
+from typer._click.exceptions import MissingParameter
+
+from eskin.app import make
+from eskin.app.catalogue import DEV, MODULES, words_of
+from eskin.app.cli import Commands
+
+ROOT = Path(__file__).parents[2]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    *(page for page in sorted((ROOT / "docs").rglob("*.md")) if page.name != "commands.md"),
+]
+FENCE = re.compile(r"^```\w*\n(.*?)^```", re.DOTALL | re.MULTILINE)
+RUN = (
+    "eskin encode skin.csv --sample-rate 1000 --rows 2 --columns 3 -o skin.npz",
+    "eskin decode skin.npz -o rebuilt.csv",
+    "make power",
+    "eskin power --correct afe_settling,pads",
+    "eskin power --mode consistent --crossover",
+    "eskin power --parameters",
+    "make explore ROWS=12 COLUMNS=16",
+    "eskin explore --rows 12 --columns 16 --bandwidth 500 --noise 2e-4 --event-rate 30000",
+)
+"""Commands that take a second at most, in the order in which a reader would type them."""
+
+
+class Printed(NamedTuple):
+    """A command as a page prints it; whole where a reader would copy it, which a mention in a sentence need not be."""
+
+    page: str
+    text: str
+    whole: bool
+
+
+def printed() -> Iterator[Printed]:
+    """Yield the commands of all pages: of code blocks, of indented lines, and within sentences and tables."""
+    for page in PAGES:
+        text, name = page.read_text(), str(page.relative_to(ROOT))
+        blocks = [line for block in FENCE.findall(text) for line in typed(block)]
+        rest = FENCE.sub("", text)
+        for line in [*blocks, *re.findall(r"^    (.*)$", rest, re.MULTILINE)]:
+            for part in re.split(r" && |; ", re.sub(r"\s+#.*", "", line).removeprefix("$ ").strip()):
+                if re.match("(make|eskin) ", part):
+                    yield Printed(name, part, True)
+        for mention in re.findall(r"`((?:make|eskin) [^`]*)`", rest):
+            yield Printed(name, " ".join(mention.split()), name == "README.md")
+
+
+def typed(block: str) -> list[str]:
+    """Return the lines of a code block; where some follow a prompt, only those."""
+    lines = block.replace("\\\n", " ").splitlines()
+    return [line for line in lines if line.startswith("$ ")] or lines
+
+
+@cache
+def command(name: str) -> typer.core.TyperCommand:
+    return Commands(MODULES)[name]
+
+
+def words_behind(text: str) -> list[str]:
+    """Return the words of a command without what marks them as optional; a capital alone stands for a number."""
+    words = shlex.split(re.sub(r"[\[\]]|\.\.\.", " ", text))[1:]
+    return ["0" if re.fullmatch("[A-Z]", word) else word for word in words]
+
+
+def problem_of(words: list[str], whole: bool) -> str:
+    """Return what is wrong with the words behind ``eskin``, or nothing."""
+    name = words[1] if words[:1] == [DEV] and len(words) > 1 else words[0]
+    if name not in MODULES or words[: len(words_of(name))] != words_of(name):
+        return "no such command"
+    words = words[words.index(name) :]
+    if not whole:
+        known = {option for parameter in command(words[0]).params for option in parameter.opts}
+        given = {word.partition("=")[0] for word in words[1:] if word.startswith("--")} - {"--", "--help"}
+        return ", ".join(sorted(given - known))
+    try:
+        command(words[0]).make_context(words[0], words[1:])
+    except MissingParameter as error:
+        return "" if len(words) == 1 else error.format_message()  # a name alone is a name
+    except typer.TyperException as error:
+        return str(error.format_message())
+    return ""
+
+
+def lines_of_make(text: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> list[list[str]]:
+    """Return the command lines that a target runs; raises SystemExit with the sentence of a refusal."""
+    target, *variables = words_behind(text)
+    quoted = [re.sub(r"([\\ ])", r"\\\1", variable) for variable in variables]
+    monkeypatch.setenv("MAKEFLAGS", f"n -- {' '.join(quoted)}")
+    monkeypatch.setattr(sys, "argv", ["make", target, make.INSIDE])
+    capsys.readouterr()
+    try:
+        make.main()
+    except SystemExit:
+        raise SystemExit(capsys.readouterr().err) from None
+    return [shlex.split(line) for line in capsys.readouterr().out.splitlines()]
+
+
+def test_every_printed_command_is_taken(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.chdir(ROOT)
+    found = sorted(set(printed()))
+    assert len(found) > 150
+    wrong = []
+    for page, text, whole in found:
+        if text.startswith("eskin "):
+            problem = problem_of(words_behind(text), whole)
+        else:
+            problem = ""
+            try:
+                lines = lines_of_make(text, monkeypatch, capsys)
+            except SystemExit as refused:
+                lines, problem = [], str(refused)
+            for line in lines:
+                if line[1:3] == ["-m", "eskin"] and text != "make clean":
+                    problem += problem_of(line[3:], whole)
+        wrong += [f"{page}: {text}: {problem}"] if problem else []
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("eskin encod x.csv", "no such command"),
+        ("eskin formal", "no such command"),
+        ("eskin dev formal", ""),
+        ("eskin power --mod paper", "No such option: --mod"),
+        ("eskin verilog --rows", "Option '--rows' requires an argument"),
+        ("eskin compare a.npz", "Missing argument 'B'"),
+        ("eskin train --fold x", "Invalid value for '--fold'"),
+    ],
+)
+def test_a_wrong_command_is_found(text: str, problem: str) -> None:
+    assert problem_of(words_behind(text), True).startswith(problem)
+
+
+def test_these_run_as_printed(folder: Path, call: Any) -> None:
+    shown = {text for _, text, _ in printed()}
+    np.savetxt(
+        "skin.csv", np.random.default_rng(0).uniform(-0.5, 0.5, (200, 6)).cumsum(0) / 40, delimiter=",", fmt="%.4f"
+    )
+    for text in RUN:
+        assert text in shown
+        name, *words = words_behind(text)
+        if text.startswith("make"):
+            line = make.command_lines(name, make.options_of(name), dict(word.split("=", 1) for word in words))[0][3:]
+        else:
+            line = [name, *words]
+        code, out, err = call(" ".join(line))
+        assert (code, err) == (0, ""), text
+        assert out
+    assert {"skin.npz", "rebuilt.csv"} <= {path.name for path in folder.iterdir()}
