@@ -21,6 +21,7 @@ def _in(folder: str, **modules: str) -> dict[str, str]:
 
 
 COMMANDS: dict[str, dict[str, str]] = {
+    "A first look": _in("board", demo="demo"),
     "Signals to events and back": _in(
         "signals", encode="encode decode", convert="convert", compare="compare", report="report"
     ),

@@ -27,7 +27,7 @@ NEEDS = {
     "snn": "train crossval predict sweep counts quantise export import convert cache mutants fig8 robustness "
     "noise-power merits precision",
     "asic": "gatesim asic asic-scale gatepower layout",
-    "board": "play listen load rescue",
+    "board": "demo play listen load rescue",
     "fpga": "fpga",
     "dev": "coverage mutants",
     "registers": "coverage",

@@ -43,6 +43,11 @@ class Link:
     baud : int
     patience_s : float
         How long a board may say nothing before it is missed.
+
+    Attributes
+    ----------
+    arrived : float
+        When the bytes came that are handed on now, by ``time.monotonic``.
     """
 
     def __init__(
@@ -55,7 +60,8 @@ class Link:
         self._frames, self._records = FrameReader(), RecordReader()
         self._sequence, self._due, self._begun = 0, 0, False
         self._waiting: deque[Frame] = deque()
-        self._came: queue.Queue[bytes | Exception] = queue.Queue()
+        self.arrived = 0.0
+        self._came: queue.Queue[tuple[float, bytes | Exception]] = queue.Queue()
         self._closing = False
         try:
             self._line = serial.Serial(port, baud, timeout=POLL_S, write_timeout=patience_s, exclusive=True)
@@ -171,14 +177,14 @@ class Link:
         try:
             while not self._closing:
                 if data := self._line.read(max(1, self._line.in_waiting)):
-                    self._came.put(data)
+                    self._came.put((time.monotonic(), data))
         except Exception as error:  # pyserial raises its own, the system's, and TypeError where it was closed
-            self._came.put(error)
+            self._came.put((time.monotonic(), error))
 
     def _take(self, seconds: float = POLL_S) -> bytes:
         """Return what has come, empty if nothing does for a moment."""
         try:
-            found = self._came.get(timeout=seconds)
+            self.arrived, found = self._came.get(timeout=seconds)
         except queue.Empty:
             return b""
         if isinstance(found, Exception):

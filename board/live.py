@@ -4,90 +4,202 @@ from __future__ import annotations
 
 import json
 import threading
+import urllib.parse
 from collections import Counter, deque
 from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
 from typing import Any, cast
 
-from eskin.base.errors import InputError
-from eskin.board.records import Class, Event, Lost, Record
+import numpy as np
 
-COLUMNS = 120
+from eskin.base.errors import InputError
+from eskin.base.figures.style import PALETTE
+from eskin.board.records import Class, Lost, Record, Tag, Words
+from eskin.board.udp import AddressEvent, UdpSender
+from eskin.model.config import ReadoutConfig
+
+STEPS = 360
 """Steps of time that are shown."""
 
+COLUMNS = 120
+"""Of the raster in a terminal."""
+
 SHADES = " .:*#"
+LATENCIES = 4096
+"""The last ones, of which median and 99 % are shown."""
+
+RECENT = 0.05
+"""Part of the window over which the rate is taken."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Piece:
+    """What is played, as the page shows it.
+
+    Attributes
+    ----------
+    name : str
+    truth : str or None
+        Its class, where it is known.
+    seconds : float
+        How long it lasts.
+    speed : float
+        Seconds of the skin in a second of the page.
+    signals : list of lists of float
+        Of each taxel in full scales, evenly spread over these seconds.
+    picture : dict or None
+        PNG of what the skin touches as a data URL, and the array on it in pixels: left edge at the begin and pixels
+        per second, top, width, height.
+    """
+
+    name: str
+    truth: str | None = None
+    seconds: float = 0.0
+    speed: float = 1.0
+    signals: list[list[float]] | None = None
+    picture: dict[str, Any] | None = None
 
 
 class View:
-    """Events per address and step, for the last steps; the thread of the page reads what another writes.
+    """Events per taxel, polarity and step; the thread of the page reads what another writes.
 
     Parameters
     ----------
-    addresses : int
-    clocks_per_step : int
+    config : ReadoutConfig
+        Rows, columns, polarity.
     clock_hz : float
+        Clock of the events' times.
+    window_s : float
+        Time that is shown.
     class_names : sequence of str
+    clocks_per_bin : int
+        Of the classifier; 0 where there is none.
     """
 
-    def __init__(self, addresses: int, clocks_per_step: int, clock_hz: float, class_names: Sequence[str] = ()) -> None:
-        self.addresses, self.clocks_per_step, self.clock_hz = addresses, clocks_per_step, clock_hz
+    def __init__(
+        self,
+        config: ReadoutConfig,
+        clock_hz: float,
+        window_s: float,
+        class_names: Sequence[str] = (),
+        clocks_per_bin: int = 0,
+    ) -> None:
+        self.config, self.clock_hz, self.clocks_per_bin = config, clock_hz, clocks_per_bin
         self.class_names = list(class_names)
-        self.events = self.lost = self.bins = self.clock = 0
+        self.sender: UdpSender | None = None
+        self.number = 0
+        self._lock = threading.Lock()
+        self._class_s: deque[float] = deque(maxlen=LATENCIES)
+        self._host_s: deque[tuple[float, int]] = deque(maxlen=LATENCIES)
+        self.begin(Piece(name=""), window_s)
+
+    def begin(self, piece: Piece, window_s: float) -> None:
+        """Begin anew, at time 0, with something else that is played."""
+        with self._lock:
+            self.piece, self.window_s = piece, window_s
+            self.clocks_per_step = max(round(window_s * self.clock_hz / STEPS), 1)
+            self.events = self.lost = 0
+            self._clear()
+
+    def _clear(self) -> None:
+        self.number += 1
+        self.bins = self.clock = 0
         self.evidence: list[int] = []
         self.winner: str | None = None
-        self._steps: deque[tuple[int, Counter[int]]] = deque(maxlen=COLUMNS)
-        self._lock = threading.Lock()
+        self._steps: deque[tuple[int, Counter[int]]] = deque(maxlen=STEPS + 1)
+        self._bins: deque[tuple[int, list[int]]] = deque(maxlen=STEPS)
 
-    def __call__(self, records: list[Record]) -> None:
-        """Take the records of a frame."""
+    def __call__(self, records: list[Record], events: list[AddressEvent], waited_s: float = 0.0) -> None:
+        """Take the records of a frame, their events, and how long these have been on this machine."""
         with self._lock:
+            for clock, column, row, polarity in events:
+                step = clock // self.clocks_per_step
+                if self._steps and step < self._steps[-1][0]:  # the clock of a board that was reset begins anew
+                    self._clear()
+                if not self._steps or self._steps[-1][0] != step:
+                    self._steps.append((step, Counter()))
+                self._steps[-1][1][2 * (row * self.config.columns + column) + polarity] += 1
+            if events:
+                self.events += len(events)
+                self.clock = max(self.clock, events[-1][0])
+                self._host_s.append((waited_s, len(events)))
             for record in records:
                 self._take(record)
 
     def _take(self, record: Record) -> None:
-        if isinstance(record, Event):
-            self.events += 1
-            self.clock = record.time
-            step = record.time // self.clocks_per_step
-            if not self._steps or self._steps[-1][0] != step:
-                self._steps.append((step, Counter()))
-            self._steps[-1][1][record.address] += 1
-        elif isinstance(record, Class):
+        if isinstance(record, Class):
             self.bins += 1
-            self.clock = record.time
+            self.clock = max(self.clock, record.time)
             self.evidence = list(record.evidence)
             self.winner = self.class_names[record.winner] if record.winner < len(self.class_names) else None
+            self._bins.append((record.time, self.evidence))
+            if self.clocks_per_bin:
+                self._class_s.append((record.time + 1) % self.clocks_per_bin / self.clock_hz)
         elif isinstance(record, Lost):
             self.lost += record.count
+        elif isinstance(record, Words) and record.tag == Tag.STATUS:
+            self.clock = max(self.clock, record.values["time_high"] << 32 | record.values["time_low"])
 
-    def state(self) -> dict[str, Any]:
-        """Return all that is shown, for JSON."""
+    def state(self, number: int = 0, since: int = 0) -> dict[str, Any]:
+        """Return what is shown, for JSON: of the piece of a number only steps and bins from step ``since`` on."""
         with self._lock:
+            since = since if number == self.number else 0
+            step_s = self.clocks_per_step / self.clock_hz
+            recent = self.clock // self.clocks_per_step - max(round(RECENT * STEPS), 1)
+            of_late = sum(counts.total() for step, counts in self._steps if step > recent)
             return {
-                "addresses": self.addresses,
-                "steps": [[step, sorted(counts.items())] for step, counts in self._steps],
-                "columns": COLUMNS,
+                "number": self.number,
+                "readout": f"{self.config.rows} x {self.config.columns} taxels, {self.config.encoder.title} "
+                f"{self.config.resolution} b",
+                "rows": self.config.rows,
+                "columns": self.config.columns,
+                "polarity": self.config.has_polarity,
+                "window_s": self.window_s,
+                "step_s": step_s,
+                "steps": [[step, sorted(counts.items())] for step, counts in self._steps if step >= since],
+                "bins": [[time / self.clock_hz, evidence] for time, evidence in self._bins],
                 "seconds": self.clock / self.clock_hz,
+                "rate_hz": of_late / (RECENT * self.window_s),
                 "events": self.events,
                 "lost": self.lost,
-                "bins": self.bins,
                 "class": self.winner,
                 "classes": self.class_names,
                 "evidence": self.evidence,
+                "class_latency_s": _median_and_99(self._class_s),
+                "host_latency_s": _median_and_99(*zip(*self._host_s, strict=True)) if self._host_s else None,
+                "udp": self.sender and {"to": self.sender.destination, "events": self.sender.events},
             }
 
     def raster(self, lines: int, columns: int = COLUMNS) -> list[str]:
-        """Return the raster as text: addresses down, steps across, a darker sign for more events."""
-        state = self.state()
-        last = state["steps"][-1][0] if state["steps"] else 0
+        """Return the raster as text: taxels down, time across, a darker sign for more events."""
+        with self._lock:
+            steps = [(step, dict(counts)) for step, counts in self._steps]
+        last = steps[-1][0] if steps else 0
         grid = [[0] * columns for _ in range(lines)]
-        for step, counts in state["steps"]:
-            if 0 <= (at := columns - 1 - (last - step)) < columns:  # the clock of a board that was reset runs backwards
-                for address, count in counts:
-                    grid[min(address * lines // self.addresses, lines - 1)][at] += count
+        for step, counts in steps:
+            if (at := columns - 1 - (last - step) * columns // STEPS) >= 0:
+                for key, count in counts.items():
+                    grid[(key >> 1) * lines // self.config.taxels][at] += count
         return ["".join(SHADES[min(count.bit_length(), len(SHADES) - 1)] for count in row) for row in grid]
+
+
+def _median_and_99(values: Sequence[float], counts: Sequence[int] | None = None) -> list[float] | None:
+    """Return the median and the value that 99 % do not exceed."""
+    if not len(values):
+        return None
+    every = np.repeat(values, counts) if counts is not None else np.array(values)
+    return [float(np.percentile(every, part, method="higher")) for part in (50, 99)]
+
+
+def page() -> bytes:
+    """Return the page, in the colours of the figures."""
+    text = resources.files("eskin.board").joinpath("page.html").read_text(encoding="utf-8")
+    for name, colour in PALETTE.items():
+        text = text.replace(f"%{name}%", colour)
+    return text.encode()
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -103,13 +215,15 @@ class _Handler(BaseHTTPRequestHandler):
         if self.headers.get("Host") not in (f"127.0.0.1:{port}", f"localhost:{port}"):
             self.send_error(403)  # a page of another name, which its owner lets lead here, would read the events
             return
-        if self.path == "/":
-            content, kind = (
-                resources.files("eskin.board").joinpath("page.html").read_bytes(),
-                "text/html; charset=utf-8",
-            )
-        elif self.path == "/state":
-            content, kind = json.dumps(self.view.state()).encode(), "application/json"
+        place = urllib.parse.urlsplit(self.path)
+        asked = {name: int(value) for name, value in urllib.parse.parse_qsl(place.query) if value.isdecimal()}
+        kind = "application/json"
+        if place.path == "/":
+            content, kind = page(), "text/html; charset=utf-8"
+        elif place.path == "/state":
+            content = json.dumps(self.view.state(asked.get("number", 0), asked.get("since", 0))).encode()
+        elif place.path == "/piece":
+            content = json.dumps(asdict(self.view.piece)).encode()
         else:
             self.send_error(404)
             return
@@ -124,18 +238,23 @@ class _Handler(BaseHTTPRequestHandler):
         """Say nothing."""
 
 
-def serve(view: View, port: int) -> ThreadingHTTPServer:
+class _Server(ThreadingHTTPServer):
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Say nothing of a browser that has gone."""
+
+
+def serve(view: View, port: int, option: str = "--page") -> ThreadingHTTPServer:
     """Serve the page to browsers of this machine alone; ``server_port`` says where, ``shutdown`` ends it.
 
     Raises
     ------
     InputError
-        If the port is taken.
+        If the port is taken; ``option`` chooses another.
     """
     try:
-        server = ThreadingHTTPServer(("127.0.0.1", port), partial(_Handler, view))
+        server = _Server(("127.0.0.1", port), partial(_Handler, view))
     except (OSError, OverflowError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"cannot serve a page on port {port}: {reason}; choose another --page") from None
-    threading.Thread(target=server.serve_forever, daemon=True).start()
+        raise InputError(f"cannot serve a page on port {port}: {reason}; choose another {option}") from None
+    threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True).start()
     return server

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from eskin.base.errors import InputError
-from eskin.board.config import ADDRESS_BITS, MOST_CLASSES
+from eskin.board.config import ADDRESS_BITS, DESIGNS, MOST_CLASSES, BoardConfig
 from eskin.board.serial_frames import MOST_PAYLOAD
 
 TIME_BITS = 16
@@ -199,19 +199,40 @@ def said(tag: Tag, words: list[int]) -> dict[str, int]:
     return values
 
 
-def encode(records: Iterable[Record]) -> list[int]:
-    """Return the words of records, as the board makes them: times before events and classes where they change."""
-    words: list[int] = []
-    high = 0
-    for record in records:
+def hello_values(config: BoardConfig) -> dict[str, int]:
+    """Return the values behind the tag ``HELLO``, by their names in ``HELLO_WORDS``."""
+    classifier = config.chip.classifier if config.chip else None
+    return {
+        "version": VERSION,
+        "design": DESIGNS.index(config.design) + 1,
+        "identity": config.identity,
+        "clock_hz": config.serial.clock_hz,
+        "buffer_bytes": config.serial.buffer_bytes,
+        "channels": classifier.inputs if classifier else 1 << ADDRESS_BITS,
+        "classes": classifier.classes if classifier else 0,
+        "word_bytes": config.word_bytes,
+    }
+
+
+class RecordWriter:
+    """Takes records and gives words, as the board makes them: a time stands where its high bits change."""
+
+    def __init__(self) -> None:
+        self._high = 0
+
+    def feed(self, records: Iterable[Record]) -> list[int]:
+        """Return the words of the next records."""
+        return [word for record in records for word in self._words(record)]
+
+    def _words(self, record: Record) -> list[int]:
+        words: list[int] = []
         if isinstance(record, Event | Class):
-            if record.time >> TIME_BITS != high:
-                high = record.time >> TIME_BITS
-                words.append(_word(Tag.TIME, high))
+            if record.time >> TIME_BITS != self._high:
+                self._high = record.time >> TIME_BITS
+                words.append(_word(Tag.TIME, self._high))
             low = record.time & (1 << TIME_BITS) - 1
             if isinstance(record, Event):
-                words.append(_word(Tag.EVENT, record.address << TIME_BITS | low))
-                continue
+                return [*words, _word(Tag.EVENT, record.address << TIME_BITS | low)]
             above = record.overrun << ADDRESS_BITS - 1 | record.winner
             words.append(_word(Tag.CLASS, above << TIME_BITS | low))
             words += [value & (1 << WORD_BITS) - 1 for value in record.evidence]
@@ -224,7 +245,7 @@ def encode(records: Iterable[Record]) -> list[int]:
         else:
             names = HELLO_WORDS if record.tag == Tag.HELLO else STATUS_WORDS
             words += [_word(record.tag, len(names)), *(record.values[name] for name in names)]
-    return words
+        return words
 
 
 def _word(tag: Tag, value: int) -> int:

@@ -18,6 +18,7 @@ from eskin.board.journal import Journal
 from eskin.board.link import Link
 from eskin.board.records import Class, Event, Lost, Record, Tag, Words
 from eskin.board.serial_frames import MOST_PAYLOAD, Kind
+from eskin.board.udp import AddressEvent
 from eskin.model.address_events import Events
 from eskin.model.classifier.chip import clocks_of, events_of, simulate_chip
 from eskin.model.classifier.chip_config import ChipConfig
@@ -41,19 +42,22 @@ class Received:
     to_event : callable
         Gives clock, column, row and polarity of an event.
     journal : Journal, optional
+    forward : callable, optional
+        Sends events on, before anybody looks at them.
     watch : callable, optional
-        Sees all records.
+        Sees all records, and their events.
     keep : bool
         Keep the events in memory, too: of a recording without an end only the journal has them.
     observed : int
         Clocks that were observed; known at the end.
     """
 
-    to_event: Callable[[Event], tuple[int, int, int, bool]]
+    to_event: Callable[[Event], AddressEvent]
     journal: Journal | None = None
-    watch: Callable[[list[Record]], object] | None = None
+    forward: Callable[[list[AddressEvent]], object] | None = None
+    watch: Callable[[list[Record], list[AddressEvent]], object] | None = None
     keep: bool = True
-    events: list[tuple[int, int, int, bool]] = field(default_factory=list)
+    events: list[AddressEvent] = field(default_factory=list)
     classes: list[Class] = field(default_factory=list)
     counts: dict[str, int] = field(default_factory=dict)
     lost: int = 0
@@ -62,7 +66,7 @@ class Received:
 
     def __call__(self, records: list[Record]) -> None:
         """Take the records of a frame."""
-        events = []
+        events: list[AddressEvent] = []
         try:
             for record in records:
                 if isinstance(record, Event):
@@ -75,27 +79,29 @@ class Received:
                 elif isinstance(record, Words) and record.tag == Tag.STATUS:
                     self.counts = record.values
         finally:
+            if self.forward and events:
+                self.forward(events)
             if self.journal:
                 self.journal.add(events)
             if self.keep:
                 self.events += events
         if self.watch:
-            self.watch(records)
+            self.watch(records, events)
 
 
-def player_events(config: ChipConfig) -> Callable[[Event], tuple[int, int, int, bool]]:
+def player_events(config: ChipConfig) -> Callable[[Event], AddressEvent]:
     """Return what makes an event of a channel of a chip."""
     channels = config.classifier.inputs
     table = events_of(config, np.zeros(channels, np.int64), np.arange(channels)).tolist()
 
-    def to_event(event: Event) -> tuple[int, int, int, bool]:
+    def to_event(event: Event) -> AddressEvent:
         _, column, row, polarity = table[event.address]
         return event.time, column, row, polarity
 
     return to_event
 
 
-def foreign_events(config: ReadoutConfig) -> Callable[[Event], tuple[int, int, int, bool]]:
+def foreign_events(config: ReadoutConfig) -> Callable[[Event], AddressEvent]:
     """Return what makes an event of an address {polarity, row, column} of a foreign chip.
 
     Raises
@@ -104,7 +110,7 @@ def foreign_events(config: ReadoutConfig) -> Callable[[Event], tuple[int, int, i
         By the function that is returned, for an address that the array does not have.
     """
 
-    def to_event(event: Event) -> tuple[int, int, int, bool]:
+    def to_event(event: Event) -> AddressEvent:
         column = event.address & (1 << config.column_bits) - 1
         row = event.address >> config.column_bits & (1 << config.row_bits) - 1
         above = event.address >> config.column_bits + config.row_bits
@@ -182,7 +188,7 @@ def clocks_to_play(chip: ChipConfig, ticks: int) -> int:
     return max(clocks_of(chip, ticks)[1], ticks * chip.readout.clocks_per_sample)
 
 
-def as_events(received: Iterable[tuple[int, int, int, bool]]) -> Events:
+def as_events(received: Iterable[AddressEvent]) -> Events:
     """Return events (clock, column, row, polarity) as an array."""
     from eskin.model.address_events import EVENT_DTYPE
 
@@ -212,20 +218,20 @@ def difference(chip: ChipConfig, weights: IntegerWeights, samples: NDArray[Any],
 # -- a foreign chip ----------------------------------------------------------------------------------
 
 
-def listen(link: Link, received: Received, seconds: float | None, on_look: Callable[[], object] = lambda: None) -> None:
-    """Record from a foreign chip, from clock 0 on, for some time or until Ctrl-C."""
+def listen(link: Link, received: Received, seconds: float | None) -> bool:
+    """Record from a foreign chip, from clock 0 on, for some time or until Ctrl-C; return whether Ctrl-C ended it."""
     link.send(Kind.RESTART)
-    ends = None if seconds is None else time.monotonic() + seconds
+    ends, stopped = None if seconds is None else time.monotonic() + seconds, False
     try:
         while ends is None or time.monotonic() < ends:
             link.pause(ASK_S if ends is None else min(ASK_S, max(ends - time.monotonic(), 0)))
             link.wait(link.patience_s)  # for what was asked before
             link.send(Kind.STATUS)
-            on_look()
     except KeyboardInterrupt:
-        pass
+        stopped = True
     link.send(Kind.STATUS)
     link.wait(link.patience_s)
+    return stopped
 
 
 def foreign_config(config: ReadoutConfig, clock_hz: float) -> ReadoutConfig:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
@@ -12,9 +12,12 @@ from eskin.base.errors import InputError
 from eskin.model.classifier.file import IntegerWeights
 from eskin.model.config import ReadoutConfig
 from eskin.skin.samples import fit_array, read_samples
-from eskin.skin.textures.dataset import EMBEDDED, open_dataset
+from eskin.skin.textures.dataset import EMBEDDED, Dataset, open_dataset
 from eskin.skin.textures.physical import large_enough
 from eskin.skin.textures.presets import preset
+
+if TYPE_CHECKING:
+    from eskin.skin.recordings.folder import RecordingSet
 
 EVERY_FIELD = frozenset(field.name for field in dataclasses.fields(ReadoutConfig))
 """Of the readout of own recordings: none follows the recordings."""
@@ -74,10 +77,9 @@ def scan_of(
     training = weights.notes["training"]
     if training["preset"] is None:
         raise InputError("these weights were trained on recordings; play some with --data")
-    data = open_dataset(dataset)
+    data, unseen = textures_of(weights, dataset)
     names = [texture.name for texture in data]
-    unseen = [one for one in names if one in training["tested"]] if training["dataset"] == data.name else names
-    chosen = name or (unseen or names)[0]
+    chosen = name or unseen[0]
     if chosen not in names:
         raise InputError(f"{data.name} has no {chosen!r}; one of them is {names[0]}")
     image = data[names.index(chosen)].load()
@@ -85,19 +87,33 @@ def scan_of(
     return chosen, preset(training["preset"]).samples(readout, image, 0.0)[0]
 
 
+def textures_of(weights: IntegerWeights, dataset: str) -> tuple[Dataset, list[str]]:
+    """Return a dataset of textures, and the names of those that the network has not learned (all, if it has none)."""
+    training = weights.notes["training"]
+    data = open_dataset(dataset)
+    names = [texture.name for texture in data]
+    unseen = [one for one in names if one in training["tested"]] if training["dataset"] == data.name else names
+    return data, unseen or names
+
+
 def recording_of(
     weights: IntegerWeights, readout: ReadoutConfig, place: Path, name: str | None
 ) -> tuple[str, NDArray[Any]]:
     """Return the name and the codes of one of a user's recordings, prepared as those of the training were."""
+    found = recordings_of(weights, readout, place)
+    names = [source.name for source in found.sources]
+    chosen = name or names[0]
+    if chosen not in names:
+        raise InputError(f"{place} has no {chosen!r}; one of them is {names[0]}")
+    return chosen, found.codes[names.index(chosen)]
+
+
+def recordings_of(weights: IntegerWeights, readout: ReadoutConfig, place: Path) -> RecordingSet:
+    """Return a user's recordings, prepared as those of the training were."""
     from eskin.skin.recordings.folder import read_set
     from eskin.skin.recordings.options import Preparation
 
     said = weights.notes["training"]["recordings"]
     if said is None:
         raise InputError("these weights were trained on textures; leave --data out, or train on recordings")
-    found = read_set(place, Preparation(**said["prepared"], scale=repr(said["scale"])), readout, EVERY_FIELD)
-    names = [source.name for source in found.sources]
-    chosen = name or names[0]
-    if chosen not in names:
-        raise InputError(f"{place} has no {chosen!r}; one of them is {names[0]}")
-    return chosen, found.codes[names.index(chosen)]
+    return read_set(place, Preparation(**said["prepared"], scale=repr(said["scale"])), readout, EVERY_FIELD)

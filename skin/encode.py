@@ -88,7 +88,7 @@ def encode_image(
     from eskin.skin.textures.presets import preset
 
     scan = preset(preset_name)
-    pixels = _read_image(path)
+    pixels = read_image(path)
     config = scan.configure(config)
     codes, clipped = scan.samples(config, pixels, start_row)
     return _encoded(path, config, codes, clipped, model, {"preset": preset_name, "start_row": start_row})
@@ -194,7 +194,7 @@ def _events(config: ReadoutConfig, codes: NDArray[np.int32], model: str, duratio
     return events[events["t"] < duration]
 
 
-def _read_image(path: Path) -> NDArray[Any]:
+def read_image(path: Path) -> NDArray[Any]:
     """Return the gray values of an image in units of an 8-bit pixel, shape (height, width)."""
     from PIL import Image
 

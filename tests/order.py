@@ -12,6 +12,7 @@ LONG = (
     "tests/board/test_gateware.py::test_a_recording",
     "tests/test_wheel.py::test_commands_work_elsewhere",
     "tests/docs/test_site.py::test_the_site",
+    "tests/board/test_demo.py::test_the_page",
     "tests/snn/test_train.py::test_a_killed_command",
     "tests/snn/test_sweep.py::test_a_sweep_outlives",
     "tests/app/test_simulate.py::test_replay",

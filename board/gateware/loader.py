@@ -8,7 +8,7 @@ from amaranth.hdl import Cat, Module, Signal
 from amaranth.lib.wiring import Component, In, Out
 
 from eskin.board.config import BoardConfig
-from eskin.board.gateware.recorder import hello_values
+from eskin.board.records import hello_values
 from eskin.board.serial_frames import Kind
 from eskin.rtl.classifier.core import Classifier
 

@@ -8,29 +8,14 @@ from amaranth.hdl import Array, Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib.fifo import SyncFIFOBuffered
 from amaranth.lib.wiring import Component, In, Out
 
-from eskin.board.config import ADDRESS_BITS, DESIGNS, BoardConfig
-from eskin.board.records import HELLO_WORDS, STATUS_WORDS, TIME_BITS, VALUE_BITS, VERSION, WORD_BITS, Tag
+from eskin.board.config import ADDRESS_BITS, BoardConfig
+from eskin.board.records import HELLO_WORDS, STATUS_WORDS, TIME_BITS, VALUE_BITS, WORD_BITS, Tag, hello_values
 
 CLOCK_BITS = VALUE_BITS + TIME_BITS
 """Of the time: 4 days at 50 MHz."""
 
 RESERVE = 32
 """Words that are kept free of events where these cannot wait: for what else is to be said."""
-
-
-def hello_values(config: BoardConfig) -> dict[str, int]:
-    """Return what a board says of itself."""
-    classifier = config.chip.classifier if config.chip else None
-    return {
-        "version": VERSION,
-        "design": DESIGNS.index(config.design) + 1,
-        "identity": config.identity,
-        "clock_hz": config.serial.clock_hz,
-        "buffer_bytes": config.serial.buffer_bytes,
-        "channels": classifier.inputs if classifier else 1 << ADDRESS_BITS,
-        "classes": classifier.classes if classifier else 0,
-        "word_bytes": config.word_bytes,
-    }
 
 
 class Recorder(Component):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -125,6 +126,24 @@ def neuron_image(network: IntegerNetwork) -> list[int]:
     return image
 
 
+def network_of(config: ClassifierConfig, weights: Sequence[int], neurons: Sequence[int]) -> IntegerNetwork:
+    """Return the network whose memory images are ``weights`` and ``neurons``."""
+    rows = np.array([_unpacked(word, config.weight_bits, config.lanes) for word in weights])
+    rows = rows.reshape(config.hidden + config.inputs, -1)[:, : config.hidden]
+    table = np.array([_unpacked(word, config.neuron_bits, 1) for word in neurons]).reshape(
+        -1, 1 << config.neuron_row_bits
+    )
+    hidden, classes = config.hidden, config.classes
+    return IntegerNetwork(
+        config,
+        w_in=rows[hidden:],
+        w_rec=rows[:hidden],
+        w_out=table[:hidden, :classes],
+        b_hidden=table[:hidden, classes],
+        b_out=table[:classes, classes + 1],
+    )
+
+
 def write_images(network: IntegerNetwork, folder: Path, name: str) -> list[Path]:
     """Write both memory images for ``$readmemh``, one word per line, and return their paths."""
     config, paths = network.config, []
@@ -145,3 +164,9 @@ def _packed(values: list[int], bits: int) -> int:
     """Pack signed numbers into one word, the first in the least significant bits."""
     mask = (1 << bits) - 1
     return sum((value & mask) << number * bits for number, value in enumerate(values))
+
+
+def _unpacked(word: int, bits: int, count: int) -> list[int]:
+    """Return the signed numbers of a word, the first from the least significant bits."""
+    parts = [word >> number * bits & (1 << bits) - 1 for number in range(count)]
+    return [part - (part >> bits - 1 << bits) for part in parts]

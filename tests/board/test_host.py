@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import threading
 import tty
 from collections.abc import Callable, Iterator
@@ -32,10 +33,10 @@ from eskin.board.records import (
     Reason,
     Record,
     RecordReader,
+    RecordWriter,
     Refused,
     Tag,
     Words,
-    encode,
 )
 from eskin.board.serial_frames import FLAG, Damaged, Frame, FrameReader, Kind
 from eskin.board.session import Received, foreign_events, listen, observed_clocks
@@ -55,7 +56,7 @@ RECORDS = st.one_of(
 
 
 def packed(records: list[Record]) -> bytes:
-    return b"".join(word.to_bytes(4, "little") for word in encode(records))
+    return b"".join(word.to_bytes(4, "little") for word in RecordWriter().feed(records))
 
 
 # -- frames and records ------------------------------------------------------------------------------
@@ -372,8 +373,9 @@ def test_the_page_shows_what_came() -> None:
     import urllib.error
     import urllib.request
 
-    view = View(16, 100, 1e6, ("wood", "wool"))
-    view([Event(250, 3), Event(260, 3), Event(330, 12), Class(400, 1, False, (-4, 9)), Lost(2)])
+    view = View(ReadoutConfig(rows=2, columns=4), 1e6, 0.036, ("wood", "wool"), 300)
+    events = [(250, 3, 0, True), (260, 3, 0, True), (330, 0, 1, False)]
+    view([Class(400, 1, False, (-4, 9)), Lost(2)], events, 0.002)
     server = serve(view, 0)
     try:
         place = f"http://127.0.0.1:{server.server_port}/"
@@ -387,12 +389,17 @@ def test_the_page_shows_what_came() -> None:
     finally:
         server.shutdown()
         server.server_close()
-    assert said["steps"] == [[2, [[3, 2]]], [3, [[12, 1]]]]
+    assert said["steps"] == [[2, [[7, 2]]], [3, [[8, 1]]]]
+    assert view.state(said["number"], since=3)["steps"] == [[3, [(8, 1)]]]
     assert (said["class"], said["evidence"], said["events"], said["lost"]) == ("wool", [-4, 9], 3, 2)
+    assert said["class_latency_s"] == [101e-6, 101e-6]
+    assert said["host_latency_s"] == [0.002, 0.002]
     assert "http" not in page.replace("http-equiv", "")
-    assert [line.rstrip()[-2:] for line in view.raster(4)] == [":", "", "", "."] or view.raster(4)[0][-2:] == ": "
-    view([Event(5, 0)])  # a board that was reset: the raster begins anew
-    assert [line[-1] for line in view.raster(4)] == [".", " ", " ", " "]
+    assert not re.findall("%[a-z]+%", page)  # all colours are there
+    assert [row[-2:] for row in view.raster(8, columns=360)] == ["  ", "  ", "  ", ": ", " .", "  ", "  ", "  "]
+    view([], [(5, 0, 0, True)])  # a board that was reset: the raster begins anew
+    assert [row[-1] for row in view.raster(4)] == [".", " ", " ", " "]
+    assert view.state(said["number"])["number"] > said["number"]
 
 
 @pytest.mark.parametrize(

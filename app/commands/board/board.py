@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,19 +20,26 @@ from eskin.model.config import ReadoutConfig
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from http.server import ThreadingHTTPServer
 
+    from eskin.board.link import Link
     from eskin.board.live import View
     from eskin.board.records import Record
+    from eskin.board.session import Received
+    from eskin.board.udp import UdpSender
 
 BAUD = 2_000_000
 Port = Annotated[str, typer.Option(help="serial port of the board, as /dev/ttyUSB0")]
 Baud = Annotated[int, typer.Option(min=1, help="bits per second of the board")]
 Page = Annotated[int | None, typer.Option(metavar="PORT", help="also show a live page in a browser on this machine")]
+Udp = Annotated[str | None, typer.Option(metavar="HOST:PORT", help="also send every event there, in jAER's UDP format")]
 Patience = Annotated[
     float, typer.Option(metavar="SECONDS", min=0.1, help="seconds of silence after which the board counts as lost")
 ]
 NETWORK = typer.Argument(metavar="INTEGER.npz", help="integer network, from eskin quantise")
 RASTER_LINES = 16
+WINDOW_S = 3.0
+"""Time that the raster of a foreign chip shows."""
 
 
 def play(
@@ -44,6 +52,7 @@ def play(
     limit: Annotated[int | None, typer.Option(min=1, help="number of sample ticks [all]")] = None,
     check: Annotated[bool, typer.Option(help="compare events and classes with the model")] = True,
     page: Page = None,
+    udp: Udp = None,
     baud: Baud = BAUD,
     patience: Patience = 3.0,
     out: Annotated[Path, typer.Option("-o", "--out", help="file for the events"), WRITES_FILE] = Path("out/played.npz"),
@@ -54,6 +63,7 @@ def play(
     """
     from eskin.board import session
     from eskin.board.config import BoardConfig
+    from eskin.board.demo import piece_of
     from eskin.board.live import View
     from eskin.board.stimulus import codes_to_play
     from eskin.model.classifier.file import IntegerWeights
@@ -64,12 +74,16 @@ def play(
     chip = session.chip_of(network, weights)
     name, codes = codes_to_play(network, chip.readout, samples=samples, recordings=data, dataset=dataset, only=only)
     codes = codes[:limit]
-    view = View(chip.classifier.inputs, chip.classifier.clocks_per_bin, chip.clock_hz, network.class_names)
+    piece = piece_of(name, codes, chip.readout)
+    view = View(chip.readout, chip.clock_hz, piece.seconds, network.class_names, chip.classifier.clocks_per_bin)
+    view.begin(piece, piece.seconds)
     received = session.Received(session.player_events(chip))
     with _link(port, received, baud, patience) as link:
         link.hello("player", BoardConfig(chip=chip))
-        with session.recording(out, chip.readout, {"name": name, "board": port}, received), _shown(view, page) as look:
-            received.watch = look
+        with (
+            session.recording(out, chip.readout, {"name": name, "board": port}, received),
+            _shown(view, page, udp, received, link),
+        ):
             session.load(link, network)
             received.observed = session.play(link, chip, codes)
     found = (
@@ -88,6 +102,7 @@ def listen(
     port: Port,
     seconds: Annotated[float | None, typer.Option(min=0.0, help="duration of the recording [until Ctrl-C]")] = None,
     page: Page = None,
+    udp: Udp = None,
     baud: Baud = BAUD,
     patience: Patience = 3.0,
     out: Annotated[Path, typer.Option("-o", "--out", help="file for the events"), WRITES_FILE] = Path("out/heard.npz"),
@@ -99,14 +114,12 @@ def listen(
     from eskin.board import session
     from eskin.board.live import View
 
-    addresses = 1 << config.event_bits
     received = session.Received(session.foreign_events(config), keep=False)
     with _link(port, received, baud, patience) as link:
         clock_hz = link.hello("receiver")["clock_hz"]
         fits = session.foreign_config(config, clock_hz)
-        view = View(addresses, clock_hz // 100, clock_hz)
-        with session.recording(out, fits, {"board": port}, received), _shown(view, page) as look:
-            received.watch = look
+        view = View(config, clock_hz, WINDOW_S)
+        with session.recording(out, fits, {"board": port}, received), _shown(view, page, udp, received, link):
             session.listen(link, received, seconds)
             received.observed = session.observed_clocks(received)
     print(printable(f"{received.count} events in {received.observed / clock_hz:.3f} s; {out}"))
@@ -149,30 +162,52 @@ def _link(port: str, sink: Callable[[list[Record]], object], baud: int, patience
 
 
 @contextmanager
-def _shown(view: View, page: int | None) -> Iterator[Callable[[list[Record]], object]]:
-    """Yield a viewer of records: in the terminal, if there is one, and optionally in a browser."""
+def served(view: View, port: int, option: str = "--page") -> Iterator[ThreadingHTTPServer]:
+    """Yield a server of the live page."""
     from eskin.board.live import serve
 
-    server = None if page is None else serve(view, page)
-    if server:
-        print(f"http://127.0.0.1:{server.server_port}/", file=sys.stderr, flush=True)
+    server = serve(view, port, option)
     try:
-        if not watched():
-            yield view
-            return
-        from rich.console import Console, Group
-        from rich.live import Live
-        from rich.text import Text
-
-        def picture() -> Group:
-            said = view.state()
-            facts = f"{said['seconds']:.3f} s, {said['events']} events, {said['bins']} bins, {said['lost']} lost"
-            words = f"class {said['class']}; " if said["class"] is not None else ""
-            return Group(*map(Text, view.raster(RASTER_LINES)), Text(words + facts))
-
-        with Live(get_renderable=picture, console=Console(stderr=True), refresh_per_second=10):
-            yield view
+        yield server
     finally:
-        if server:
-            server.shutdown()
-            server.server_close()
+        server.shutdown()
+        server.server_close()
+
+
+@contextmanager
+def sending(udp: str | None, clock_hz: float) -> Iterator[UdpSender | None]:
+    """Yield a sender of events over UDP; None without a destination."""
+    from eskin.board.udp import UdpSender
+
+    if udp is None:
+        yield None
+        return
+    sender = UdpSender(udp, clock_hz)
+    try:
+        yield sender
+    finally:
+        sender.close()
+
+
+@contextmanager
+def _shown(view: View, page: int | None, udp: str | None, received: Received, link: Link) -> Iterator[None]:
+    """Show what the board sends: in the terminal, if there is one, and optionally in a browser and over UDP."""
+    received.watch = lambda records, events: view(records, events, time.monotonic() - link.arrived)
+    with ExitStack() as stack:
+        view.sender = received.forward = stack.enter_context(sending(udp, view.clock_hz))
+        if page is not None:
+            server = stack.enter_context(served(view, page))
+            print(f"http://127.0.0.1:{server.server_port}/", file=sys.stderr, flush=True)
+        if watched():
+            from rich.console import Console, Group
+            from rich.live import Live
+            from rich.text import Text
+
+            def picture() -> Group:
+                said = view.state()
+                facts = f"{said['seconds']:.3f} s, {said['events']} events, {view.bins} bins, {said['lost']} lost"
+                words = f"class {said['class']}; " if said["class"] is not None else ""
+                return Group(*map(Text, view.raster(RASTER_LINES)), Text(words + facts))
+
+            stack.enter_context(Live(get_renderable=picture, console=Console(stderr=True), refresh_per_second=10))
+        yield

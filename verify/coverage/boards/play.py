@@ -13,8 +13,8 @@ from amaranth.back import rtlil
 from numpy.typing import NDArray
 
 from eskin.board.config import BoardConfig, SerialConfig
-from eskin.board.gateware.recorder import hello_values
 from eskin.board.gateware.top import TOP, Board
+from eskin.board.records import hello_values
 from eskin.board.session import weight_frames
 from eskin.cocotb_tests.bench.chip import network_of
 from eskin.cocotb_tests.runner import simulator

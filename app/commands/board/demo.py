@@ -1,0 +1,76 @@
+"""The command demo: a simulated board and its live page (docs/guide/demo.md)."""
+
+from __future__ import annotations
+
+import os
+import sys
+import webbrowser
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from eskin.app.cli import printable
+from eskin.app.commands.board.board import Udp, sending, served
+from eskin.app.options import with_fields
+from eskin.model.config import ReadoutConfig
+
+if TYPE_CHECKING:
+    from eskin.board.demo import Played
+
+HOLD_S = 1.5
+"""How long a result stands before the next recording begins."""
+
+
+@with_fields(ReadoutConfig, ("encoding", "resolution", "sample_rate_hz"), "readout")
+def demo(
+    source: Annotated[
+        Path | None,
+        typer.Argument(metavar="[INPUT]", help="image, recording, or folder of either in class folders [embedded]"),
+    ] = None,
+    weights: Annotated[
+        Path | None, typer.Option(metavar="INTEGER.npz", help="integer network, from eskin quantise [embedded]")
+    ] = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="port of the live page; 0 for any free port")] = 8000,
+    browser: Annotated[bool, typer.Option(help="open the page in a browser")] = True,
+    udp: Udp = None,
+    speed: Annotated[
+        float | None, typer.Option(min=1e-4, help="recorded seconds per second [1, slower for short ones]")
+    ] = None,
+    only: Annotated[str | None, typer.Option(help="image or recording, by name")] = None,
+    limit: Annotated[int | None, typer.Option(min=1, help="number of images or recordings [until Ctrl-C]")] = None,
+    readout: dict[str, Any] | None = None,
+) -> None:
+    """Show the skin at work on a live page: a simulated board plays textures, or your image or recordings.
+
+    Images pass readout and classifier, recordings too with --weights. Without, the page shows their events.
+    """
+    from eskin.board import demo as player
+
+    show = player.show_of(source, weights, only, readout)
+    view = player.new_view(show)
+    found: list[Played] = []
+    with sending(udp, view.clock_hz) as sender, served(view, port, "--port") as server:
+        address = f"http://127.0.0.1:{server.server_port}/"
+        print(f"{address} shows the skin; Ctrl-C ends", flush=True)
+        print("preparing the model: half a minute the first time", file=sys.stderr, flush=True)
+        if browser and (sys.platform in ("darwin", "win32") or {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ)):
+            webbrowser.open(address)
+        try:
+            for one in player.play(show, view, speed, sender, HOLD_S):
+                found.append(one)
+                print(printable(_line(one)), flush=True)
+                if len(found) == limit:
+                    break
+        except KeyboardInterrupt:
+            print(file=sys.stderr)
+    known = [one for one in found if one.truth is not None and one.found is not None]
+    right = f", {sum(one.truth == one.found for one in known)} of {len(known)} classes right" if known else ""
+    print(f"played {len(found)} recordings{right}")
+
+
+def _line(one: Played) -> str:
+    if one.found is None:
+        return f"{one.name}: {one.events} events"
+    verdict = "" if one.truth is None else ", right" if one.truth == one.found else f", wrong: it is {one.truth}"
+    return f"{one.name}: {one.found}{verdict}; {one.events} events"

@@ -1,0 +1,312 @@
+"""A demo without hardware: a simulated board plays textures or a user's file to the live page (docs/guide/demo.md)."""
+
+from __future__ import annotations
+
+import base64
+import io
+import itertools
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eskin.base.errors import InputError
+from eskin.board import session
+from eskin.board.config import ADDRESS_BITS, BoardConfig, SerialConfig
+from eskin.board.link import Link
+from eskin.board.live import Piece, View
+from eskin.board.simulated import SimulatedPlayer, SimulatedReceiver
+from eskin.board.stimulus import recordings_of, textures_of
+from eskin.board.udp import UdpSender
+from eskin.model.address_events import Events
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.file import IntegerWeights
+from eskin.model.config import ReadoutConfig
+from eskin.skin.encode import IMAGE_SUFFIXES, read_image
+from eskin.skin.samples import ARRAY_SUFFIXES
+from eskin.skin.textures.dataset import EMBEDDED
+from eskin.skin.textures.physical import PhysicalScan, large_enough
+from eskin.skin.textures.presets import preset
+
+NETWORK = "classifier/networks/embedded/fold-1.npz"
+"""Of the package ``model``; the embedded textures that it has not learned are played."""
+
+LEAST_S = 6.0
+"""A shorter recording is slowed down to take so long."""
+
+MOST_WINDOW_S = 10.0
+PATIENCE_S = 120.0
+"""How long the model may compute before its board says something."""
+
+BUFFER_BYTES = 1 << 22
+"""Of the simulated board: a whole recording is sent ahead."""
+
+POINTS, LINES = 400, 64
+"""Of the signals on the page, at most."""
+
+
+@dataclass(frozen=True)
+class Show:
+    """What is played, and by which chip.
+
+    Attributes
+    ----------
+    config : ReadoutConfig
+    network : IntegerWeights or None
+        Without one events are shown and no class.
+    names : list of str
+        In the order in which they are played.
+    load : callable
+        Gives the codes of a name, shape (ticks, taxels), and what the page shows of it.
+    """
+
+    config: ReadoutConfig
+    network: IntegerWeights | None
+    names: list[str]
+    load: Callable[[str], tuple[NDArray[Any], Piece]]
+
+    @property
+    def chip(self) -> ChipConfig | None:
+        """Readout and classifier, where there is a network."""
+        return session.chip_of(self.network) if self.network else None
+
+
+@dataclass(frozen=True)
+class Played:
+    """What came out for one name: its class, if it is known, the class that was found, and the events."""
+
+    name: str
+    truth: str | None
+    found: str | None
+    events: int
+
+
+# -- what is played ----------------------------------------------------------------------------------
+
+
+def show_of(
+    source: Path | None, weights: Path | None, only: str | None = None, readout: Mapping[str, Any] | None = None
+) -> Show:
+    """Return what a demo plays.
+
+    Parameters
+    ----------
+    source : Path, optional
+        An image, a recording, or a folder of either in class folders; by default the embedded textures.
+    weights : Path, optional
+        Integer network; by default the embedded one for images, and none for recordings.
+    only : str, optional
+        One name of a folder.
+    readout : mapping of str to object, optional
+        Fields of the readout of recordings without a network.
+    """
+    if source is not None and not source.exists():
+        raise InputError(f"{source} does not exist; give an image, a recording, or a folder of them")
+    recordings = source is not None and _holds_recordings(source)
+    if readout and (weights or not recordings):
+        name = next(iter(readout))
+        raise InputError(f"{name} is that of the network; leave it out, or play a recording without --weights")
+    if recordings and weights is None:
+        assert source is not None
+        return _events_of(source, only, readout or {})
+    if weights is None:
+        with resources.as_file(resources.files("eskin.model").joinpath(NETWORK)) as path:
+            network = IntegerWeights.load(path)
+    else:
+        network = IntegerWeights.load(weights)
+    config = session.chip_of(network, weights).readout
+    if recordings:
+        assert source is not None
+        found = recordings_of(network, config, source)
+        names, load = _recordings(found.sources, found.codes, config)
+    else:
+        names, load = _images(network, config, source)
+    return Show(config, network, _chosen(names, only), load)
+
+
+def _holds_recordings(source: Path) -> bool:
+    if not source.is_dir():
+        return source.suffix.lower() not in IMAGE_SUFFIXES
+    return any(path.suffix.lower() in ARRAY_SUFFIXES for path in source.rglob("*"))
+
+
+def _chosen(names: dict[str, str | None], only: str | None) -> list[str]:
+    """Return names in turns of their classes, or the one that is wanted."""
+    if only is not None:
+        if only not in names:
+            raise InputError(f"there is no {only!r}; one of them is {next(iter(names))}")
+        return [only]
+    classes: dict[str | None, list[str]] = {}
+    for name, truth in names.items():
+        classes.setdefault(truth, []).append(name)
+    return [name for turn in itertools.zip_longest(*classes.values()) for name in turn if name is not None]
+
+
+def _events_of(source: Path, only: str | None, readout: Mapping[str, Any]) -> Show:
+    """Return recordings without a network: their files say array and rate."""
+    from eskin.skin.recordings.folder import read_set
+    from eskin.skin.recordings.options import Preparation
+
+    found = read_set(source, Preparation(baseline="first"), ReadoutConfig(**readout), readout, flat=True)
+    if found.config.event_bits > ADDRESS_BITS:
+        raise InputError(
+            f"a board's records hold addresses of {ADDRESS_BITS} bits, {found.config.rows} x {found.config.columns} "
+            f"taxels of {found.config.encoding} have {found.config.event_bits}; play fewer taxels"
+        )
+    names, load = _recordings(found.sources, found.codes, found.config)
+    return Show(found.config, None, _chosen(names, only), load)
+
+
+def _recordings(
+    sources: Sequence[Any], codes: Sequence[NDArray[Any]], config: ReadoutConfig
+) -> tuple[dict[str, str | None], Callable[[str], tuple[NDArray[Any], Piece]]]:
+    """Return the names of recordings with their classes, and what loads one."""
+    names = {source.name: source.class_name for source in sources}
+    at = {source.name: number for number, source in enumerate(sources)}
+    return names, lambda name: (codes[at[name]], piece_of(name, codes[at[name]], config, names[name]))
+
+
+def _images(
+    network: IntegerWeights, config: ReadoutConfig, source: Path | None
+) -> tuple[dict[str, str | None], Callable[[str], tuple[NDArray[Any], Piece]]]:
+    """Return the names of images with their classes, and what scans one."""
+    if source is not None and not source.is_dir():
+        names: dict[str, str | None] = {source.name: None}
+        read: Callable[[str], NDArray[Any]] = lambda name: read_image(source)  # noqa: E731
+    else:
+        data, unseen = textures_of(network, str(source) if source else EMBEDDED)
+        images = {texture.name: texture for texture in data if texture.name in unseen}
+        names = {
+            name: one.class_name if one.class_name in network.class_names else None for name, one in images.items()
+        }
+        read = lambda name: images[name].load()  # noqa: E731
+    if (used := network.notes["training"]["preset"]) is None:
+        raise InputError("these weights were trained on recordings; give a folder of recordings to play")
+    scan = preset(used)
+
+    def load(name: str) -> tuple[NDArray[Any], Piece]:
+        image = read(name)
+        image = large_enough(image, config) if source is None else image
+        codes, _ = scan.samples(config, image, 0.0)
+        picture = picture_of(image, scan, config) if isinstance(scan, PhysicalScan) else None
+        return codes, replace(piece_of(name, codes, config, names[name]), picture=picture)
+
+    return names, load
+
+
+def piece_of(name: str, codes: NDArray[Any], config: ReadoutConfig, truth: str | None = None) -> Piece:
+    """Return what the page shows of codes, shape (ticks, taxels)."""
+    ticks = codes[:: max(-(-len(codes) // POINTS), 1), :: max(-(-codes.shape[1] // LINES), 1)]
+    signals = np.round(ticks / config.full_scale, 4)
+    return Piece(name=name, truth=truth, seconds=len(codes) / config.sample_rate_hz, signals=signals.T.tolist())
+
+
+def picture_of(image: NDArray[Any], scan: PhysicalScan, config: ReadoutConfig) -> dict[str, Any]:
+    """Return an image and the array on it, as the page shows them."""
+    from PIL import Image
+
+    data = io.BytesIO()
+    Image.fromarray(np.clip(image, 0, 255).astype(np.uint8)).save(data, "png")
+    pitch = scan.taxel_pitch_px
+    return {
+        "url": f"data:image/png;base64,{base64.b64encode(data.getvalue()).decode()}",
+        "width": image.shape[1],
+        "height": image.shape[0],
+        "left": 0,
+        "top": 0,
+        "wide": (config.columns - 1) * pitch,
+        "high": (config.rows - 1) * pitch,
+        "px_per_s": scan.speed_m_per_s / scan.pixel_pitch_m,
+    }
+
+
+# -- playing -----------------------------------------------------------------------------------------
+
+
+def new_view(show: Show) -> View:
+    """Return what shows a demo."""
+    chip = show.chip
+    if chip is None:
+        return View(show.config, SerialConfig().clock_hz, 1.0)
+    assert show.network is not None
+    return View(show.config, chip.clock_hz, 1.0, show.network.class_names, chip.classifier.clocks_per_bin)
+
+
+def play(
+    show: Show, view: View, speed: float | None = None, sender: UdpSender | None = None, hold_s: float = 0.0
+) -> Iterator[Played]:
+    """Play all names, again and again, and yield what came out for each.
+
+    Parameters
+    ----------
+    show : Show
+    view : View
+    speed : float, optional
+        Seconds of the skin in a second; by default real time, or slower for a short recording.
+    sender : UdpSender, optional
+        Where events go, too.
+    hold_s : float
+        Pause behind each.
+    """
+    view.sender = sender
+    play_one = _with_network if show.network else _without_network
+    for name in itertools.cycle(show.names):
+        codes, piece = show.load(name)
+        piece = replace(piece, speed=speed or min(1.0, piece.seconds / LEAST_S))
+        view.begin(piece, min(piece.seconds, MOST_WINDOW_S))
+        yield play_one(show, view, codes, sender)
+        if sender:
+            sender.begins_us += round(piece.seconds * 1e6)
+        time.sleep(hold_s)
+
+
+@contextmanager
+def _linked(board: SimulatedPlayer | SimulatedReceiver, view: View, received: session.Received) -> Iterator[Link]:
+    with board, Link(board.port, received, patience_s=PATIENCE_S) as link:
+        received.watch = lambda records, events: view(records, events, time.monotonic() - link.arrived)
+        link.hello(board.config.design, board.config)
+        yield link
+
+
+def _with_network(show: Show, view: View, codes: NDArray[Any], sender: UdpSender | None) -> Played:
+    chip, network = show.chip, show.network
+    assert chip is not None
+    assert network is not None
+    board = SimulatedPlayer(BoardConfig(chip=chip, serial=SerialConfig(buffer_bytes=BUFFER_BYTES)), view.piece.speed)
+    received = session.Received(session.player_events(chip), forward=sender, keep=False)
+    with _linked(board, view, received) as link:
+        session.load(link, network)
+        session.play(link, chip, codes)
+    found = network.class_names[received.classes[-1].winner] if received.classes else None
+    return Played(view.piece.name, view.piece.truth, found, received.count)
+
+
+def _without_network(show: Show, view: View, codes: NDArray[Any], sender: UdpSender | None) -> Played:
+    from eskin.model.readout import Stimulus, simulate  # compiles the model
+
+    config = BoardConfig(chip=None)
+    events = simulate(show.config, Stimulus.from_samples(show.config, codes))
+    records = foreign_records(show.config, events, config.serial.clock_hz)
+    board = SimulatedReceiver(config, records, view.piece.speed)
+    received = session.Received(session.foreign_events(show.config), forward=sender, keep=False)
+    with _linked(board, view, received) as link:
+        if session.listen(link, received, view.piece.seconds / view.piece.speed):
+            raise KeyboardInterrupt
+        while received.count < len(records):  # a busy machine is late
+            link.receive()
+    return Played(view.piece.name, view.piece.truth, None, received.count)
+
+
+def foreign_records(config: ReadoutConfig, events: Events, clock_hz: float) -> list[tuple[int, int]]:
+    """Return clock and address {polarity, row, column} of events, as the receiver of a board takes them."""
+    above = events["p"].astype(np.int64) if config.has_polarity else np.zeros(len(events), np.int64)
+    rows, columns = events["y"].astype(np.int64), events["x"].astype(np.int64)
+    addresses = (above << config.row_bits | rows) << config.column_bits | columns
+    clocks = np.round(events["t"] * (clock_hz / config.clock_hz)).astype(np.int64)
+    return list(zip(clocks.tolist(), addresses.tolist(), strict=True))

@@ -1,0 +1,291 @@
+"""A board without hardware: the golden model behind the board's own protocol, at a pseudo-terminal."""
+
+from __future__ import annotations
+
+import math
+import os
+import select
+import threading
+import time
+import tty
+from collections import deque
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eskin.board.config import BoardConfig
+from eskin.board.records import (
+    STATUS_WORDS,
+    Ack,
+    Class,
+    Event,
+    Reason,
+    Record,
+    RecordWriter,
+    Refused,
+    Tag,
+    Words,
+    hello_values,
+)
+from eskin.board.serial_frames import MOST_PAYLOAD, Damaged, Frame, FrameReader, Kind
+from eskin.model.classifier.chip import channels_of, simulate_chip
+from eskin.model.classifier.chip_config import ChipConfig
+from eskin.model.classifier.file import network_of
+
+IDLE_S = 0.02
+"""The host has sent all that it wants to send when nothing comes for so long."""
+
+NAP_S = 0.001
+AT_ONCE = 4096
+"""Records that are sent before the board looks for frames again."""
+
+WORDS_OF_A_FRAME = MOST_PAYLOAD // 4
+WEIGHT_HEAD = 3
+
+
+class SimulatedBoard:
+    """Answer a host as a board does, from a thread of its own; ``with`` starts and ends it.
+
+    Parameters
+    ----------
+    config : BoardConfig
+        Its buffer is that of the serial line: a host sends so many bytes ahead.
+    clock_hz : float
+        Clock of the times in the records.
+    speed : float, optional
+        Seconds of the records in a second of the host; by default everything is sent at once.
+
+    Attributes
+    ----------
+    port : str
+        Name of the pseudo-terminal, for ``Link``.
+    """
+
+    def __init__(self, config: BoardConfig, clock_hz: float, speed: float | None = None) -> None:
+        self.config = config
+        self.clocks_per_s = math.inf if speed is None else speed * clock_hz
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        self.port = os.ttyname(self._slave)
+        self._origin = (0.0, 0)
+        self._ending = False
+        self._frames: deque[Frame | Damaged] = deque()
+        self._out: deque[tuple[int, Record]] = deque()  # what is sent, and the clock from which on it is
+        self._expected = self._sequence = self.taken = 0
+        self._begin()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self) -> SimulatedBoard:
+        self._thread.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._ending = True
+        self._thread.join()
+        os.close(self._master)
+        os.close(self._slave)
+
+    # -- what the two designs do -----------------------------------------------------------------
+
+    def carry_out(self, frame: Frame) -> None:
+        """Do what a frame asks for, and acknowledge it."""
+        raise NotImplementedError
+
+    def may(self, frame: Frame) -> bool:
+        """Return whether a frame can be carried out now."""
+        return True
+
+    def finish(self) -> None:
+        """Work out what the frames of the last time asked for; nothing more has come."""
+
+    # -- the line --------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        reader = FrameReader()
+        while not self._ending:
+            wait = IDLE_S
+            if self._out:
+                left = (self._out[0][0] - self._now()) / self.clocks_per_s if self.clocks_per_s < math.inf else 0.0
+                wait = min(max(left, NAP_S), IDLE_S)
+            if select.select([self._master], [], [], wait)[0]:
+                self._frames.extend(reader.feed(os.read(self._master, 1 << 16)))
+            elif not self._out:
+                self.finish()
+            while self._frames and self._take(self._frames[0]):
+                self._frames.popleft()
+            self._send_due()
+
+    def _take(self, frame: Frame | Damaged) -> bool:
+        """Carry out a frame; return False where it has to wait."""
+        if isinstance(frame, Damaged):
+            self._say([Refused(0, self._expected, Reason.DAMAGED)])
+        elif frame.kind == Kind.HELLO:
+            self._begin()
+            self._say([Words(Tag.HELLO, hello_values(self.config))])
+        elif frame.sequence != self._expected:
+            self._say([Refused(frame.sequence, self._expected, Reason.SEQUENCE)])
+        elif not self.may(frame):
+            return False
+        else:
+            self._expected = (self._expected + 1) % 256
+            self.taken += 1
+            self.carry_out(frame)
+        return True
+
+    def _begin(self) -> None:
+        """Begin a session."""
+        self._expected, self._sequence, self.taken = 1, 0, 0
+        self._writer = RecordWriter()
+        self._out.clear()
+
+    def _refuse(self, frame: Frame) -> None:
+        self._say([Refused(frame.sequence, frame.sequence, Reason.UNKNOWN)])
+
+    def _restart_at(self, clock: int) -> None:
+        """Let the time go on from a clock."""
+        self._origin = (time.monotonic(), clock)
+
+    def _now(self) -> float:
+        begun, clock = self._origin
+        return math.inf if self.clocks_per_s == math.inf else clock + (time.monotonic() - begun) * self.clocks_per_s
+
+    def _send_due(self) -> None:
+        now = self._now()
+        records: list[Record] = []
+        while self._out and self._out[0][0] <= now and len(records) < AT_ONCE:
+            records.append(self._out.popleft()[1])
+        if records:
+            self._say(records)
+
+    def _say(self, records: list[Record]) -> None:
+        """Send records now."""
+        words = self._writer.feed(records)
+        frames = bytearray()
+        for at in range(0, len(words), WORDS_OF_A_FRAME):
+            payload = b"".join(word.to_bytes(4, "little") for word in words[at : at + WORDS_OF_A_FRAME])
+            frames += Frame(Kind.RECORDS, self._sequence, payload).encode()
+            self._sequence = (self._sequence + 1) % 256
+        while frames and not self._ending:
+            if select.select([], [self._master], [], IDLE_S)[1]:
+                del frames[: os.write(self._master, frames)]
+
+    def _status(self, clock: int, **counts: int) -> Words:
+        low, high = clock & 0xFFFFFFFF, clock >> 32
+        values = dict.fromkeys(STATUS_WORDS, 0) | {"time_low": low, "time_high": high, "taken": self.taken}
+        return Words(Tag.STATUS, values | counts)
+
+
+class SimulatedPlayer(SimulatedBoard):
+    """A player whose readout and classifier are the golden models, with the weights and samples of the host.
+
+    Samples may come from ``RESTART`` on until the first ``RUN``.
+
+    Parameters
+    ----------
+    config : BoardConfig
+    speed : float, optional
+    """
+
+    def __init__(self, config: BoardConfig, speed: float | None = None) -> None:
+        assert config.chip is not None
+        self.chip: ChipConfig = config.chip
+        classifier = self.chip.classifier
+        self._memories = ([0] * classifier.weight_words, [0] * classifier.neuron_words)
+        self._reset()
+        super().__init__(config, self.chip.clock_hz, speed)
+
+    def _reset(self) -> None:
+        self._samples, self._run_clocks, self._done = bytearray(), 0, 0
+        self._acks: list[tuple[int, Record]] = []
+        self._counts: dict[str, int] = {}
+
+    def may(self, frame: Frame) -> bool:
+        """Return whether what was asked for before is done."""
+        return frame.kind in (Kind.SAMPLES, Kind.RUN) or not (self._acks or self._out)
+
+    def carry_out(self, frame: Frame) -> None:
+        """Do what a frame asks for."""
+        ack = Ack(frame.sequence)
+        if frame.kind == Kind.SAMPLES and not self._run_clocks:
+            self._samples += frame.payload
+            self._acks.append((max(self._clocks - self.chip.readout.clocks_per_sample, 0), ack))
+        elif frame.kind == Kind.RUN:
+            self._run_clocks += int.from_bytes(frame.payload, "little")
+            self._acks.append((self._clocks, ack))
+        elif frame.kind in (Kind.RESTART, Kind.WEIGHTS):
+            self._reset()
+            self._restart_at(0)
+            if frame.kind == Kind.WEIGHTS:
+                self._load(frame.payload)
+            self._say([ack])
+        elif frame.kind == Kind.STATUS:
+            self._say([self._status(self._done, **self._counts), ack])
+        else:
+            self._refuse(frame)
+
+    def _load(self, payload: bytes) -> None:
+        size, at = self.config.word_bytes, int.from_bytes(payload[1:WEIGHT_HEAD], "little")
+        for place in range(WEIGHT_HEAD, len(payload), size):
+            self._memories[payload[0]][at] = int.from_bytes(payload[place : place + size], "little")
+            at += 1
+
+    @property
+    def _ticks(self) -> int:
+        return len(self._samples) // (2 * self.chip.readout.taxels)
+
+    @property
+    def _clocks(self) -> int:
+        return self._ticks * self.chip.readout.clocks_per_sample + self._run_clocks
+
+    def finish(self) -> None:
+        """Work out what happens up to the last clock that the host gave; what is before it does not change."""
+        if not self._acks:
+            return
+        chip, clocks = self.chip, self._clocks
+        whole = bytes(self._samples[: self._ticks * 2 * chip.readout.taxels])
+        samples: NDArray[np.int32] = np.frombuffer(whole, "<i2").reshape(-1, chip.readout.taxels).astype(np.int32)
+        run = simulate_chip(chip, network_of(chip.classifier, *self._memories), samples, clocks)
+        channels = channels_of(chip, run.events).tolist()
+        made: list[tuple[int, Record]] = [
+            (time, Event(time, channel)) for time, channel in zip(run.events["t"].tolist(), channels, strict=True)
+        ]
+        late = min(run.classifier.overruns, default=clocks)
+        for valid, one in zip(run.classifier.valid, run.classifier.bins, strict=True):
+            made.append((valid, Class(valid, one.winner, valid > late, tuple(one.evidence.tolist()))))
+        made = [(time, record) for time, record in made if self._done <= time < clocks]
+        self._restart_at(self._done)
+        self._out.extend(sorted([*made, *self._acks], key=lambda item: item[0]))
+        self._counts = {"events": len(channels), "bins": len(run.classifier.bins), "stalls": run.classifier.stalled}
+        self._done, self._acks = clocks, []
+
+
+class SimulatedReceiver(SimulatedBoard):
+    """A receiver at whose pins a foreign chip sends given events, from every ``RESTART`` on.
+
+    Parameters
+    ----------
+    config : BoardConfig
+    events : sequence of (clock, address)
+        Clocks are those of the board.
+    speed : float, optional
+    """
+
+    def __init__(self, config: BoardConfig, events: list[tuple[int, int]], speed: float | None = None) -> None:
+        self.events = events
+        super().__init__(config, config.serial.clock_hz, speed)
+
+    def carry_out(self, frame: Frame) -> None:
+        """Do what a frame asks for; the time does not wait for it."""
+        if frame.kind == Kind.RESTART:
+            self._restart_at(0)
+            self._out = deque((time, Event(time, address)) for time, address in self.events)
+        elif frame.kind == Kind.STATUS:
+            last = self.events[-1][0] + 1 if self.events else 0
+            clock = last if self.clocks_per_s == math.inf else int(self._now())
+            self._say([self._status(clock, events=len(self.events) - len(self._out))])
+        else:
+            self._refuse(frame)
+            return
+        self._say([Ack(frame.sequence)])

@@ -1,0 +1,125 @@
+"""Events over UDP as they come, in the datagrams of jAER's unicast network format (docs/reference/udp.md)."""
+
+from __future__ import annotations
+
+import socket
+import struct
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eskin.base.errors import InputError
+
+PORT = 8991
+"""jAER's default port for unicast events."""
+
+MOST_EVENTS = 183
+"""Events of a datagram, so that it fits a frame of Ethernet: (1500 - 28 bytes of headers - 4) / 8."""
+
+LAST_COLUMN = 127
+"""Of the 128 x 128 addresses of a DVS128, whose columns are counted from the right."""
+
+MOST_NUMBER = (1 << 31) - 1
+AddressEvent = tuple[int, int, int, bool]
+
+
+def parse_destination(text: str) -> tuple[str, int]:
+    """Return host and port of ``HOST:PORT``, or of ``HOST`` with jAER's port.
+
+    Raises
+    ------
+    InputError
+        If the port is no number of 1 to 65535, or there is no host.
+    """
+    host, port = text.rsplit(":", 1) if text.count(":") == 1 or "]:" in text else (text, str(PORT))
+    host = host.strip("[]")
+    if not host or not port.isascii() or not port.isdigit() or not 0 < int(port) < 1 << 16:
+        raise InputError(f"--udp takes HOST:PORT, as 127.0.0.1:{PORT}, not {text!r}")
+    return host, int(port)
+
+
+class UdpSender:
+    """Send events to one address; nothing waits for the receiver.
+
+    Parameters
+    ----------
+    destination : str
+        ``HOST:PORT``.
+    clock_hz : float
+        Clock of the events' times.
+
+    Attributes
+    ----------
+    events : int
+        Events that were sent.
+    begins_us : int
+        Microseconds that are added to all times: for a recording that follows another.
+
+    Raises
+    ------
+    InputError
+        If the destination is none, or has no address.
+    """
+
+    def __init__(self, destination: str, clock_hz: float) -> None:
+        host, port = parse_destination(destination)
+        try:
+            family, kind, _, _, found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+            self._socket = socket.socket(family, kind)
+        except OSError as error:
+            raise InputError(f"cannot send to {destination}: {error.strerror}; give --udp HOST:PORT") from None
+        self.destination, self._us_per_clock = destination, 1e6 / clock_hz
+        self._to: tuple[Any, ...] = found
+        self.events = self.begins_us = self._number = 0
+
+    def __call__(self, events: Sequence[AddressEvent]) -> None:
+        """Send events (clock, column, row, polarity)."""
+        for at in range(0, len(events), MOST_EVENTS):
+            part = events[at : at + MOST_EVENTS]
+            try:
+                self._socket.sendto(datagram(self._number, self._timed(part)), self._to)
+            except OSError as error:
+                raise InputError(f"cannot send to {self.destination}: {error.strerror}; check --udp") from None
+            self._number = self._number + 1 & MOST_NUMBER
+            self.events += len(part)
+
+    def _timed(self, events: Sequence[AddressEvent]) -> NDArray[np.int64]:
+        found = np.array(events, np.int64)
+        found[:, 0] = self.begins_us + np.round(found[:, 0] * self._us_per_clock)
+        return found
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+
+def datagram(number: int, events: NDArray[np.int64]) -> bytes:
+    """Return a datagram: its number, then address and time of each event, all of 32 bits, high byte first.
+
+    Parameters
+    ----------
+    number : int
+    events : shape (events, 4)
+        Microseconds, column, row and polarity. The 32 low bits of the time are sent.
+    """
+    words = np.empty((len(events), 2), ">u4")
+    words[:, 0] = events[:, 2] << 8 | LAST_COLUMN - events[:, 1] << 1 | 1 - events[:, 3]
+    words[:, 1] = events[:, 0] & 0xFFFFFFFF
+    return struct.pack(">I", number) + words.tobytes()
+
+
+def read_datagram(data: bytes) -> tuple[int, NDArray[np.int64]]:
+    """Return the number of a datagram, and its events as ``datagram`` takes them.
+
+    Examples
+    --------
+    >>> number, events = read_datagram(bytes.fromhex("00000007 000003f9 00000c35"))
+    >>> number, events.tolist()
+    (7, [[3125, 3, 3, 0]])
+    """
+    words = np.frombuffer(data, ">u4", offset=4).astype(np.int64).reshape(-1, 2)
+    address = words[:, 0]
+    columns = LAST_COLUMN - (address >> 1 & LAST_COLUMN)
+    return int.from_bytes(data[:4], "big"), np.stack([words[:, 1], columns, address >> 8, 1 - (address & 1)], 1)

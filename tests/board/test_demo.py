@@ -1,0 +1,236 @@
+"""A board without hardware: the simulated board, the demo on it, its page in a browser, and events over UDP."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eskin.base.errors import InputError
+from eskin.base.figures.style import PALETTE
+from eskin.board import session
+from eskin.board.config import BoardConfig
+from eskin.board.demo import foreign_records
+from eskin.board.link import Link
+from eskin.board.serial_frames import Frame, Kind
+from eskin.board.simulated import SimulatedPlayer, SimulatedReceiver
+from eskin.board.udp import UdpSender, datagram, parse_destination, read_datagram
+from eskin.model.address_events import EVENT_DTYPE
+from eskin.model.config import ReadoutConfig
+from eskin.model.events.recording import Recording
+from eskin.model.readout import Stimulus, simulate
+from tests import browser as browsers
+from tests.board.test_gateware import TICKS, hears_ctrl_c, small_chip, weights_of
+
+Call = Callable[[str], tuple[int, str, str]]
+EVENTS_A_SECOND = 45_000
+"""The most that the serial line of a board takes."""
+
+
+class Heard(threading.Thread):
+    """Receive datagrams until one is empty."""
+
+    def __init__(self) -> None:
+        super().__init__(daemon=True)
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 22)
+        self.socket.bind(("127.0.0.1", 0))
+        self.port = self.socket.getsockname()[1]
+        self.datagrams: list[bytes] = []
+
+    def run(self) -> None:
+        while data := self.socket.recv(1 << 16):
+            self.datagrams.append(data)
+
+
+@contextmanager
+def heard() -> Iterator[Heard]:
+    found = Heard()
+    found.start()
+    yield found
+    found.socket.sendto(b"", ("127.0.0.1", found.port))
+    found.join(timeout=10)
+    found.socket.close()
+
+
+def walk(ticks: int, taxels: int) -> np.ndarray:
+    rng = np.random.default_rng(2)
+    return np.cumsum(rng.integers(-60, 61, (ticks, taxels)), axis=0).clip(-2000, 2000).astype(np.int16)
+
+
+def test_play_on_a_simulated_board_is_the_models_and_sends_every_event(call: Call, folder: Path) -> None:
+    """The datagrams are read by jAER's rules for its DVS128, and not by our own reader."""
+    chip = small_chip()
+    weights_of(chip, folder / "weights.npz")
+    np.save(folder / "codes.npy", walk(TICKS, chip.readout.taxels))
+    with heard() as found, SimulatedPlayer(BoardConfig(chip=chip)) as board:
+        line = f"play weights.npz --samples codes.npy --port {board.port} --udp 127.0.0.1:{found.port} --out a.npz"
+        line += " --patience 300"  # the model may be compiled first
+        code, out, err = call(line)
+    assert (code, out.splitlines()[1:]) == (0, ["events and classes are the model's"]), err
+    events = Recording.load(folder / "a.npz").events
+    assert len(events) > 300
+    assert [struct.unpack(">i", data[:4])[0] for data in found.datagrams] == list(range(len(found.datagrams)))
+    pairs = [pair for data in found.datagrams for pair in struct.iter_unpack(">ii", data[4:])]
+    as_jaer = [(us, 127 - ((a & 0xFE) >> 1), (a & 0x7F00) >> 8, bool((1 - a) & 1)) for a, us in pairs]
+    microseconds = np.round(events["t"] * 1e6 / chip.clock_hz).astype(int).tolist()
+    assert as_jaer == list(zip(microseconds, *(events[name].tolist() for name in "xyp"), strict=True))
+
+
+def listen_on(link: Link) -> None:
+    while True:  # a frame may come in pieces
+        link.receive()
+
+
+@pytest.mark.parametrize(
+    ("frame", "sentence"),
+    [
+        (
+            Frame(Kind.STATUS, 1, b"").encode()[:-3] + b"\x00\x00~",
+            "frame 0 to the board arrived damaged .it waits for 1",
+        ),
+        (Frame(Kind.STATUS, 5, b"").encode(), "frame 5 to the board came out of turn: one before it was lost"),
+        (Frame(99, 1, b"").encode(), "frame 1 to the board is none that the board knows"),
+    ],
+)
+def test_a_simulated_board_refuses_what_a_board_refuses(frame: bytes, sentence: str) -> None:
+    with SimulatedReceiver(BoardConfig(chip=None), []) as board, Link(board.port, lambda records: None) as link:
+        link.hello("receiver", BoardConfig(chip=None))
+        link._line.write(frame)
+        with pytest.raises(InputError, match=sentence):
+            listen_on(link)
+
+
+def test_what_a_full_serial_line_brings_leaves_without_loss() -> None:
+    config, board_config = ReadoutConfig(), BoardConfig(chip=None)
+    rng = np.random.default_rng(3)
+    events = np.zeros(EVENTS_A_SECOND, EVENT_DTYPE)
+    events["t"] = np.sort(rng.integers(0, config.clock_hz, len(events)))
+    events["x"], events["y"] = rng.integers(0, 8, (2, len(events)))
+    events["p"] = rng.integers(0, 2, len(events))
+    records = foreign_records(config, events, board_config.serial.clock_hz)
+    with heard() as found, SimulatedReceiver(board_config, records) as board:
+        sender = UdpSender(f"127.0.0.1:{found.port}", board_config.serial.clock_hz)
+        received = session.Received(session.foreign_events(config), forward=sender, keep=False)
+        with Link(board.port, received) as link:
+            link.hello("receiver", board_config)
+            link.send(Kind.RESTART)
+            while received.count < len(events):
+                link.receive()
+        sender.close()
+    numbers, parts = zip(*map(read_datagram, found.datagrams), strict=True)
+    assert numbers == tuple(range(len(numbers)))
+    got = np.concatenate(parts)
+    assert np.array_equal(got[:, 1:], np.stack([events[name] for name in "xyp"], 1))
+    assert np.abs(got[:, 0] - events["t"] * 1e6 / config.clock_hz).max() <= 1
+
+
+def test_times_wrap_and_long_lists_are_cut() -> None:
+    late = np.array([[(1 << 32) + 7, 63, 63, 1]])
+    assert read_datagram(datagram(3, late))[1].tolist() == [[7, 63, 63, 1]]
+    with heard() as found:
+        sender = UdpSender(f"127.0.0.1:{found.port}", 1e6)
+        sender([(clock, 1, 2, True) for clock in range(400)])
+        sender.close()
+    assert max(map(len, found.datagrams)) <= 1472
+    assert [event[0] for data in found.datagrams for event in read_datagram(data)[1].tolist()] == list(range(400))
+
+
+def test_a_users_recording_is_shown_without_a_network(call: Call, folder: Path) -> None:
+    np.save(folder / "touch.npy", walk(300, 6) / 2048)
+    code, out, err = call("demo touch.npy --sample-rate 1000 --no-browser --port 0 --limit 1 --speed 5")
+    assert code == 0, err
+    from eskin.board.demo import show_of
+
+    show = show_of(Path("touch.npy"), None, readout={"sample_rate_hz": 1000.0})
+    codes, _ = show.load("touch")
+    events = simulate(show.config, Stimulus.from_samples(show.config, codes))
+    assert len(events) > 100
+    assert out.splitlines()[1:] == [f"touch: {len(events)} events", "played 1 recordings"]
+
+
+def test_mistakes_are_one_sentence(call: Call) -> None:
+    taken = socket.create_server(("127.0.0.1", 0))
+    port = taken.getsockname()[1]
+    sentences = {
+        f"demo --port {port}": f"cannot serve a page on port {port}: Address already in use; choose another --port",
+        "demo nothing.csv": "nothing.csv does not exist; give an image, a recording, or a folder of them",
+        "demo --only marble": "there is no 'marble'; one of them is brick/brick-00",
+        "demo --resolution 4": "resolution is that of the network; leave it out, or play a recording without --weights",
+        "demo --udp host:0": "--udp takes HOST:PORT, as 127.0.0.1:8991, not 'host:0'",
+        "demo --udp no.such.host.invalid": "cannot send to no.such.host.invalid: ",
+    }
+    for line, sentence in sentences.items():
+        code, _, err = call(f"{line} --no-browser")
+        assert code == 2, line
+        assert err.splitlines()[-1].startswith(f"error: {sentence}"), err
+    taken.close()
+    assert parse_destination("[::1]:9") == ("::1", 9)
+    assert parse_destination("localhost") == ("localhost", 8991)
+
+
+ALL_OF_IT = """(() => {
+  if (!last || last.seconds < 0.15 || $("class").textContent !== "brick") return null;
+  const colours = (id) => {
+    const data = $(id).getContext("2d").getImageData(0, 0, $(id).width, $(id).height).data, seen = new Set();
+    for (let at = 0; at < data.length; at += 4) if (data[at + 3]) seen.add(data.slice(at, at + 3).join());
+    return [...seen].map((one) => one.split(",").map(Number));
+  };
+  return { text: document.body.innerText, raster: colours("raster"), evidence: colours("evidence"),
+           shown: [...document.querySelectorAll("main section")].every((one) => !one.hidden),
+           photo: document.querySelector("#photo img").naturalWidth };
+})()"""
+"""What the page shows at the end of a scan, in one go: the next scan may begin at any time."""
+
+
+def named(seen: list[list[int]]) -> set[str]:
+    """Return which colours of the palette are among some, within what rounding of their transparency leaves."""
+    wanted = {name: [int(colour[at : at + 2], 16) for at in (1, 3, 5)] for name, colour in PALETTE.items()}
+    return {name for name, rgb in wanted.items() if (np.abs(np.array(seen) - rgb).max(1) <= 2).any()}
+
+
+def test_the_page_of_the_demo_in_a_browser(tmp_path: Path) -> None:
+    if reason := browsers.missing():
+        assert not os.environ.get("CI"), reason
+        pytest.skip(reason)
+    words = [sys.executable, "-m", "eskin", "demo", "--port", "0", "--no-browser", "--speed", "0.05"]
+    words += ["--only", "brick/brick-00", "--udp", "127.0.0.1:9"]
+    with (
+        subprocess.Popen(words, stdout=subprocess.PIPE, text=True, preexec_fn=hears_ctrl_c) as demo,
+        browsers.opened(tmp_path / "profile") as browser,
+    ):
+        assert demo.stdout is not None
+        address = re.search(r"http\S+", demo.stdout.readline())
+        assert address is not None
+        browser.open(address[0])
+        page = browser.wait_for(ALL_OF_IT, 120)
+        assert (named(page["raster"]), page["shown"], page["photo"]) == ({"sky", "orange"}, True, 256)
+        assert "green" in named(page["evidence"])
+        for words_of_page in (
+            "✓ right",
+            "brick/brick-00",
+            "8 x 8 taxels, LCS 3 b",
+            "ON, left",
+            "OFF, right",
+            "sent to",
+        ):
+            assert words_of_page in page["text"]
+        assert re.search(r"end of bin to class\s+\d+ µs\s+\d+ µs\s+serial port to here\s+[\d.]+ \wm?s", page["text"])
+        browser.size(360, 800)
+        assert browser.run("return document.documentElement.scrollWidth") <= 360
+        assert browser.problems() == []
+        demo.send_signal(signal.SIGINT)
+        assert "played" in demo.stdout.read()
+        assert demo.wait(timeout=30) == 0
+        browser.wait_for("document.getElementById('class').textContent === 'the program has ended'")
