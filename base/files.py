@@ -194,13 +194,16 @@ MOST_TEXT_BYTES = 2**28
 """Size of a text file beyond which it is refused: a device that never ends, for one."""
 
 
-def read_bytes(path: Path, what: str) -> bytes:
-    """Return the content of a text file of at most ``MOST_TEXT_BYTES``, or raise InputError or OSError."""
+def read_bytes(path: Path, what: str, most: int = MOST_TEXT_BYTES) -> bytes:
+    """Return the content of a file of at most ``most`` bytes, or raise InputError or OSError."""
+    pieces, size = [], 0
     with path.open("rb") as file:
-        content = file.read(MOST_TEXT_BYTES + 1)
-    if len(content) > MOST_TEXT_BYTES:
-        raise InputError(f"{what} {path} has more than {MOST_TEXT_BYTES >> 20} MiB; give a smaller file")
-    return content
+        while piece := file.read(2**20):
+            pieces.append(piece)
+            size += len(piece)
+            if size > most:
+                raise InputError(f"{what} {path} has more than {most >> 20} MiB; give a smaller file")
+    return b"".join(pieces)
 
 
 def read_json(path: Path, what: str, kind: type | None = None) -> Any:

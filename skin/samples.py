@@ -14,9 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.base.files import atomic_write
+from eskin.base.files import MOST_TEXT_BYTES, MOST_UNPACKED, atomic_write, check_unpacked, read_bytes
 from eskin.base.outputs import check_file
 from eskin.model.config import MAX_SIDE
+
+MOST_VALUES = 2**27
+"""Largest number of samples of all taxels in one file: 1 GiB as floats."""
 
 ARRAY_SUFFIXES = (".npy", ".npz", ".csv")
 
@@ -57,7 +60,7 @@ def read_samples(path: Path) -> Samples:
     if read is None:
         raise InputError(f"{path} is no array file; samples come as {', '.join(ARRAY_SUFFIXES)}")
     try:
-        data = path.read_bytes()
+        data = read_bytes(path, "the file of samples", MOST_TEXT_BYTES if read is _read_csv else MOST_UNPACKED)
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from None
     samples = read(path, data)
@@ -77,10 +80,13 @@ def _read_npy(path: Path, data: bytes) -> Samples:
 def _read_npz(path: Path, data: bytes) -> Samples:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            check_unpacked(archive)
             members = {name.removesuffix(".npy"): archive.read(name) for name in archive.namelist()}
         found = {
             name: np.lib.format.read_array(io.BytesIO(member), allow_pickle=False) for name, member in members.items()
         }
+    except InputError as error:
+        raise InputError(f"{path} {error}") from None
     except Exception:  # as above
         raise InputError(f"{path} is damaged or not a numerical .npz file; save it with numpy.savez") from None
     rate = found.pop(_RATE, None)
@@ -127,6 +133,8 @@ def _check_values(path: Path, values: NDArray[Any]) -> None:
         remedy = "; reshape a single taxel to (ticks, 1)" if values.ndim == 1 else ""
         wanted = "(ticks, taxels) or (ticks, rows, columns)"
         raise InputError(f"{path} has the shape {values.shape}; samples have {wanted}{remedy}")
+    if values.size > MOST_VALUES:
+        raise InputError(f"{path} holds {values.size} values, more than {MOST_VALUES}; cut it into shorter recordings")
     if not values.size:
         raise InputError(f"{path} has the shape {values.shape}: no samples; give at least one tick and one taxel")
     if values.dtype.kind == "f" and not np.isfinite(values).all():

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
+from eskin.base.files import read_bytes
 from eskin.skin.recordings.options import Preparation
 from eskin.skin.samples import ARRAY_SUFFIXES, read_samples
 
@@ -99,7 +100,7 @@ def read_table(path: Path, options: Preparation) -> Table:
 def _read_csv(path: Path, options: Preparation) -> tuple[Values, tuple[str, ...], bool]:
     """Return the numbers of a text file, the names of its columns, and whether all are whole numbers."""
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        text = read_bytes(path, "the table").decode("utf-8-sig")
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from None
     except UnicodeDecodeError:

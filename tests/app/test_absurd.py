@@ -133,3 +133,22 @@ def test_config_refuses_rates_of_no_clock() -> None:
     for rate in (1e308, 1e-300):
         with pytest.raises(InputError, match="sample_rate_hz must be in"):
             ReadoutConfig(sample_rate_hz=rate)
+
+
+def test_files_that_unpack_to_more_than_anybody_means_are_refused(
+    call: Any, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import numpy as np
+
+    np.savez_compressed("x.npz", samples=np.zeros((2**21, 1), np.int8))
+    np.save("x.npy", np.zeros((2**21, 1), np.int8))
+    (folder / "x.csv").write_text("1,2\n" * 2**20)
+    monkeypatch.setattr("eskin.skin.samples.MOST_VALUES", 2**20)
+    monkeypatch.setattr("eskin.base.files.MOST_UNPACKED", 2**20)
+    for name, sentence in (
+        ("npz", "x.npz claims 2 MiB of data, more than 1; it is not read"),
+        ("npy", "x.npy holds 2097152 values, more than 1048576; cut it into shorter recordings"),
+        ("csv", "x.csv holds 2097152 values, more than 1048576; cut it into shorter recordings"),
+    ):
+        said = call(f"encode x.{name} -o e.npz --rows 1 --columns 1 --sample-rate 1000")
+        assert said == (2, "", f"error: {sentence}\n")
