@@ -19,7 +19,7 @@ from eskin.base import outputs
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig, option_of
 from eskin.model.encoders import registry
-from eskin.model.frame_config import OWN_FIELDS
+from eskin.model.frame_config import OWN_FIELDS, SHARED_FIELDS
 
 Command = Callable[..., Any]
 
@@ -232,6 +232,14 @@ def check_leaks(config: ReadoutConfig) -> None:
     if not config.encoder.leaks:
         first, named = LEAKY[0], " or ".join(LEAKY)
         raise InputError(f"--tau is the leak of encoding {named}, not of {config.encoding}; add --encoding {first}")
+
+
+def check_frame(config: ReadoutConfig, given: frozenset[str]) -> None:
+    """Refuse settings of a spiking readout for a frame readout, on which they have no effect."""
+    default = ReadoutConfig()
+    idle = [n for n in sorted(given - {*SHARED_FIELDS}) if getattr(config, n) != getattr(default, n)]
+    if idle:
+        raise InputError(f"{option_name(idle[0])} has no effect on a frame readout; leave it out")
 
 
 def option_name(field: str) -> str:

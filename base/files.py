@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import datetime
+import hashlib
 import io
 import json
 import math
@@ -156,11 +157,11 @@ class Pieces:
     """
 
     def __init__(self, out: Path | None, code: str) -> None:
-        self.path, self.code = out and pieces_of(out), code
+        self.path, self.code = pieces_of(out) if out and not is_stream(out) else None, code
         if out:
             check_file(out)
         lines = kept_lines(self.path) if self.path else ()
-        self._known = {piece["name"]: piece for piece in lines if piece["code"] == code}
+        self._known = {piece["name"]: piece for piece in lines if self._whole(piece)}
 
     def of(self, name: str, job: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         """Return a piece by name; compute the piece if it is not stored."""
@@ -174,8 +175,19 @@ class Pieces:
         """Store a piece, replace an older one of that name, and return the new piece."""
         piece = self._known[name] = {"name": name, "code": self.code, **result}
         if self.path:
-            keep_line(self.path, piece)
+            keep_line(self.path, {"seal": _seal(piece), **piece})
         return piece
+
+    def _whole(self, piece: Any) -> bool:
+        """Return whether a line is a piece of the same code, as it was written: others are computed anew."""
+        if not isinstance(piece, dict) or piece.get("code") != self.code:
+            return False
+        return bool(piece.pop("seal", None) == _seal(piece))
+
+
+def _seal(piece: dict[str, Any]) -> str:
+    """Return a digest of what a piece holds."""
+    return hashlib.sha256(json.dumps(piece).encode()).hexdigest()[:12]
 
 
 def pieces_of(out: Path) -> Path:

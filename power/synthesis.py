@@ -16,6 +16,18 @@ from eskin.power.readouts import Readout
 Leak = Literal["analog", "digital"]
 
 
+MOST = {
+    "clock_hz": 1e12,
+    "area_um2": 1e12,
+    "leakage_w": 1e3,
+    "clock_power_w_per_hz": 1e-6,
+    "energy_per_event_j": 1e-3,
+    "energy_per_lone_event_j": 1e-3,
+    "supply_v": 1e3,
+}
+"""Largest numbers that a report may have: beyond them a unit is wrong."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class SynthesisReport:
     """Area and power of the digital part of one readout: taxel logic, arbiter and link, without pads.
@@ -74,6 +86,8 @@ class SynthesisReport:
                     raise InputError(f"{name} must be a whole number in 1..{MAX_SIDE}, not {value!r}")
             elif isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
                 raise InputError(f"{name} must be a number, not {value!r}")
+            elif value > MOST[name]:
+                raise InputError(f"{name} must be at most {MOST[name]:g}, not {value!r}")
             elif value < 0 or (value == 0 and name in ("clock_hz", "supply_v")):
                 raise InputError(f"{name} must be {'positive' if value == 0 else 'at least 0'}, not {value!r}")
 

@@ -62,6 +62,7 @@ def save_checkpoint(path: Path, training: Training, key: str) -> None:
         "network": training.network.state_dict(),
         "optimizer": training.optimizer.state_dict(),
         "history": [dataclasses.asdict(epoch) for epoch in training.history],
+        "epochs": len(training.history),
         "best": training.best,
     }
     buffer = io.BytesIO()
@@ -96,6 +97,8 @@ def load_checkpoint(path: Path, training: Training, key: str) -> None:
         training.history = [Epoch(**epoch) for epoch in content["history"]]
         training.best = content["best"]
         _check_sound(training)
+        if content.get("epochs", len(training.history)) != len(training.history):
+            raise ValueError("epochs are missing")
     except InputError:
         raise
     except (OSError, RuntimeError, EOFError, LookupError, TypeError, ValueError, AttributeError, RecursionError,
@@ -115,6 +118,9 @@ def _check_sound(training: Training) -> None:
     for epoch in training.history:
         if not all(math.isfinite(value) for value in (epoch.loss, epoch.accuracy, epoch.rate, epoch.silent_outputs)):
             raise ValueError("an epoch has no finite loss")
+    steps = max((int(one.get("step", 0)) for one in training.optimizer.state_dict()["state"].values()), default=0)
+    if bool(steps) != bool(training.history):
+        raise ValueError("what the optimizer keeps is not of these epochs")
     if not isinstance(training.best, dict) or not isinstance(training.best.get("held_out", 0.0), float):
         raise ValueError("the best epoch is damaged")
 

@@ -28,6 +28,10 @@ GAPS = (1, 3, 12, 70, 300)
 """Most clocks from one sample tick to the next."""
 
 FIELDS = frozenset(field.name for field in dataclasses.fields(ReadoutConfig))
+MOST_GAP = 10**6
+SIZES = ("rows", "columns", "sample_bits")
+"""Fields from which the range of others follows."""
+
 PARTS = ("signal", "gap", "sink", "masks", "share")
 Set = Mapping[str, Any]
 
@@ -69,6 +73,7 @@ class Draw:
     @property
     def config(self) -> ReadoutConfig:
         """The configuration."""
+        ReadoutConfig.from_dict({"resolution": 1} | {name: self.set[name] for name in SIZES if name in self.set})
         sides = [1, 1, 2, 3, 4, 5, 7, 8, 16, 33]
         rows = self._drawn("rows", [side for side in sides if side <= self.most_taxels])
         columns = self._drawn("columns", [side for side in sides if rows * side <= max(rows, self.most_taxels)])
@@ -115,11 +120,12 @@ class Draw:
         sink = self._drawn("sink", SINKS)
         masks = self._drawn("masks", [0, 0, 3, 100])
         share = self.set.get("share", 0.7)
-        whole = isinstance(gap, int) and isinstance(masks, int)
-        if signal not in SIGNALS or sink not in SINKS or not whole or gap < 1 or masks < 0:
+        right = isinstance(gap, int) and isinstance(masks, int) and isinstance(share, int | float)
+        right = right and 1 <= gap <= MOST_GAP and 0 <= masks <= 1000 and 0 <= share <= 1
+        if signal not in SIGNALS or sink not in SINKS or not right:
             raise InputError(
-                f"signal must be one of {', '.join(SIGNALS)}, sink one of {', '.join(SINKS)}, gap a number from 1 on "
-                f"and masks one from 0 on, not {signal}, {sink}, {gap}, {masks}"
+                f"signal must be one of {', '.join(SIGNALS)}, sink one of {', '.join(SINKS)}, gap in 1..{MOST_GAP}, "
+                f"masks in 0..1000 and share in 0..1, not {signal}, {sink}, {gap}, {masks}, {share}"
             )
         at = np.cumsum(self.rng("ticks").integers(1, gap + 1, clocks)) - 1
         at = at[at < clocks]

@@ -11,6 +11,7 @@ from typing import Any
 
 from eskin.base.errors import InputError
 from eskin.base.files import origin, read_json, write_json
+from eskin.base.shapes import misfit
 from eskin.flow.liberty.library import Library
 from eskin.flow.scale.array import Array, build
 from eskin.flow.scale.lines import Lines, Repeater, best_repeater
@@ -26,6 +27,17 @@ LARGEST = 64
 
 FIELDS = ("encoding", "resolution", "frontend", "sample_bits")
 """Of the configuration, that the user may choose."""
+
+ARRAY = {
+    "taxels": int,
+    "rows": int,
+    "columns": int,
+    "cells_um2_per_taxel": float,
+    "synthesis_s": float,
+    "without_wires": {"fmax_hz": float},
+    "with_wires": {"fmax_hz": float, "area_um2_per_taxel": float, "repeaters": int},
+}
+"""What a file holds of an array."""
 
 MakePlacement = Callable[[Array, float], Placement]
 """Where the cells of an array stand, at a pitch."""
@@ -172,6 +184,8 @@ def _kept(out: Path, fixed: dict[str, Any]) -> dict[tuple[int, ...], dict[str, A
     kept = read_json(out, "the estimate", dict)
     if any(kept.get(name) != value for name, value in fixed.items()):
         return {}
+    if wrong := misfit(kept, {"results": [ARRAY]}):
+        raise InputError(f"the estimate {out} is damaged: {wrong}; remove it")
     return {_key(array): array for array in kept["results"]}
 
 

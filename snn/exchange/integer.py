@@ -20,6 +20,10 @@ from eskin.snn.rounding import Grid, grid_of, related_grids
 LARGEST_SHIFT = 16
 
 
+CLOCKS_HZ = (1e3, 1e10)
+"""Clocks that hardware may have."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Precision:
     """The bits of an integer network, and the clock of its hardware.
@@ -53,8 +57,8 @@ class Precision:
         for name in ("in_bits", "rec_bits", "out_bits"):
             if not 2 <= getattr(self, name) <= 8:
                 raise InputError(f"{name} must be in 2..8, not {getattr(self, name)}")
-        if not (math.isfinite(self.clock_hz) and self.clock_hz > 0):
-            raise InputError(f"the clock must be a positive number of hertz, not {self.clock_hz!r}")
+        if not CLOCKS_HZ[0] <= self.clock_hz <= CLOCKS_HZ[1]:
+            raise InputError(f"the clock must be in {CLOCKS_HZ[0]:g}..{CLOCKS_HZ[1]:g} hertz, not {self.clock_hz!r}")
 
 
 @dataclass

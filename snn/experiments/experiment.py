@@ -79,6 +79,9 @@ class Experiment:
     grid: dict[str, list[Any]] | None = None
 
     def __post_init__(self) -> None:
+        for name in ("dataset", "events", "preset"):
+            if not isinstance(value := getattr(self, name), str | None):
+                raise InputError(f"{name} must be text, not {value!r}")
         refuse_unknown(self.network, set(FIELDS) - {"inputs", "classes"}, "network")
         if self.events is not None and self.frames is not None:
             raise InputError("frames are made from textures, not from event files; give one of the two")
@@ -191,7 +194,9 @@ class Experiment:
         return scan, scan.configure(self.readout, tau_s)
 
     def network_config(self, data: ScanData) -> NetworkConfig:
-        """Return the network for these scans."""
+        """Return the network for these scans; scans of one class are refused, of which any network is right."""
+        if len(data.class_names) < 2:
+            raise InputError(f"{data.source} has one class, {data.class_names[0]}; a classifier needs two at least")
         return self._network(data.channels, len(data.class_names))
 
     def _network(self, inputs: int, classes: int) -> NetworkConfig:

@@ -39,6 +39,20 @@ HUGE = "1" + "0" * 400
         ("encode x.csv -o e.npz --sample-rate 1e-300", "sample_rate_hz must be in 1e-09..1e+12 hertz, not 1e-300"),
         ("encode x.csv -o e.npz --sample-rate inf", "--sample-rate takes a finite number, not 'inf'"),
         ("frames --frame-rate 1e308", "sample_rate_hz must be in 1e-09..1e+12 hertz, not 1e+308"),
+        (
+            "verilog --chip --tiles 4x4 --rows 8 --columns 8 -o v",
+            "--tiles makes a skin of spiking readouts; leave --cl",
+        ),
+        ("verilog --readout frame --encoding nlcs -o v", "--encoding has no effect on a frame readout; leave it out"),
+        ("verilog --readout frame --tau 0.1 --encoding nlcs -o v", "--encoding has no effect on a frame readout"),
+        ("asic --lib x.csv --readout frame --link four_phase", "--link has no effect on a frame readout; leave it out"),
+        ("dev crosscheck --texture 99", "--texture must be in 0..47, not 99"),
+        ("asic-scale --lib x.csv --ohm inf -o s.json", "--ohm must be from 0 to 1000 for each um, not inf"),
+        ("asic-scale --lib x.csv --pitch 1e300 -o s.json", "--pitch must be from 1 to 1000000 um, not 1e+300"),
+        ("dev soak --only 1 --set rows=1e9", "--rows takes a whole number, not '1e9'"),
+        ("dev soak --only 1 --set rows=-5", "rows must be in 1..64, not -5"),
+        ("dev soak --only 1 --set sample_bits=1", "sample_bits must be in 3..24, not 1"),
+        ("dev soak --only 1 --set share=x", "--set share takes a number, not 'x'"),
         ("report -o new/page.html", "cannot write new/page.html: the folder new does not exist; create it first"),
         ("encode x.csv -o new/e.npz", "cannot write new/e.npz: the folder new does not exist; create it first"),
     ],
@@ -58,6 +72,15 @@ def test_a_file_with_a_number_beyond_floats_is_named(line: str, call: Any, folde
     code, out, err = call(line)
     assert (code, out) == (2, "")
     assert err == "error: the synthesis report s.json is not JSON: a number of 401 digits stands in it\n"
+
+
+@pytest.mark.parametrize("line", ["power --mode consistent --synthesis s.json", "explore --synthesis s.json"])
+def test_numbers_of_a_report_have_a_range(line: str, call: Any, folder: Path) -> None:
+    fields = {"readout": "lcs", "rows": 8, "columns": 8, "area_um2": 1e5, "leakage_w": 1e-6}
+    report = fields | {"clock_hz": 1e6, "clock_power_w_per_hz": 1e20, "energy_per_event_j": 1e-12}
+    (folder / "s.json").write_text(json.dumps(report))
+    sentence = "synthesis report s.json: clock_power_w_per_hz must be at most 1e-06, not 1e+20"
+    assert call(line) == (2, "", f"error: {sentence}\n")
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,7 @@ from eskin.snn.checkpoint import Checkpoint
 from eskin.snn.data.bins import BinConfig, bin_recording
 from eskin.snn.data.frame_steps import FrameSteps
 from eskin.snn.data.scans import Split
+from eskin.snn.exchange.integer import Precision
 from eskin.snn.exchange.nir_events import load_nir_data, save_nir_data
 from eskin.snn.exchange.nir_network import load_nir, save_nir
 from eskin.snn.exchange.weights import Weights, load_weights, save_weights
@@ -407,3 +408,30 @@ def test_train_names_the_data_it_used(snn: Call) -> None:
     code, out, error = snn("train", *words)
     assert code == 0, error
     assert out.startswith("data: events of lcs with 4 bits from embedded textures, physical scan\n")
+
+
+@pytest.mark.parametrize("emptied", [0, 2], ids=["all", "some"])
+def test_a_checkpoint_without_its_history_is_damaged(tmp_path: Path, emptied: int) -> None:
+    split, path, config = Split(easy_data(), range(21)), tmp_path / "c.pt", TrainConfig(epochs=3)
+    train(split, small_network(), config, 0, checkpoint=Checkpoint(path))
+    content = torch.load(path, weights_only=True)
+    torch.save(content | {"history": content["history"][:emptied]}, path)
+    with pytest.raises(InputError, match=r"^checkpoint .*c.pt is damaged; remove it to start anew$"):
+        train(split, small_network(), config, 0, checkpoint=Checkpoint(path))
+
+
+def test_one_class_is_no_result(snn: Call) -> None:
+    events = make_events([0, 50], 0, 0, [True, False])
+    for number in range(4):
+        place = Path(f"e/only/{number}.npz")
+        place.parent.mkdir(parents=True, exist_ok=True)
+        metadata = {"name": f"only/{number}", "class": "only"}
+        Recording(events, ReadoutConfig(rows=1, columns=1), 1_000_000, metadata=metadata).save(place)
+    sentence = "error: recordings in e has one class, only; a classifier needs two at least\n"
+    assert snn("train", "--events", "e", "--folds", "2")[::2] == (2, sentence)
+
+
+@pytest.mark.parametrize("clock_hz", [1.0, 1e-300, 1e300, math.nan])
+def test_hardware_has_a_clock(clock_hz: float) -> None:
+    with pytest.raises(InputError, match=r"^the clock must be in 1000\.\.1e\+10 hertz, not "):
+        Precision(clock_hz=clock_hz)

@@ -110,8 +110,8 @@ def test_a_run_fits_the_memory_and_a_configuration_has_all_its_clocks() -> None:
          "--set takes NAME=VALUE, a field of the configuration or signal, gap, sink, masks, share, not 'row=1'"),
         (["--only", 1, "--set", "rows=65"], "rows must be in 1..64, not 65"),
         (["--only", 1, "--set", "signal=rare", "--set", "sink=none", "--set", "gap=3", "--set", "masks=x"],
-         "signal must be one of noise, walk, square, hold, near, rare, sink one of always, random, slow, stuck, gap a "
-         "number from 1 on and masks one from 0 on, not rare, none, 3, x"),
+         "signal must be one of noise, walk, square, hold, near, rare, sink one of always, random, slow, stuck, gap in "
+         "1..1000000, masks in 0..1000 and share in 0..1, not rare, none, 3, x, 0.7"),
     ],
 )  # fmt: skip
 def test_mistakes_are_one_sentence(arguments: list[object], sentence: str, tmp_path: Path) -> None:

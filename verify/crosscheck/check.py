@@ -6,6 +6,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from eskin.base.errors import InputError
 from eskin.cocotb_tests.bench.stimuli import scenarios, settled
 from eskin.cocotb_tests.bench.textures import scan
 from eskin.model.config import ReadoutConfig
@@ -13,6 +14,7 @@ from eskin.model.events.compare import first_difference
 from eskin.model.frame_config import FrameConfig
 from eskin.model.readout import simulate
 from eskin.rtl.verilog import top_block, verilog
+from eskin.skin.textures.dataset import embedded_dataset
 from eskin.verify.crosscheck import cxxrtl, slang
 from eskin.verify.proofs.bind import properties
 
@@ -58,6 +60,8 @@ def play(config: ReadoutConfig, texture: int = 0, ticks: int | None = None, text
     Mismatch
         At the first event that differs, or where the texture gives none.
     """
+    if texture >= (most := len(embedded_dataset())):
+        raise InputError(f"--texture must be in 0..{most - 1}, not {texture}")
     runs = {
         f"scan of texture {texture}": settled(
             config, scan(config.rows, config.columns, config.sample_bits, texture)[:ticks]

@@ -7,14 +7,13 @@ those of the RTL that are left then.
 from __future__ import annotations
 
 import hashlib
-import json
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from eskin.base.files import Pieces, origin, write_json
+from eskin.base.files import Pieces, origin, read_json, write_json
 from eskin.base.workers.cluster import Needs, version
 from eskin.base.workers.pool import WorkerPool, each
 from eskin.cocotb_tests.runner.build_cache import ROOT
@@ -258,7 +257,7 @@ def write(path: Path, command: str, done: Done, part: str = "") -> None:
     part : str
         Name of the campaign within the file; that of the RTL is the file itself.
     """
-    before = json.loads(path.read_text()) if path.exists() else {}
+    before = read_json(path, "the results of mutants", dict) if path.exists() else {}
     found = {**origin(command), **summary(done)}
     other = {OF_MODEL: before[OF_MODEL]} if OF_MODEL in before else {}
     write_json(path, {**before, part: found} if part else found | other)

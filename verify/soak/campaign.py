@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import json
 import os
 import time
 from collections import Counter
@@ -14,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from eskin.base.files import atomic_write, make_folder, origin, write_json
+from eskin.base.shapes import read_shaped
 from eskin.cocotb_tests.bench.draw import Draw
 from eskin.cocotb_tests.runner.build_cache import SOURCES
 from eskin.cocotb_tests.runner.cocotb_runners import Simulator
@@ -55,6 +55,20 @@ class SoakFailed(Exception):  # the outcome that is looked for, not a defect of 
     """RTL and model differ; the text says where, and ends with the smallest command that shows it."""
 
 
+PIECE = {
+    "seed": int,
+    "configuration": {"rows": int, "columns": int},
+    "sources": str,
+    "simulator": str,
+    "runs": int,
+    "clocks": int,
+    "events": int,
+    "seconds": float,
+    "commit": str,
+}
+"""What the file of a configuration holds."""
+
+
 def soak(plan: Plan, on_piece: Callable[[dict[str, Any]], None]) -> None:
     """Soak until the time is over; if there is any, one more configuration at least.
 
@@ -69,6 +83,7 @@ def soak(plan: Plan, on_piece: Callable[[dict[str, Any]], None]) -> None:
     SoakFailed
     """
     folder = make_folder(plan.folder, "pieces")
+    _pieces(plan.folder)  # a damaged one is told before the work
     end = time.monotonic() + plan.seconds
     seed = plan.seed
     more = plan.seconds > 0
@@ -141,7 +156,12 @@ def _claimed(piece: Path) -> Iterator[bool]:
 
 
 def _done(piece: Path) -> bool:
-    return piece.exists() and json.loads(piece.read_text())["sources"] == SOURCES
+    return piece.exists() and bool(read_shaped(piece, "the soaked piece", PIECE)["sources"] == SOURCES)
+
+
+def _pieces(folder: Path) -> list[dict[str, Any]]:
+    """Return all that was soaked in a folder."""
+    return [read_shaped(path, "the soaked piece", PIECE) for path in sorted((folder / "pieces").glob("*.json"))]
 
 
 def summary(folder: Path) -> dict[str, Any]:
@@ -152,7 +172,7 @@ def summary(folder: Path) -> dict[str, Any]:
     InputError
         If nothing was.
     """
-    pieces = [json.loads(path.read_text()) for path in sorted((folder / "pieces").glob("*.json"))]
+    pieces = _pieces(folder)
     mismatches = len(list((folder / "mismatches").glob("*.txt")))
     total = {name: sum(piece[name] for piece in pieces) for name in ("runs", "clocks", "events")}
     by: dict[str, Counter[str]] = {}

@@ -15,8 +15,9 @@ from eskin.app.commands.learn.sweep import command_line
 from eskin.app.options import WRITES_FOLDER
 from eskin.app.tables import new_table, show
 from eskin.base.errors import InputError
-from eskin.base.files import origin, read_json, write_json
+from eskin.base.files import origin, write_json
 from eskin.base.progress import bar
+from eskin.base.shapes import read_shaped
 
 NOISES_MV = "0.1,1,3,10,20"
 VARIANTS = "8,7,6,5,4,3,2,8:t6,8:t4,4:t6,4:t4,4:m16,4:m13,4:m11"
@@ -96,6 +97,10 @@ def _print_noise(points: list[dict[str, Any]], mode: str) -> None:
     show(table)
 
 
+NOISE = {"points": [{"mode": str, "network": str, "noise_v": float, "accuracy": float, "bootstrap_95": [float]}]}
+"""What merits needs of a noise study."""
+
+
 def merits(
     context: typer.Context,
     weights: Annotated[
@@ -136,7 +141,7 @@ def merits(
         rates = [FrameSteps(rate_hz=rate, bits=8, frames_per_step=1) for rate in FRAMES_HZ]
         result["timing"] = timing_points(textures, readouts["lcs:3"], rates, step)
     result["textures"] = len(textures)
-    result["noise"] = read_json(noise, "the noise study", dict)["points"] if noise is not None else []
+    result["noise"] = read_shaped(noise, "the noise study", NOISE)["points"] if noise is not None else []
     write_json(out / "merits.json", result)
     plot_merits(result, out / "merits.png")
     _print_merits(result)

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from eskin.app.commands.outcome import bit_exact, check_name, conclude
-from eskin.app.options import WRITES_FILE, WRITES_FOLDER, with_config, with_fields
+from eskin.app.options import WRITES_FILE, WRITES_FOLDER, check_frame, with_config, with_fields
 from eskin.base.errors import InputError
 from eskin.flow.wire import FARAD_PER_UM, OHM_PER_UM, PITCH_UM, Wire, check_pitch
 from eskin.model.config import ReadoutConfig
@@ -60,6 +60,7 @@ def gatesim(
 @with_fields(FrameConfig, OWN_FIELDS, "own")
 def asic(
     config: ReadoutConfig,
+    given: frozenset[str],
     own: dict[str, Any],
     stored: dict[str, Any],
     lib: Annotated[Path, typer.Option(help="cell library (.lib) at the typical corner")],
@@ -84,6 +85,8 @@ def asic(
     own = stored | own
     if own and readout != "frame":
         raise InputError(f"--{next(iter(own)).replace('_', '-')} belongs to the frame readout; add --readout frame")
+    if readout == "frame":
+        check_frame(config, given)
     check_name(name)
     chosen = FrameConfig(readout=config, **own) if readout == "frame" else config
     corners = {"typical": lib} | {corner: at for corner, at in (("slow", slow), ("fast", fast)) if at}

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eskin.app.options import WRITES_FOLDER, with_config, with_fields
+from eskin.app.options import WRITES_FOLDER, check_frame, with_config, with_fields
 from eskin.app.tables import new_table, show
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
@@ -63,8 +63,8 @@ def verilog(
             "--relays belongs to the lines of a whole skin; add --tiles RxC without --merge, or leave it out"
         )
     if tiles is not None:
-        if classifier is not None or readout != "spiking" or own:
-            raise InputError("--tiles makes a skin of spiking readouts; leave --classifier, --readout and theirs out")
+        if classifier is not None or chip or readout != "spiking" or own:
+            raise InputError("--tiles makes a skin of spiking readouts; leave --classifier, --chip, --readout out")
         skin = skin_of(config, tiles, relays)
         _deliver(MergeConfig(skin) if merge else skin, out, prove)
         return
@@ -88,6 +88,8 @@ def verilog(
     own = stored | own
     if own and readout != "frame":
         raise InputError(f"--{next(iter(own)).replace('_', '-')} belongs to the frame readout; add --readout frame")
+    if readout == "frame":
+        check_frame(config, given)
     _deliver(FrameConfig(readout=config, **own) if readout == "frame" else config, out, prove, report)
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from eskin.app.options import WRITES_FILE, WRITES_FOLDER
+from eskin.app.options import WRITES_FILE, WRITES_FOLDER, parse_fields, parse_number
 from eskin.base.errors import InputError
 
 
@@ -80,6 +80,7 @@ def _tell(piece: dict[str, Any]) -> None:
 def _parts(words: list[str]) -> dict[str, Any]:
     """Return the given parts, with integers converted."""
     from eskin.cocotb_tests.bench.draw import FIELDS, PARTS
+    from eskin.model.config import ReadoutConfig
 
     parts: dict[str, Any] = {}
     for word in words:
@@ -88,7 +89,12 @@ def _parts(words: list[str]) -> dict[str, Any]:
             raise InputError(
                 f"--set takes NAME=VALUE, a field of the configuration or {', '.join(PARTS)}, not {word!r}"
             )
-        parts[name] = int(value) if value.removeprefix("-").isdecimal() else value
+        if name in FIELDS:
+            parts |= parse_fields(ReadoutConfig, {name: value})
+        elif name == "share":
+            parts[name] = parse_number("--set share", float, value)
+        else:
+            parts[name] = int(value) if value.isdecimal() else value
     return parts
 
 

@@ -1,0 +1,63 @@
+"""A file of the program's own that was cut, or holds null, is one sentence or is made anew."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from eskin.base.errors import InputError
+from eskin.base.files import Pieces, pieces_of
+from eskin.base.shapes import misfit, read_shaped
+
+
+@pytest.mark.parametrize(
+    ("value", "wrong"),
+    [
+        ({"a": [{"b": 1.5, "c": None}]}, ""),
+        ({"a": []}, ""),
+        (None, "it is no object"),
+        ({}, "a is missing"),
+        ({"a": 5}, "a is no list"),
+        ({"a": [None]}, "a[0] is no object"),
+        ({"a": [{"b": 1, "c": "x"}, {"b": "1", "c": "x"}]}, "a[1].b is '1'"),
+        ({"a": [{"b": True, "c": "x"}]}, "a[0].b is True"),
+        ({"a": [{"b": float("inf"), "c": "x"}]}, "a[0].b is inf"),
+        ({"a": [{"b": 1, "c": 3}]}, "a[0].c is 3"),
+    ],
+)
+def test_what_does_not_fit_is_named(value: object, wrong: str) -> None:
+    assert misfit(value, {"a": [{"b": float, "c": (str, None)}]}) == wrong
+
+
+def test_numbers_are_counts_where_whole_ones_belong(tmp_path: Path) -> None:
+    assert [misfit(value, int) for value in (3, -1, 1.0, True)] == ["", "it is -1", "it is 1.0", "it is True"]
+    (tmp_path / "a.json").write_text('{"runs": null}')
+    with pytest.raises(InputError, match=r"^the sums .*a.json is damaged: runs is null; remove it$"):
+        read_shaped(tmp_path / "a.json", "the sums", {"runs": int})
+
+
+@pytest.mark.parametrize("damage", ["null", "[]", '{"name": 3}', '{"code": "1"}', "", "changed"])
+def test_a_damaged_piece_is_computed_anew(tmp_path: Path, damage: str) -> None:
+    pieces = Pieces(tmp_path / "r.json", "1")
+    pieces.of("a", lambda: {"seconds": 3})
+    pieces.of("b", lambda: {"seconds": 4})
+    kept = pieces_of(tmp_path / "r.json")
+    first, second = kept.read_text().splitlines()
+    kept.write_text(f"{first.replace('3', 'null') if damage == 'changed' else damage}\n{second}\n")
+    again = Pieces(tmp_path / "r.json", "1")
+    assert again.known("a") is None
+    assert again.known("b") == {"name": "b", "code": "1", "seconds": 4}
+    assert Pieces(tmp_path / "r.json", "2").known("b") is None
+
+
+def test_soak_names_a_damaged_piece_before_its_work(tmp_path: Path) -> None:
+    from eskin.verify.soak.campaign import Plan, soak, summary
+
+    (tmp_path / "pieces").mkdir()
+    for content in ("null", "{", json.dumps({"seed": 1, "configuration": None})):
+        (tmp_path / "pieces" / "7.json").write_text(content)
+        for run in (lambda: soak(Plan(1, 0, 1, "icarus", tmp_path), print), lambda: summary(tmp_path)):
+            with pytest.raises(InputError, match=r"^the soaked piece .*7.json is (damaged: |not JSON)"):
+                run()
