@@ -6,13 +6,15 @@ import json
 import re
 import shlex
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import eskin.cocotb_tests.runner.simulator as simulator
 from eskin.cocotb_tests.bench.draw import Draw
 from eskin.cocotb_tests.runner.build_cache import SOURCES
-from eskin.verify.soak import play
+from eskin.model.readout import simulate
+from eskin.verify.soak import campaign, play
 from eskin.verify.soak.campaign import MOST_SAMPLES, Plan, draws_of
 from eskin.verify.soak.play import Failure, shrink
 from tests.app.test_simulate import call
@@ -25,7 +27,7 @@ BREAKABLE = 27
 def test_it_goes_on_where_it_was_and_keeps_its_sums(tmp_path: Path) -> None:
     out, kept = tmp_path / "soak", tmp_path / "soak.json"
     for done in (1, 2):  # time for the first that is missing
-        left = call("soak", "--hours", 1e-7, "--seed", 4, *SMALL, "--keep", kept, "-o", out)
+        left = call("dev", "soak", "--hours", 1e-7, "--seed", 4, *SMALL, "--keep", kept, "-o", out)
         assert left.returncode == 0, left.stderr
         lines = left.stdout.splitlines()
         assert len(lines) == 2, "one configuration, one sum"
@@ -39,8 +41,25 @@ def test_it_goes_on_where_it_was_and_keeps_its_sums(tmp_path: Path) -> None:
     assert (content["configurations"], content["clocks"], content["mismatches"]) == (2, 1200, 0)
     piece = out / "pieces" / "4.json"
     piece.write_text(json.dumps(json.loads(piece.read_text()) | {"sources": "others"}))
-    assert call("soak", "--hours", 1e-7, "--seed", 4, *SMALL, "-o", out).stdout.startswith("seed 4: ")
+    assert call("dev", "soak", "--hours", 1e-7, "--seed", 4, *SMALL, "-o", out).stdout.startswith("seed 4: ")
     assert json.loads(piece.read_text())["sources"] == SOURCES
+
+
+def test_a_configuration_that_is_cut_off_keeps_its_runs_and_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(campaign, "RUN_CLOCKS", 250)
+    told: list[dict[str, Any]] = []
+    campaign.soak(Plan(1e-9, 4, 600, "icarus", tmp_path), told.append)  # time for one run alone
+    campaign.soak(Plan(1e-9, 4, 600, "icarus", tmp_path), told.append)
+    assert [(piece["seed"], piece["runs"], piece["clocks"]) for piece in told] == [(4, 1, 250), (4, 2, 500)]
+    campaign.soak(Plan(1e-9, 4, 600, "icarus", tmp_path), told.append)
+    campaign.soak(Plan(1e-9, 4, 600, "icarus", tmp_path), told.append)
+    assert [(piece["seed"], piece["clocks"]) for piece in told[2:]] == [(4, 600), (5, 250)]
+    events = sum(
+        len(simulate(draw.config, draw.stimulus)) for draw in campaign.draws_of(Plan(1, 4, 600, "icarus", tmp_path), 4)
+    )
+    assert told[2]["events"] == events
 
 
 def test_a_broken_readout_becomes_one_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -50,7 +69,7 @@ def test_a_broken_readout_becomes_one_command(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr(simulator, "verilog_text", lambda config: text(config).replace(before, after))
     monkeypatch.setattr(simulator, "BUILD", tmp_path)
     monkeypatch.setattr(play, "SIMPLER", {})  # every try starts a simulator
-    failed = call("soak", "--hours", 1, "--seed", BREAKABLE, *SMALL, "-o", tmp_path / "soak")
+    failed = call("dev", "soak", "--hours", 1, "--seed", BREAKABLE, *SMALL, "-o", tmp_path / "soak")
     assert failed.returncode == 1
     assert failed.stdout.endswith("MISMATCH\n")
     (command,) = re.findall(r"^reproduce: make soak (.*)$", failed.stdout, re.MULTILINE)
@@ -63,10 +82,10 @@ def test_a_broken_readout_becomes_one_command(tmp_path: Path, monkeypatch: pytes
         .startswith(f"seed {BREAKABLE}, run 0: RTL and model differ")
     )
     parts = [option for part in words.get("SET", "").split() for option in ("--set", part)]
-    again = call("soak", "--only", BREAKABLE, "--clocks", words["CLOCKS"], "--sim", words["SIM"], *parts)
+    again = call("dev", "soak", "--only", BREAKABLE, "--clocks", words["CLOCKS"], "--sim", words["SIM"], *parts)
     assert again.returncode == 1
     assert f"reproduce: make soak {command}" in again.stdout
-    summed = call("soak", "--hours", 0, "-o", tmp_path / "soak")
+    summed = call("dev", "soak", "--hours", 0, "-o", tmp_path / "soak")
     assert summed.stdout == "soak: 0 clocks, 0 events, 0 configurations, 1 mismatches\n"
 
 
@@ -115,7 +134,7 @@ def test_a_run_fits_the_memory_and_a_configuration_has_all_its_clocks() -> None:
     ],
 )  # fmt: skip
 def test_mistakes_are_one_sentence(arguments: list[object], sentence: str, tmp_path: Path) -> None:
-    left = call("soak", *arguments, "-o", tmp_path / "out", *(["--sim", "icarus"]))
+    left = call("dev", "soak", *arguments, "-o", tmp_path / "out", *(["--sim", "icarus"]))
     assert left.returncode == 2
     assert left.stderr == f"error: {sentence}\n"
     assert not (tmp_path / "out").exists()

@@ -34,7 +34,7 @@ class Plan:
     Attributes
     ----------
     seconds : float
-        After that no further configuration is begun.
+        After that no further run is begun, of this configuration or of another.
     seed : int
         The first.
     clocks : int
@@ -70,7 +70,9 @@ PIECE = {
 
 
 def soak(plan: Plan, on_piece: Callable[[dict[str, Any]], None]) -> None:
-    """Soak until the time is over; if there is any, one more configuration at least.
+    """Soak until the time is over; if there is any, one more run at least.
+
+    A configuration that the end of the time has cut off keeps the runs that are done, and goes on there.
 
     Parameters
     ----------
@@ -88,9 +90,9 @@ def soak(plan: Plan, on_piece: Callable[[dict[str, Any]], None]) -> None:
     seed = plan.seed
     more = plan.seconds > 0
     while more:
-        with _claimed(folder / f"{seed}.json") as mine:
+        with _claimed(folder / f"{seed}.json", plan) as mine:
             if mine:
-                piece = _piece(plan, seed)
+                piece = _piece(plan, seed, _kept_piece(folder / f"{seed}.json"), end)
                 write_json(folder / f"{seed}.json", piece)
                 on_piece(piece)
                 more = time.monotonic() < end
@@ -110,24 +112,22 @@ def draws_of(plan: Plan, seed: int) -> list[Draw]:
     return draws
 
 
-def _piece(plan: Plan, seed: int) -> dict[str, Any]:
-    """Play a configuration and return what it came to."""
+def _piece(plan: Plan, seed: int, before: dict[str, Any], end: float) -> dict[str, Any]:
+    """Play a configuration, behind the runs that are done, until the time is over; return what all of them came to."""
     draws = draws_of(plan, seed)
-    done = 0
-
-    def count(run: Any) -> None:
-        nonlocal done
-        done += 1
-
+    total = Counter({name: before.get(name, 0) for name in ("runs", "clocks", "events")})
     began = time.monotonic()
-    try:
-        tally = play(draws, plan.simulator, count)
-    except MismatchFound as found:
-        raise SoakFailed(_kept(plan, failure_of(draws[done], str(found)))) from None
-    config = draws[0].config
-    piece = {"seed": seed, "configuration": config.to_dict(), "sources": SOURCES, "simulator": plan.simulator}
-    piece |= {"runs": tally.runs, "clocks": tally.clocks, "events": tally.events}
-    return piece | {"seconds": round(time.monotonic() - began, 1)} | origin(f"make soak ONLY={seed}")
+    for draw in draws[total["runs"] :]:
+        try:
+            tally = play([draw], plan.simulator)
+        except MismatchFound as found:
+            raise SoakFailed(_kept(plan, failure_of(draw, str(found)))) from None
+        total.update({"runs": tally.runs, "clocks": tally.clocks, "events": tally.events})
+        if time.monotonic() >= end:
+            break
+    spent = round(before.get("seconds", 0) + time.monotonic() - began, 1)
+    piece = {"seed": seed, "configuration": draws[0].config.to_dict(), "sources": SOURCES, "simulator": plan.simulator}
+    return piece | dict(total) | {"seconds": spent} | origin(f"make soak ONLY={seed}")
 
 
 def _kept(plan: Plan, found: Failure) -> str:
@@ -143,20 +143,22 @@ def _kept(plan: Plan, found: Failure) -> str:
 
 
 @contextlib.contextmanager
-def _claimed(piece: Path) -> Iterator[bool]:
+def _claimed(piece: Path, plan: Plan) -> Iterator[bool]:
     """Give whether a piece is this process's to do: not done with these sources, and no other process at it."""
     handle = os.open(piece.with_suffix(".lock"), os.O_RDWR | os.O_CREAT)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        yield not _done(piece)
+        yield _kept_piece(piece).get("clocks", 0) < plan.clocks
     except BlockingIOError:
         yield False
     finally:
         os.close(handle)
 
 
-def _done(piece: Path) -> bool:
-    return piece.exists() and bool(read_shaped(piece, "the soaked piece", PIECE)["sources"] == SOURCES)
+def _kept_piece(piece: Path) -> dict[str, Any]:
+    """Return what a piece came to with these sources; empty if nothing."""
+    kept = read_shaped(piece, "the soaked piece", PIECE) if piece.exists() else {}
+    return dict(kept) if kept.get("sources") == SOURCES else {}
 
 
 def _pieces(folder: Path) -> list[dict[str, Any]]:

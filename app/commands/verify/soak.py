@@ -12,7 +12,9 @@ from eskin.base.errors import InputError
 
 
 def soak(
-    hours: Annotated[float, typer.Option(help="hours after which no further configuration starts")] = 0.1,
+    hours: Annotated[
+        float, typer.Option(help="hours after which no further run starts, of 2 million clocks at most")
+    ] = 0.1,
     seed: Annotated[int, typer.Option(help="seed of the first configuration; each further one adds 1")] = 0,
     clocks: Annotated[
         int, typer.Option(help="clocks of each configuration, or of the run given by --only")
