@@ -79,11 +79,19 @@ class ClassifierConfig:
     evidence_bits: int = parameter(24, "", CLASSIFIER, "bits of the evidence for a class")
     threshold: int = parameter(256, "", CLASSIFIER, "a hidden neuron fires above it")
     floor: int | None = parameter(None, "", CLASSIFIER, "a hidden potential is held from it on [no floor]")
-    neuron_reset: NeuronReset = parameter("zero", "", CLASSIFIER, "what a spike does to the potential")
+    neuron_reset: NeuronReset = parameter(
+        "zero", "", CLASSIFIER, "a spike sets the potential to zero, or subtracts the threshold: zero, subtract"
+    )
     leak_shift: int = parameter(0, "", CLASSIFIER, "v - (v >> shift) is left after a bin; 0: all")
-    readout: OutputMode = parameter("spikes", "", CLASSIFIER, "what is the evidence")
-    out_threshold: int = parameter(256, "", CLASSIFIER, "an output fires above it")
-    out_floor: int | None = parameter(None, "", CLASSIFIER, "an output potential is held from it on [no floor]")
+    readout: OutputMode = parameter(
+        "spikes", "", CLASSIFIER, "evidence: spikes of the outputs, or membrane, the sum of their potentials"
+    )
+    out_threshold: int = parameter(
+        256, "", CLASSIFIER, "readout spikes: an output fires above it; ignored with membrane"
+    )
+    out_floor: int | None = parameter(
+        None, "", CLASSIFIER, "readout spikes: an output potential is held from it on [no floor]; ignored with membrane"
+    )
     out_leak_shift: int = parameter(0, "", CLASSIFIER, "leak of the outputs")
     reset: Reset = parameter("sync", "", CLASSIFIER, "reset style of the flops")
 
