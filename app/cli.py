@@ -179,7 +179,8 @@ def missing_group(error: ModuleNotFoundError) -> str:
     package = (error.name or "").partition(".")[0]
     for group, packages in GROUPS.items():
         if package in packages:
-            return f"this needs {package}, which is not installed; pip install 'spiking-eskin-readout[{group}]' gets it"
+            remedy = f"in the checkout: pip install -c constraints.txt '.[{group}]'"
+            return f"this needs {package}, which is not installed; {remedy}"
     raise error
 
 

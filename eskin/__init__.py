@@ -51,7 +51,13 @@ def __getattr__(name: str) -> object:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib import import_module
 
-    globals()[name] = found = getattr(import_module(_PLACES[name]), name)
+    try:
+        module = import_module(_PLACES[name])
+    except ModuleNotFoundError as error:
+        from eskin.app.cli import missing_group
+
+        raise ImportError(missing_group(error)) from None
+    globals()[name] = found = getattr(module, name)
     return found
 
 

@@ -107,12 +107,14 @@ def test_a_missing_group_is_one_sentence() -> None:
         "import sys; sys.modules['cocotb'] = sys.modules['torch'] = None; import eskin\n"
         "for use in (lambda: eskin.run_rtl(eskin.ReadoutConfig(rows=1, columns=1), [0]), lambda: eskin.train(None)):\n"
         "    try: use()\n"
-        "    except eskin.InputError as error: print(error)"
+        "    except eskin.InputError as error: print(error)\n"
+        "try: eskin.load_weights\n"
+        "except ImportError as error: print(error)"
     )
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.splitlines() == [
-        f"this needs {package}, which is not installed; pip install 'spiking-eskin-readout[{group}]' gets it"
-        for package, group in (("cocotb", "sim"), ("torch", "snn"))
+        f"this needs {package}, which is not installed; in the checkout: pip install -c constraints.txt '.[{group}]'"
+        for package, group in (("cocotb", "sim"), ("torch", "snn"), ("torch", "snn"))
     ]
 
 

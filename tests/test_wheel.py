@@ -55,6 +55,9 @@ def test_every_file_of_the_packages_is_in_the_wheel(installed: Path) -> None:
     wanted = {f"eskin/{name}/{path}" for name in ROOMS for path in files(ROOT / name)} | {"eskin/api.py"}
     assert {path for path in wanted if path.endswith((".json", ".html", ".v", ".cpp"))}
     assert wanted <= files(installed)
+    (metadata,) = (path for path in installed.iterdir() if path.name != "eskin")  # nothing else lies beside them
+    assert metadata.suffix == ".dist-info"
+    assert "eskin = eskin.app.__main__:main" in (metadata / "entry_points.txt").read_text()
 
 
 def test_every_command_shows_its_help_elsewhere(installed: Path, tmp_path: Path) -> None:

@@ -157,7 +157,7 @@ def _run(program: str, words: Sequence[str], folder: Path) -> None:
         return
     said = (done.stderr or done.stdout).strip().splitlines() or [f"exit code {done.returncode}"]
     if "ModuleNotFoundError" in said[-1]:
-        raise InputError(f"{module} is not installed; pip install 'spiking-eskin-readout[fpga]' gets it")
+        raise InputError(f"{module} is not installed; in the checkout: pip install -c constraints.txt '.[fpga]'")
     errors = [line for line in said if line.startswith("ERROR")] or said[-1:]
     if any("Unable to find" in line or "placed" in line for line in errors):
         raise InputError(f"the design does not fit this board: {errors[0].removeprefix('ERROR: ')}; take a larger one")

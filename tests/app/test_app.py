@@ -352,7 +352,8 @@ def test_a_missing_group_is_one_sentence(program: str, package: str, group: str,
     blocked = f"import sys; sys.modules[{package!r}] = None; sys.argv = {['eskin', *program.split()]!r}\n"
     code = blocked + "from eskin.app.__main__ import main; main()"
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
-    sentence = f"this needs {package}, which is not installed; pip install 'spiking-eskin-readout[{group}]' gets it"
+    remedy = f"in the checkout: pip install -c constraints.txt '.[{group}]'"
+    sentence = f"this needs {package}, which is not installed; {remedy}"
     assert (done.returncode, done.stdout, done.stderr) == (2, "", f"error: {sentence}\n")
     assert list(tmp_path.iterdir()) == []
 
