@@ -404,7 +404,8 @@ def _loop(p: Parameters, s: Inputs, r: Registers, given_settings: Any, traffic: 
         # The taxels that have to decide: all, or those whose request was taken or whose threshold moved.
         given = len(decisions) > 0
         if given:
-            taxels["given"][:] = decisions[t]
+            for number in range(len(taxels)):
+                taxels[number].given = decisions[t, number]
         everyone = tick or masked or moved or t == 0 or given
         if everyone or again or row >= 0:
             first, last = (0, len(rows)) if everyone or again else (row, row + 1)
@@ -518,5 +519,6 @@ def with_room(log: NDArray[Any], events: int) -> NDArray[Any]:
     if events < len(log):
         return log
     longer = np.empty((2 * len(log), 2), log.dtype)
-    longer[: len(log)] = log
+    for row in range(len(log)):  # to assign it whole, Numba would compile for seconds: the text of an error of shapes
+        longer[row, 0], longer[row, 1] = log[row, 0], log[row, 1]
     return longer

@@ -129,8 +129,9 @@ def _run(gates, after, first_flop, driven, upsets, seen):  # type: ignore[no-unt
             lane = upsets[upset, 2]
             nets[first_flop + upsets[upset, 1], lane // 64] ^= one << np.uint64(lane % 64)
             upset += 1
-        for i in range(len(inputs)):
-            nets[inputs[i]] = given[t, i]
+        for i in range(len(inputs)):  # word by word: rows assigned whole take Numba seconds to compile
+            for w in range(words):
+                nets[inputs[i], w] = given[t, i, w]
         for g in range(len(gates)):
             kind, a, b, c = gates[g, 0], nets[gates[g, 1]], nets[gates[g, 2]], nets[gates[g, 3]]
             out = nets[first_gate + g]
@@ -150,7 +151,8 @@ def _run(gates, after, first_flop, driven, upsets, seen):  # type: ignore[no-unt
                 else:
                     out[w] = a[w]
         for i in range(len(outputs)):
-            recorded[t, i] = nets[outputs[i]]
+            for w in range(words):
+                recorded[t, i, w] = nets[outputs[i], w]
         for f in range(flops):
             state = nets[first_flop + f]
             good = ~np.uint64(0) if state[0] & one else np.uint64(0)
@@ -158,4 +160,5 @@ def _run(gates, after, first_flop, driven, upsets, seen):  # type: ignore[no-unt
                 astray[t, w] |= state[w] ^ good
                 held[f, w] = nets[after[f], w]
         for f in range(flops):
-            nets[first_flop + f] = held[f]
+            for w in range(words):
+                nets[first_flop + f, w] = held[f, w]
