@@ -30,12 +30,13 @@ RESOLUTIONS = [1, 6, 10]
 
 
 def configurations() -> list[ReadoutConfig]:
-    """Every array, encoding and variant; the resolution changes from one to the next."""
-    product = itertools.product(ENCODINGS, ARRAYS, VARIANTS)
+    """Every encoding on every array; variant and resolution change from one to the next."""
     fields = ("encoding", "rows", "columns", "link", "frontend", "reset", "resolution")
     return [
-        ReadoutConfig.from_dict(dict(zip(fields, (encoding, *array, *variant, RESOLUTIONS[i % 3]), strict=True)))
-        for i, (encoding, array, variant) in enumerate(product)
+        ReadoutConfig.from_dict(
+            dict(zip(fields, (encoding, *array, *VARIANTS[(e + a) % 2], RESOLUTIONS[(e + a + 2) % 3]), strict=True))
+        )
+        for (e, encoding), (a, array) in itertools.product(enumerate(ENCODINGS), enumerate(ARRAYS))
     ]
 
 
@@ -46,7 +47,8 @@ def with_registers() -> list[ReadoutConfig]:
         base.replace(encoding=encoding, frontend=frontend, link=link, reset=reset)
         for encoding, (link, frontend, reset) in itertools.product(ENCODINGS, VARIANTS)
     ]
-    ends = {"sample_bits": 3, "resolution": 1, "window_period": 1, "leak_shift": 1, "leak_period": 64}
+    ends = {"sample_bits": 3, "resolution": 1, "closing_shift": 0, "window_period": 1, "leak_shift": 1}
+    ends |= {"leak_period": 64}
     return [
         *variants,
         *(base.replace(rows=rows, columns=columns, encoding="nlcs") for rows, columns in [(1, 1), (4, 8), (5, 9)]),
@@ -55,19 +57,19 @@ def with_registers() -> list[ReadoutConfig]:
 
 
 def extremes() -> list[dict[str, object]]:
-    """Every encoder, front end and way to decide at the ends of the ranges of its other fields."""
+    """Every encoder at the ends of the ranges of its fields, with both front ends and both ways to decide."""
     windows = [{"window_period": 1}, {"closing_shift": 0}, {"closing_shift": 16, "window_period": 2**16}]
     leaks = [{"leak_period": 1, "leak_shift": 16, "fraction_bits": 0}, {"leak_period": 2**20, "leak_shift": 1}]
     own: dict[str, Any] = {e.name: windows if e.windowed else leaks if e.leaks else [{}] for e in registry.ENCODERS}
     widths = [(3, 1), (12, 10), (24, 1)]
+    ends = [(encoding, more, width) for encoding in ENCODINGS for more in own[encoding] for width in widths]
     fields: list[dict[str, object]] = [
-        {"encoding": encoding, "rows": 2, "columns": 3, "frontend": frontend, "decide_every": decide_every}
+        {"encoding": encoding, "rows": 2, "columns": 3, "frontend": frontend}
+        | {"decide_every": "sample" if (frontend == "analog") ^ i % 2 else "clock"}
         | {"sample_bits": bits, "resolution": resolution, "fraction_bits": 7}
         | more
-        for encoding in ENCODINGS
-        for more in own[encoding]
-        for bits, resolution in widths
-        for frontend, decide_every in itertools.product(["digital", "analog"], ["clock", "sample"])
+        for i, (encoding, more, (bits, resolution)) in enumerate(ends)
+        for frontend in ("digital", "analog")
     ]
     # Decay ticks: all rows in one phase, several rows in each, and a phase for every row.
     phases = [(1, 1, 2), (2, 2, 1), (64, 1, 1), (5, 1, 2), (8, 1, 5), (3, 5, 3)]
