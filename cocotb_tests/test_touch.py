@@ -104,7 +104,7 @@ def test_mistakes_are_one_sentence(tmp_path: Path) -> None:
         (["--data", tmp_path], "--data needs --weights, from eskin quantise"),
         (["--data", tmp_path, "--weights", tmp_path / "one.npz"], "was trained on textures; leave --data out"),
     ):
-        done = call("touch", *arguments, "-o", tmp_path / "out")
+        done = call("touch", *arguments, "-o", tmp_path.with_name("out"))
         assert done.returncode == 2, done
         assert done.stderr.startswith("error: ")
         assert done.stderr.count("\n") == 1

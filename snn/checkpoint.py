@@ -29,6 +29,8 @@ def digest(data: ScanData) -> str:
     """Return a text that is equal only for equal scans of the same images."""
     found = hashlib.sha256(np.ascontiguousarray(data.values).tobytes())
     found.update(data.labels.tobytes() + data.images.tobytes())
+    if not data.of_one_length:
+        found.update(np.asarray(data.lengths).tobytes())
     return found.hexdigest()
 
 

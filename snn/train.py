@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import nn
+from torch import Tensor, nn
 from torch.nn import functional
 
 from eskin.base.errors import InputError
@@ -69,7 +69,8 @@ def train(
     check_fits(network_config, data)
     scans = data.scans_of(split.learned)
     network = build(network_config, seed)
-    calibrate(network, data.batch(scans[:: -(-len(scans) // CALIBRATION_SCANS)]))
+    some = scans[:: -(-len(scans) // CALIBRATION_SCANS)]
+    calibrate(network, _inputs(data, some, train_config, np.random.default_rng(seed)))
     network.to(device)
     optimizer = Adam(network.parameters(), train_config.learning_rate, train_config.weight_decay)
     training = Training(network, optimizer)
@@ -116,15 +117,17 @@ def _epoch(
     torch.manual_seed(int(generator.integers(2**62)))  # dropout
     network = training.network.train()
     training.optimizer.learning_rate = config.rate_at(number)
-    order = generator.permutation(scans)
+    order = generator.permutation(np.repeat(scans, config.windows))
+    weights = _class_weights(data.labels[scans], len(data.class_names)) if config.balanced else None
     loss_sum = correct = largest = rate = 0.0
     seen = torch.zeros(len(data.class_names), device=device)
     for start in range(0, len(order), config.batch):
         chosen = order[start : start + config.batch]
-        batch = augment(data.batch(chosen), data.taxels, config.augment, generator, data.frames).to(device)
+        batch = _inputs(data, chosen, config, generator)
+        batch = augment(batch, data.taxels, config.augment, generator, data.frames).to(device)
         labels = torch.from_numpy(data.labels[chosen]).to(device)
         output: Output = network(batch)
-        loss = functional.cross_entropy(output.logits, labels) + output.penalty
+        loss = _loss(output.logits, labels, weights) + output.penalty
         value = float(loss.detach())
         if not math.isfinite(value):
             raise DivergedError(
@@ -149,6 +152,26 @@ def _epoch(
     return Epoch(number + 1, loss_sum / count, correct / count, None, rate / count, largest, silent)
 
 
+def _inputs(data: ScanData, scans: NDArray[np.int64], config: TrainConfig, generator: np.random.Generator) -> Tensor:
+    """Return what the network learns of some scans: all steps, or a window of each."""
+    return data.windows(scans, config.window_steps, generator) if config.window_steps else data.batch(scans)
+
+
+def _class_weights(labels: NDArray[np.int64], classes: int) -> Tensor:
+    """Return a weight for each class, of mean 1 over the scans: those of a class weigh as much as those of another."""
+    counts = np.bincount(labels, minlength=classes)
+    weights = len(labels) / (np.count_nonzero(counts) * np.maximum(counts, 1))
+    return torch.from_numpy(weights.astype(np.float32))
+
+
+def _loss(logits: Tensor, labels: Tensor, weights: Tensor | None) -> Tensor:
+    """Return the mean cross-entropy of a batch, each scan with the weight of its class."""
+    if weights is None:
+        return functional.cross_entropy(logits, labels)
+    weights = weights.to(logits)
+    return functional.cross_entropy(logits, labels, weight=weights, reduction="sum") / len(labels)
+
+
 def predicted_classes(
     network: nn.Module, data: ScanData, images: Sequence[int] | NDArray[np.int64], device: str = "cpu"
 ) -> NDArray[np.int64]:
@@ -162,14 +185,19 @@ def logits_of(
     scans: NDArray[np.int64] | None = None,
     device: str = "cpu",
 ) -> NDArray[np.float32]:
-    """Return the logits of some scans, by default of all, shape (scans, classes)."""
+    """Return the logits of some scans, by default of all, shape (scans, classes).
+
+    A scan that was filled up goes in alone and with its own steps: its evidence is that of all its steps and no other.
+    """
     scans = np.arange(len(data)) if scans is None else scans
+    together = BATCH if data.of_one_length else 1
     network.eval()
+    parts = []
     with torch.no_grad():
-        parts = [
-            network(data.batch(scans[start : start + BATCH]).to(device)).logits.cpu().numpy()
-            for start in range(0, len(scans), BATCH)
-        ]
+        for start in range(0, len(scans), together):
+            chosen = scans[start : start + together]
+            batch = data.batch(chosen)[: max(map(data.steps_of, chosen.tolist()))]
+            parts.append(network(batch.to(device)).logits.cpu().numpy())
     return np.concatenate(parts) if parts else np.zeros((0, len(data.class_names)), np.float32)
 
 

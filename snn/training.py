@@ -17,6 +17,9 @@ LARGE_GRADIENT = 1e4
 """Norm of the gradient, before clipping, that is reported as a sign of divergence."""
 
 
+_OF_WINDOWS: dict[str, Any] = {"window_steps": 0, "windows": 1, "balanced": False}
+"""Defaults of the fields for long recordings."""
+
 LARGEST_RATE = 10.0
 """Largest learning rate; the default is 1e-3, and 1e30 would train nothing in finite numbers."""
 
@@ -39,6 +42,12 @@ class TrainConfig:
         The learning rate falls to zero along half a cosine; else it is constant.
     clip : float
         Largest norm of the gradient.
+    window_steps : int
+        The network learns windows of so many steps, drawn anew from the scans in every epoch; 0: whole scans.
+    windows : int
+        Windows of each scan in an epoch, however long the scan is.
+    balanced : bool
+        Every class weighs the same in the loss, however many scans it has.
     augment : AugmentConfig
         What is changed at random in every scan.
     """
@@ -49,12 +58,15 @@ class TrainConfig:
     weight_decay: float = 0.0
     cosine: bool = False
     clip: float = 1.0
+    window_steps: int = 0
+    windows: int = 1
+    balanced: bool = False
     augment: AugmentConfig = field(default_factory=AugmentConfig)
 
     def __post_init__(self) -> None:
-        for name in ("epochs", "batch"):
-            if getattr(self, name) < 1:
-                raise InputError(f"{name} must be at least 1, not {getattr(self, name)}")
+        for name, least in (("epochs", 1), ("batch", 1), ("windows", 1), ("window_steps", 0)):
+            if getattr(self, name) < least:
+                raise InputError(f"{name} must be at least {least}, not {getattr(self, name)}")
         if not 0 < self.learning_rate <= LARGEST_RATE:
             raise InputError(
                 f"learning_rate must be above 0 and at most {LARGEST_RATE:g}, not {self.learning_rate!r}: "
@@ -66,8 +78,12 @@ class TrainConfig:
             raise InputError(f"weight_decay must be from 0 to 1 / learning_rate, not {self.weight_decay!r}")
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as one flat dictionary, as in files."""
-        return flatten(self)
+        """Return all fields as one flat dictionary, as in files.
+
+        Fields of windows are left out where they have their default, so files of trainings on whole scans stay equal.
+        """
+        found = flatten(self)
+        return {name: value for name, value in found.items() if name not in _OF_WINDOWS or value != _OF_WINDOWS[name]}
 
     @classmethod
     def from_dict(cls, fields: Any) -> TrainConfig:

@@ -172,11 +172,16 @@ def named(material: Material, name: str) -> str:
     return name
 
 
-def chosen(material: Material, limit: int | None = None, only: str | None = None) -> list[str]:
-    """Return the names of ``limit`` things, evenly spread, or of ``only`` one; else of all."""
+def chosen(
+    material: Material, limit: int | None = None, only: str | None = None, names: list[str] | None = None
+) -> list[str]:
+    """Return the names of ``limit`` things, evenly spread over ``names``, or of ``only`` one; else all of ``names``.
+
+    Without ``names`` they are those of all things.
+    """
     if only is not None:
         return [named(material, only)]
-    names = material.names
+    names = material.names if names is None else names
     if limit is not None and limit < 1:
         raise InputError(
             f"the number of {'images' if material.preset else 'recordings'} must be at least 1, not {limit}"

@@ -194,7 +194,14 @@ def plan(weights: Path | None, data: Path | None, dataset: str, limit: int | Non
         f"DATA={data}" if data else f"DATASET={dataset}",
         *([f"WEIGHTS={weights}"] if weights else []),
     ]
-    return Plan(material, choose(material, chosen(material, limit, only), networks), " ".join(again), out)
+    names = chosen(material, limit, only, not_learned(material, networks))
+    return Plan(material, choose(material, names, networks), " ".join(again), out)
+
+
+def not_learned(material: Material, networks: Sequence[Network]) -> list[str]:
+    """Return the names that a network here has not learned; all of them where every network has learned all."""
+    found = [name for name in material.names if any(n.dataset != material.name or name in n.tested for n in networks)]
+    return found or material.names
 
 
 def _load(place: Path) -> list[Network]:

@@ -13,6 +13,18 @@ from eskin.model.config import ReadoutConfig
 PREFIX = "classifier_"
 
 
+def with_room(readout: ReadoutConfig, classifier: ClassifierConfig) -> ReadoutConfig:
+    """Return a readout with so many clocks per sample that a bin has room for all work that the classifier can have.
+
+    That is an event of every channel, and a spike of every hidden neuron in the bin and in the one before. The clocks
+    are doubled until they suffice, so samples and events stay in their bins.
+    """
+    needed = work_clocks(classifier, classifier.hidden, classifier.hidden) + classifier.groups * classifier.inputs
+    while round(classifier.bin_s * readout.clock_hz) < needed:
+        readout = readout.replace(clocks_per_sample=2 * readout.clocks_per_sample)
+    return readout
+
+
 @dataclass(frozen=True, kw_only=True)
 class ChipConfig:
     """A matching pair of readout and classifier.

@@ -18,6 +18,7 @@ from eskin.model import __version__
 from eskin.model.config import ReadoutConfig
 from eskin.skin.recordings.folder import quality_warnings, read_set, sources_of, write_folder
 from eskin.skin.recordings.options import Preparation
+from eskin.skin.recordings.statistics import write_signals
 
 _MODEL, _HERE = Path(model.__file__).parent, Path(__file__).parent
 
@@ -34,8 +35,8 @@ def kept_events(
     out: Path = KEPT,
     pool: WorkerPool | None = None,
     flat: bool = False,
-) -> tuple[Path, tuple[str, ...]]:
-    """Return the folder of event files for class folders, made if missing, and warnings.
+) -> tuple[Path, tuple[str, ...], tuple[str, ...]]:
+    """Return the folder of event files for class folders, made if missing, notes and warnings.
 
     With ``flat`` recordings may lie beside the class folders, and a file may stand alone: they have no class.
 
@@ -53,8 +54,8 @@ def kept_events(
             raise InputError(f"cannot read {source.path}: {error.strerror}") from None
     folder = out / f"{place.resolve().name}-{digest.hexdigest()[:12]}"
     if folder.is_dir():
-        return folder, left_out
-    recordings = read_set(place, options, config, given, progress, flat)
+        return folder, (), left_out
+    recordings = read_set(place, options, config, given, progress, flat, fit=True)
     try:
         out.mkdir(parents=True, exist_ok=True)
         part = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=out))
@@ -62,9 +63,11 @@ def kept_events(
         raise InputError(f"cannot make a folder in {out}: {error.strerror}") from None
     try:
         quality, _ = write_folder(recordings, part, pool)
+        write_signals(recordings, part)
         part.chmod(0o755)
         if not folder.is_dir():
             os.replace(part, folder)
     finally:
         shutil.rmtree(part, ignore_errors=True)
-    return folder, (*recordings.warnings, *quality_warnings(recordings.config, recordings.codes, quality))
+    warnings = quality_warnings(recordings.config, recordings.codes, quality)
+    return folder, recordings.notes, (*recordings.warnings, *warnings)

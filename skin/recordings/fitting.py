@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from eskin.model.config import ReadoutConfig
 from eskin.model.readout import Stimulus, simulate
-from eskin.model.taxel import slope_limit
+from eskin.model.taxel import decode, encode_timed, slope_limit
 from eskin.skin.recordings.quality import MOST_CLOCKS, clocks_needed, measure_quality, power_of_two
 
 TAU_S = 0.2
@@ -23,6 +23,12 @@ LEAST_WINDOW = 4
 """Samples between two closing steps at least: a window that closes at every sample follows the noise, and its receiver
 cannot tell a step from a wait. On a generated skin of 35 Hz, 6 bit, that has 17 dB, this 38 dB."""
 
+RESOLUTIONS = range(3, 9)
+"""Resolutions that are tried for the events of a classifier."""
+
+ENOUGH_DB, MOST_TRIED = 15.0, 32
+"""Reconstruction SNR that is enough for a classifier, and the recordings on which it is measured."""
+
 SLOW_HZ = 1000.0
 """Samples per second below which the clock follows the signal, not 64 times the sample rate."""
 
@@ -34,6 +40,25 @@ def with_seconds(config: ReadoutConfig, given: Collection[str]) -> ReadoutConfig
         return config.replace(leak_shift=leak.leak_shift, leak_period=leak.leak_period)
     if config.encoder.windowed and "window_period" not in given:
         return config.replace(window_period=min(max(round(WINDOW_S * config.sample_rate_hz), LEAST_WINDOW), 2**16))
+    return config
+
+
+def with_resolution(config: ReadoutConfig, recordings: Sequence[NDArray[np.int32]]) -> ReadoutConfig:
+    """Return a configuration with the coarsest resolution at which the events render half of the taxels well.
+
+    That is at least ``ENOUGH_DB`` on some recordings, evenly spread. Where no resolution does, as with a leak, the
+    configuration stays as it is.
+    """
+    some = recordings[:: -(-len(recordings) // MOST_TRIED)]
+    for resolution in RESOLUTIONS:
+        tried = config.replace(resolution=resolution, clocks_per_sample=MOST_CLOCKS)
+        signal = noise = np.zeros(config.taxels)
+        for codes in some:
+            counts, late = encode_timed(tried, codes)
+            signal = signal + ((codes - codes.mean(0)) ** 2).sum(0)
+            noise = noise + ((codes - decode(tried, counts, late)) ** 2).sum(0)
+        if np.median(signal / np.maximum(noise, 1e-9)) >= 10 ** (ENOUGH_DB / 10):
+            return config.replace(resolution=resolution)
     return config
 
 

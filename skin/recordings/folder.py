@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,11 +19,12 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
 from eskin.model.readout import Stimulus, simulate
 from eskin.skin.recordings.columns import match_columns
-from eskin.skin.recordings.fitting import array_of, steepest_step, with_clock, with_seconds
+from eskin.skin.recordings.fitting import array_of, steepest_step, with_clock, with_resolution, with_seconds
 from eskin.skin.recordings.options import Preparation
 from eskin.skin.recordings.prepare import prepare
 from eskin.skin.recordings.quality import MUCH_LATE, Quality, measure_quality, pooled
 from eskin.skin.recordings.table import read_table
+from eskin.skin.recordings.taxels import only_taxels
 from eskin.skin.samples import ARRAY_SUFFIXES
 
 LOW_SNR_DB = 10.0
@@ -155,6 +157,7 @@ def read_set(
     given: Collection[str] = (),
     progress: Callable[[], object] | None = None,
     flat: bool = False,
+    fit: bool = False,
 ) -> RecordingSet:
     """Return the recordings of a folder, or of one file, with a suitable configuration.
 
@@ -171,6 +174,8 @@ def read_set(
         Called after each file.
     flat : bool
         As ``sources_of`` takes it.
+    fit : bool
+        The resolution follows the recordings too, unless it is given.
     """
     sources, left_out = sources_of(place, flat, options.strict)
     tables = []
@@ -179,12 +184,22 @@ def read_set(
         if progress is not None:
             progress()
     tables, options = match_columns(tables, options)
+    notes = tuple(dict.fromkeys(note for table in tables for note in table.notes))
+    if place.is_dir() and not options.taxel_columns:
+        tables, no_taxels = only_taxels(tables)
+        notes += no_taxels
+        if no_taxels:  # others are taken as these
+            names = tables[0].names
+            options = dataclasses.replace(options, taxel_columns=",".join(names), names=names if options.names else ())
     prepared = prepare(
         tables, options, config.sample_bits, config.sample_rate_hz if "sample_rate_hz" in given else None
     )
     taxels = tables[0].values.shape[1]
     config = _with_array(config, taxels, given, tables[0].path).replace(sample_rate_hz=prepared.rate_hz)
     config = with_seconds(config, given)
+    if fit and "resolution" not in given:
+        config = with_resolution(config, prepared.codes)
+        notes += (f"resolution {config.resolution} b; --resolution chooses another",)
     if "clocks_per_sample" not in given:
         config = with_clock(config, prepared.codes)
     return RecordingSet(
@@ -195,7 +210,7 @@ def read_set(
         options=options,
         scale=prepared.scale,
         clipped=prepared.clipped,
-        notes=tuple(dict.fromkeys(note for table in tables for note in table.notes)),
+        notes=(*notes, *prepared.notes),
         warnings=(*left_out, *prepared.warnings, *_unseen(config, prepared.codes)),
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,6 +17,12 @@ from eskin.skin.textures.presets import quantise
 
 JITTER = 0.02
 """Part of a sample period by which time stamps may miss the grid before a recording is resampled."""
+
+OWN_CLOCK = 0.01
+"""Part by which the rate of a recording may differ from that of all and its samples still count as even."""
+
+MISSING = 1.5
+"""Sample periods between two time stamps from which on samples are missing between them."""
 
 MUCH_CLIPPED = 1e-3
 """Part of the samples above which clipping is worth a warning."""
@@ -36,6 +43,8 @@ class Prepared:
         Samples beyond full scale, all together.
     warnings : tuple of str
         What the user should know, with the option that mends it.
+    notes : tuple of str
+        What was done to the samples.
     """
 
     codes: list[NDArray[np.int32]]
@@ -43,6 +52,7 @@ class Prepared:
     scale: float
     clipped: int
     warnings: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
 def prepare(tables: Sequence[Table], options: Preparation, sample_bits: int, rate_hz: float | None = None) -> Prepared:
@@ -69,14 +79,14 @@ def prepare(tables: Sequence[Table], options: Preparation, sample_bits: int, rat
         raise InputError(f"{first} has {a} taxels, {second} has {b}; choose the same ones with --taxel-columns")
     rate_hz = rate_hz or _common_rate(tables)
     warnings = _columns_that_are_no_signal(tables)
-    signals = []
-    resampled = 0
+    signals, resampled = [], 0
     for table in tables:
         signal, moved = on_grid(table, rate_hz)
         resampled += moved
         signals.append(without_baseline(signal, rate_hz, options))
+    notes = _filled(tables)
     if resampled:
-        warnings.append(f"{resampled} of {len(tables)} recordings do not have even time stamps: resampled, linearly")
+        notes.append(f"{resampled} of {len(tables)} recordings have uneven time stamps: resampled, linearly")
     scale = scale_of(signals, options, sample_bits)
     with np.errstate(over="ignore"):  # what overflows saturates, as all that is out of range
         found = [quantise(signal * scale, sample_bits) for signal in signals]
@@ -85,7 +95,7 @@ def prepare(tables: Sequence[Table], options: Preparation, sample_bits: int, rat
         remedy = "--scale max" if options.baseline != "none" else "--baseline first, or --scale max"
         warnings.append(f"{clipped / samples:.1%} of the samples are beyond full scale and clipped; try {remedy}")
     warnings += _baseline_left(found, options, sample_bits)
-    return Prepared([codes for codes, _ in found], rate_hz, scale, clipped, tuple(warnings))
+    return Prepared([codes for codes, _ in found], rate_hz, scale, clipped, tuple(warnings), tuple(notes))
 
 
 def _common_rate(tables: Sequence[Table]) -> float:
@@ -94,7 +104,7 @@ def _common_rate(tables: Sequence[Table]) -> float:
     for table in tables:
         if table.time_s is not None:
             steps = np.diff(table.time_s)  # the mean, which jitter does not move, of all that are no gaps
-            rates.append(1 / float(steps[steps < 3 * np.median(steps)].mean()))
+            rates.append(1 / float(steps[steps < MISSING * np.median(steps)].mean()))
         elif table.rate_hz is not None:
             rates.append(table.rate_hz)
         else:
@@ -110,19 +120,46 @@ def _common_rate(tables: Sequence[Table]) -> float:
 
 
 def on_grid(table: Table, rate_hz: float) -> tuple[Values, bool]:
-    """Return the signals of a recording at an even rate, and whether they were resampled."""
-    from scipy.interpolate import make_interp_spline
+    """Return the signals of a recording at an even rate, and whether they were resampled.
 
+    Samples are even where their time stamps miss an even grid by no more than ``JITTER``, or by no more than the
+    rounding of the stamps, as milliseconds of a sensor at 36 Hz do. The grid may run with the recording's own clock.
+    """
     time_s = table.time_s
     if time_s is None:
         return table.values, False
-    period = 1 / rate_hz
-    if np.abs(time_s - np.arange(len(time_s)) * period).max() <= JITTER * period:
+    period, own = 1 / rate_hz, float(time_s[-1]) / (len(time_s) - 1)
+    steps = np.diff(time_s)
+    allowed = max(JITTER * period, min(1.5 * _finest_step(steps), 0.1 * period))
+    if abs(own / period - 1) <= OWN_CLOCK and np.abs(time_s - np.arange(len(time_s)) * own).max() <= allowed:
         return table.values, False
-    if (gap := float(np.diff(time_s).max())) > 1000 * period:
+    if (gap := float(steps.max())) > 1000 * period:
         raise InputError(f"{table.path} has a gap of {gap:.4g} s in its time stamps; cut it into two recordings")
     grid = np.arange(int(time_s[-1] * rate_hz + 1e-6) + 1) * period
-    return np.asarray(make_interp_spline(time_s, table.values, k=1)(np.minimum(grid, time_s[-1]))), True
+    return np.stack([np.interp(grid, time_s, column) for column in table.values.T], axis=1), True
+
+
+def _finest_step(steps: Values) -> float:
+    """Return the smallest difference between two time steps, the resolution of the stamps; 0 of equal steps."""
+    return float(np.diff(np.unique(np.round(steps, 9))).min(initial=math.inf)) if np.ptp(steps) > 1e-9 else 0.0
+
+
+def _filled(tables: Sequence[Table]) -> list[str]:
+    """Return a sentence on missing samples: rows that are not there, and cells without a number."""
+    rows, holed, cells = 0, 0, sum(table.filled for table in tables)
+    for table in tables:
+        if table.time_s is not None:
+            steps = np.diff(table.time_s)
+            periods = steps / np.median(steps[steps > 0])
+            missing = int(np.rint(periods[periods > MISSING] - 1).sum())
+            rows, holed = rows + missing, holed + bool(missing)
+    notes = []
+    if rows:
+        notes.append(f"{rows} samples are missing in the time stamps of {holed} recordings: filled in, linearly")
+    if cells:
+        files = sum(table.filled > 0 for table in tables)
+        notes.append(f"{cells} cells of {files} recordings hold no number: filled in, linearly")
+    return notes
 
 
 def without_baseline(signal: Values, rate_hz: float, options: Preparation) -> Values:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +25,15 @@ _TIME_NAME = re.compile(
     r"^\W*(t|times?|time[ _-]?stamps?|date|datetime|secs?|seconds|millis|micros|ms|us)(?![a-z])", re.IGNORECASE
 )
 _UNIT = re.compile(r"(?:^|[\s(\[_/])(s|sec|secs|seconds|ms|millis|us|µs|micros|ns)[\s)\]]*$", re.IGNORECASE)
+_MISSING = ("", "nan", "na", "n/a", "null", "none", "-")
+"""Words for a cell without a number, in lower case."""
+
+MOST_MISSING = 0.1
+"""Part of the cells of a column that may hold no number; the samples before and after fill them."""
+
+SAME_STAMP = 0.01
+"""Part of the time stamps that may be equal to the one before, as a clock of whole milliseconds gives them at times."""
+
 _UNIT_NAMES = {"sec": "s", "secs": "s", "seconds": "s", "millis": "ms", "µs": "us", "micros": "us"}
 
 
@@ -48,6 +58,8 @@ class Table:
         What was taken for what, for the user.
     named : bool
         Whether the names stand in the file.
+    filled : int
+        Cells without a number, which the samples before and after them fill, linearly.
     """
 
     path: Path
@@ -58,6 +70,7 @@ class Table:
     rate_hz: float | None
     notes: tuple[str, ...]
     named: bool = False
+    filled: int = 0
 
 
 def read_table(path: Path, options: Preparation) -> Table:
@@ -70,12 +83,12 @@ def read_table(path: Path, options: Preparation) -> Table:
         stamps do not rise.
     """
     if path.suffix.lower() == ".csv":
-        values, names, codes = _read_csv(path, options)
+        values, names, codes, filled = _read_csv(path, options)
         rate_hz = None
     elif path.suffix.lower() in ARRAY_SUFFIXES:
         samples = read_samples(path)
         flat = samples.values.reshape(len(samples.values), -1)
-        values, codes, rate_hz = flat.astype(np.float64), samples.values.dtype.kind in "iu", samples.rate_hz
+        values, codes, rate_hz, filled = flat.astype(float), samples.values.dtype.kind in "iu", samples.rate_hz, 0
         names = tuple(f"{number}" for number in range(1, values.shape[1] + 1))
     else:
         raise InputError(f"{path} is no table of samples; they come as {', '.join(ARRAY_SUFFIXES)}")
@@ -90,15 +103,23 @@ def read_table(path: Path, options: Preparation) -> Table:
         time_s, note = _seconds(path, values[:, time_column], names[time_column], options)
         notes = (*notes, note)
     return Table(
-        path, values[:, chosen], tuple(names[k] for k in chosen), codes, time_s, rate_hz, notes, _are_names(names)
+        path,
+        values[:, chosen],
+        tuple(names[k] for k in chosen),
+        codes,
+        time_s,
+        rate_hz,
+        notes,
+        _are_names(names),
+        filled,
     )
 
 
 # -- text --------------------------------------------------------------------------------------------
 
 
-def _read_csv(path: Path, options: Preparation) -> tuple[Values, tuple[str, ...], bool]:
-    """Return the numbers of a text file, the names of its columns, and whether all are whole numbers."""
+def _read_csv(path: Path, options: Preparation) -> tuple[Values, tuple[str, ...], bool, int]:
+    """Return numbers and names of the columns of a text, whether all are whole, and how many cells were filled in."""
     try:
         text = read_bytes(path, "the table").decode("utf-8-sig")
     except OSError as error:
@@ -113,7 +134,7 @@ def _read_csv(path: Path, options: Preparation) -> tuple[Values, tuple[str, ...]
     if comma and delimiter == ",":
         raise InputError("a decimal comma needs another delimiter; add --delimiter, such as ';'")
     cells = [cell.strip().strip('"') for cell in lines[0].split(delimiter)]
-    headed = not all(_is_number(cell.replace(",", ".") if comma else cell) for cell in cells)
+    headed = not all(_is_number(cell.replace(",", ".") if comma else cell) or _is_missing(cell) for cell in cells)
     body = lines[1:] if headed else lines
     if not body:
         raise InputError(f"{path} holds no samples below its header; give at least one line of numbers")
@@ -121,28 +142,67 @@ def _read_csv(path: Path, options: Preparation) -> tuple[Values, tuple[str, ...]
     if comma:
         numbers = numbers.replace(",", ".")
     try:
-        values = np.loadtxt(io.StringIO(numbers), np.float64, delimiter=delimiter, comments=None, ndmin=2)
+        values = _numbers(numbers, delimiter)
     except ValueError as error:
         reason = " ".join(str(error).split()).split(";")[0].rstrip(".")
         raise InputError(
             f"{path} is not a table of numbers: {reason[:1].lower() + reason[1:]}; --delimiter and --decimal say how "
             f"it is written"
         ) from None
-    if wrong := np.argwhere(~np.isfinite(values)).tolist():
-        line, column = wrong[0]
-        raise InputError(
-            f"{path} has {values[line, column]} in sample {line + 1}, column {column + 1}; replace it, or leave the "
-            f"column out with --taxel-columns"
-        )
+    values, filled = _filled(path, values)
     names = tuple(cells) if headed else tuple(str(number) for number in range(1, values.shape[1] + 1))
     if len(names) != values.shape[1]:
         raise InputError(f"{path} names {len(names)} columns and has {values.shape[1]}; repair its header")
-    return values, names, re.search(r"[.eE]", numbers) is None
+    return values, names, not filled and re.search(r"[.eE]", numbers) is None, filled
+
+
+def _numbers(text: str, delimiter: str | None) -> Values:
+    """Return the numbers of a text, shape (lines, columns), and NaN for cells that hold none."""
+    try:
+        return np.loadtxt(io.StringIO(text), np.float64, delimiter=delimiter, comments=None, ndmin=2)
+    except ValueError:
+        if delimiter is None or not any(_is_missing(cell) for cell in re.split(f"[{re.escape(delimiter)}\n]", text)):
+            raise
+
+    def number(cell: str) -> float:
+        return math.nan if _is_missing(cell) else float(cell)
+
+    return np.loadtxt(
+        io.StringIO(text), np.float64, delimiter=delimiter, comments=None, ndmin=2, converters=number, encoding="utf-8"
+    )
+
+
+def _filled(path: Path, values: Values) -> tuple[Values, int]:
+    """Return values without NaN, from the samples before and after it, and how many there were.
+
+    Raises
+    ------
+    InputError
+        If a value is infinite, or a column has too many without a number.
+    """
+    holes = np.isnan(values)
+    wrong = np.isinf(values) | (holes & (holes.mean(0) > MOST_MISSING))
+    if found := np.argwhere(wrong).tolist():
+        line, column = found[0]
+        most = f" (up to {MOST_MISSING:.0%} of a column may be missing)" if holes[line, column] else ""
+        raise InputError(
+            f"{path} has {values[line, column]} in sample {line + 1}, column {column + 1}{most}; replace it, or leave "
+            f"the column out with --taxel-columns"
+        )
+    place = np.arange(len(values))
+    for number in np.flatnonzero(holes.any(0)):
+        here = holes[:, number]
+        values[here, number] = np.interp(place[here], place[~here], values[~here, number])
+    return values, int(holes.sum())
 
 
 def _delimiter(lines: list[str]) -> str | None:
     """Return the delimiter of the cells: tab, semicolon or comma if present, else white space (None)."""
     return next((mark for mark in ("\t", ";", ",") if all(mark in line for line in lines[-2:])), None)
+
+
+def _is_missing(cell: str) -> bool:
+    return cell.strip().lower() in _MISSING
 
 
 def _is_number(cell: str) -> bool:
@@ -210,8 +270,9 @@ def _seconds(path: Path, stamps: Values, name: str, options: Preparation) -> tup
     steps = np.diff(stamps)
     if len(stamps) < 2:
         raise InputError(f"{path} has one sample only; a recording needs two at least")
-    if (steps <= 0).any():
-        line = int(np.argmax(steps <= 0)) + 2
+    wrong = steps < 0 if (steps == 0).mean() <= SAME_STAMP else steps <= 0
+    if wrong.any():
+        line = int(np.argmax(wrong)) + 2
         raise InputError(
             f"{path}: the time stamp of sample {line} is not later than the one before; sort the samples, or give "
             f"--time-column none and --sample-rate HZ"

@@ -117,6 +117,8 @@ def _read(path: Path) -> ScanData | None:
         if not len(arrays["values"]) == len(arrays["labels"]) == len(arrays["images"]) > 0:
             return None
         names, class_names = tuple(header.pop("names")), tuple(header.pop("class_names"))
+        if header["lengths"] is not None:
+            header["lengths"] = np.array(header["lengths"], np.int64)
         return ScanData(**arrays, names=names, class_names=class_names, **header)
     except Exception:  # a damaged archive makes zipfile, zlib and NumPy raise almost any type
         return None
@@ -124,6 +126,7 @@ def _read(path: Path) -> ScanData | None:
 
 def _write(path: Path, data: ScanData) -> None:
     header = {field.name: getattr(data, field.name) for field in dataclasses.fields(data) if field.name not in _ARRAYS}
+    header["lengths"] = None if data.lengths is None else data.lengths.tolist()
     content = io.BytesIO()
     np.savez_compressed(content, header=np.array(json.dumps(header)), **{n: getattr(data, n) for n in _ARRAYS})
     with atomic_write(path) as file:

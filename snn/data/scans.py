@@ -40,6 +40,8 @@ class ScanData:
         Mean population event rate of the scans over their whole length; of frames, values per second.
     source : str
         Where they come from, for the user; it changes no result.
+    lengths : int64 array, shape (scans,), or None
+        Steps of each scan; those behind are filled up with zeros. None: all scans have all steps.
     """
 
     values: NDArray[Any]
@@ -51,6 +53,7 @@ class ScanData:
     step_s: float
     rate_hz: float
     source: str = ""
+    lengths: NDArray[np.int64] | None = None
 
     def __len__(self) -> int:
         return len(self.values)
@@ -77,6 +80,15 @@ class ScanData:
         labels[self.images] = self.labels
         return labels
 
+    @property
+    def of_one_length(self) -> bool:
+        """Whether all scans have all steps."""
+        return self.lengths is None or bool((self.lengths >= self.steps).all())
+
+    def steps_of(self, scan: int) -> int:
+        """Return the steps of a scan before it was filled up."""
+        return self.steps if self.lengths is None else min(int(self.lengths[scan]), self.steps)
+
     def scans_of(self, images: Sequence[int] | NDArray[np.int64], first_row_only: bool = False) -> NDArray[np.int64]:
         """Return the scans of some images, by default for all start rows, in rising order."""
         chosen = np.flatnonzero(np.isin(self.images, images))
@@ -95,6 +107,20 @@ class ScanData:
         import torch
 
         return torch.from_numpy(np.ascontiguousarray(self.values[scans].transpose(1, 0, 2), np.float32))
+
+    def windows(self, scans: Sequence[int] | NDArray[np.int64], steps: int, generator: np.random.Generator) -> Tensor:
+        """Return a window of each of some scans, drawn at random, as ``batch`` does: shape (steps, scans, channels).
+
+        A scan with fewer steps is filled up with zeros.
+        """
+        import torch
+
+        found = np.zeros((steps, len(scans), self.channels), np.float32)
+        for column, scan in enumerate(scans):
+            begin = int(generator.integers(0, max(self.steps_of(scan) - steps, 0) + 1))
+            window = self.values[scan, begin : min(begin + steps, self.steps_of(scan))]
+            found[: len(window), column] = window
+        return torch.from_numpy(found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,6 +219,7 @@ def collect(recordings: Sequence[Recording], bins: BinConfig, class_names: Seque
         taxels=first.taxels,
         step_s=bins.bin_s,
         rate_hz=float(np.mean([counted_rate_hz(recording, bins.start_s) for recording in recordings])),
+        lengths=np.array([counts.shape[0] for counts in sparse], np.int64),
     )
 
 

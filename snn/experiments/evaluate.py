@@ -324,8 +324,11 @@ def integer_classes(
     network: IntegerNetwork, data: ScanData, images: Sequence[int] | NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """Return the class of every image from the integer network, for the scan of its first start row."""
-    evidence, _ = network.run_counts(data.values[data.first_scans(images)])
-    return evidence.argmax(1)
+    scans = data.first_scans(images)
+    if data.of_one_length:
+        return network.run_counts(data.values[scans])[0].argmax(1)
+    rows = [network.run_counts(data.values[[scan], : data.steps_of(scan)])[0] for scan in scans]
+    return np.concatenate(rows).argmax(1)
 
 
 def compare_integer(weights_file: Path, made: IntegerWeights) -> str:

@@ -236,6 +236,8 @@ class Experiment:
             readout = ReadoutConfig.from_dict(fields["readout"])
             made |= {"preset": fields["preset"], "readout": readout}
             made["given_leak"] = fields["tau_s"] is None and _has_own_leak(readout)
+        else:
+            made["preset"] = None
         return cls(**(kept | made))
 
 

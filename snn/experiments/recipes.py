@@ -5,6 +5,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from eskin.snn.training import TrainConfig
+
 BASELINES = ("rnn", "gru", "cnn")
 """Recipes that are made for frames."""
 
@@ -29,6 +34,18 @@ RECIPES: dict[str, dict[str, Any]] = {
         "weight_decay": 0.01,
         "cosine": True,
         "shift_steps": 10,
+    },
+    "skin": {
+        "hidden": 128,
+        "input_rms": 2.0,
+        "decay": 0.9375,
+        "output_decay": 0.984375,
+        "readout": "membrane",
+        "output_scale": 0.25,
+        "dropout": 0.3,
+        "learning_rate": 5e-3,
+        "weight_decay": 0.01,
+        "cosine": True,
     },
     "portable": {
         "input_rms": 2.0,
@@ -57,4 +74,47 @@ RECIPES: dict[str, dict[str, Any]] = {
     "cnn": {"kind": "cnn", "dropout": 0.3, "weight_decay": 0.01, **_FRAMES},
 }
 """Fields of NetworkConfig and TrainConfig by name of the recipe: the paper's network without and with what helps its
-training; a leaky variant whose outputs do not fire; one that other libraries hold whole; and baselines for frames."""
+training; leaky variants whose outputs do not fire, ``skin`` for own recordings, whose leaks follow their length
+(``for_recordings``); one that other libraries hold whole; and baselines for frames."""
+
+WINDOW_S = 5.0
+"""Length of the windows that are learned of long recordings, unless most are shorter."""
+
+WHOLE_STEPS, LIKE = 512, 1.5
+"""Recordings are learned whole where none has more steps, and none is so many times as long as another."""
+
+MOST_WINDOWS = 4
+"""Windows of a recording in an epoch at most."""
+
+_BATCHES = 8
+"""Batches of an epoch at least, where there are so many scans: few steps teach little."""
+
+_LEAK, _OUTPUT_LEAK = 1 / 10, 4 / 10
+"""Time constants of the neurons and of the outputs, as parts of a window."""
+
+
+def for_recordings(recipe: str, seconds: NDArray[np.float64], bin_s: float) -> dict[str, Any]:
+    """Return the fields of NetworkConfig and TrainConfig that follow from the lengths of own recordings.
+
+    Long recordings, or those of unequal length, are learned in windows, as many of each; nine in ten recordings last
+    as long as a window. The leaks of the recipe ``skin`` are the shifts that are nearest to parts of a window.
+
+    Parameters
+    ----------
+    recipe : str
+    seconds : float array, shape (recordings,)
+    bin_s : float
+        Seconds of a time step.
+    """
+    steps = np.maximum(seconds / bin_s + 1e-9, 1).astype(int)
+    found: dict[str, Any] = {"balanced": True}
+    window, windows = int(steps.max()), 1
+    if window > WHOLE_STEPS or window > LIKE * steps.min():
+        window = max(min(round(WINDOW_S / bin_s), int(np.percentile(steps, 10))), 1)
+        windows = min(max(round(float(steps.mean()) / window), 1), MOST_WINDOWS)
+        found |= {"window_steps": window, "windows": windows}
+    found["batch"] = min(max(len(steps) * windows // _BATCHES, 4), TrainConfig().batch)
+    if recipe == "skin":
+        for name, part in (("decay", _LEAK), ("output_decay", _OUTPUT_LEAK)):
+            found[name] = 1 - 2.0 ** -min(max(round(math.log2(max(window * part, 1))), 1), 10)
+    return found

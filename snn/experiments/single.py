@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import fnmatch
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,13 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eskin.base.errors import InputError
 from eskin.base.files import write_json
+from eskin.skin.recordings.statistics import signal_statistics
 from eskin.snn.checkpoint import Checkpoint
 from eskin.snn.data.folds import stratified_folds
 from eskin.snn.data.recordings import own_readout
 from eskin.snn.data.scans import ScanData, Split
 from eskin.snn.exchange.weights import Weights, save_weights
 from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.reference import references, score
 from eskin.snn.train import predicted_classes, train
 from eskin.snn.training import Epoch, Training
 
@@ -30,7 +34,7 @@ class Fold:
     ----------
     data : ScanData
     number, of : int
-        Fold that is tested, from 0, and number of folds.
+        Fold that is tested, from 0, and number of folds; 0 and 1 where names chose it.
     test, images : int64 arrays
         Images to test, and images to learn.
     """
@@ -46,6 +50,26 @@ class Fold:
         """Return a stratified fold of a dataset."""
         test = stratified_folds(data.image_labels, of)[number]
         return cls(data, number, of, test, np.setdiff1d(np.arange(len(data.image_labels)), test))
+
+    @classmethod
+    def named(cls, data: ScanData, pattern: str) -> Fold:
+        """Return the fold that tests the images whose name fits a pattern with ``*`` and ``?``, and learns the others.
+
+        Raises
+        ------
+        InputError
+            If none or all fit, or the others lack a class.
+        """
+        fits = np.array([fnmatch.fnmatchcase(name, pattern) for name in data.names])
+        if not fits.any() or fits.all():
+            which = "all names fit" if fits.all() else "no name fits"
+            raise InputError(f"{which} --test {pattern!r}; a name is as {data.names[0]}, and * stands for any text")
+        test, images = np.flatnonzero(fits), np.flatnonzero(~fits)
+        labels = data.image_labels
+        if lacking := set(labels[test].tolist()) - set(labels[images].tolist()):
+            name = data.class_names[min(lacking)]
+            raise InputError(f"--test {pattern!r} leaves no recording of {name} to learn; choose fewer")
+        return cls(data, 0, 1, test, images)
 
 
 def train_fold(
@@ -103,13 +127,17 @@ def train_fold(
         "folds": fold.of,
         "seed": seed,
         "class_names": list(data.class_names),
-        "accuracy": float((predicted == labels).mean()),
+        **score(labels, predicted),
         "labels": labels.tolist(),
         "predicted": predicted.tolist(),
         "history": [dataclasses.asdict(epoch) for epoch in training.history],
     }
+    if fold.of == 1:
+        result["test_images"] = fold.test.tolist()
     if experiment.events and (own := own_readout(Path(experiment.events))):
         result["recordings"] = own.to_dict()
+        signals = signal_statistics(Path(experiment.events), data.names)
+        result["references"] = references(data, fold.images, fold.test, signals)
     write_json(out / "result.json", result)
     save_weights(out / "weights.npz", Weights(training.network, data.class_names, data.step_s))
     return training, result

@@ -44,6 +44,8 @@ class TrainingResult:
         Where they were a user's own recordings.
     predicted : list of int
         What the network said of them; empty in a file that does not say it.
+    tested : list of int or None
+        The test images, where their names chose them and not a fold.
     """
 
     experiment: Experiment
@@ -53,6 +55,7 @@ class TrainingResult:
     labels: list[int]
     own: OwnReadout | None = None
     predicted: list[int] = field(default_factory=list)
+    tested: list[int] | None = None
 
     @property
     def right(self) -> list[bool]:
@@ -65,7 +68,10 @@ class TrainingResult:
 
     def test_images(self, labels: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the test images of the fold; refuse images with other labels than in the training."""
-        test = stratified_folds(labels, self.folds)[self.fold]
+        if self.tested is None:
+            test = stratified_folds(labels, self.folds)[self.fold]
+        else:
+            test = np.array([number for number in self.tested if number < len(labels)], np.int64)
         if labels[test].tolist() != self.labels:
             raise InputError("the images found here are not those of the training; give its textures with --dataset")
         return test
@@ -89,8 +95,9 @@ def read_result(path: Path, weights_file: Path, weights: Weights) -> TrainingRes
             labels=content["labels"],
             own=OwnReadout.from_dict(content["recordings"]) if content.get("recordings") else None,
             predicted=content.get("predicted", []),
+            tested=content.get("test_images"),
         )
-        numbers = [result.fold, result.folds, *result.labels, *result.predicted]
+        numbers = [result.fold, result.folds, *result.labels, *result.predicted, *(result.tested or [])]
         if not all(type(number) is int for number in numbers) or not 0 <= result.fold < result.folds:
             raise ValueError
         if len(result.predicted) not in (0, len(result.labels)):
@@ -244,6 +251,8 @@ def said_of_training(path: Path, weights: Weights) -> dict[str, Any]:
     result = read_result(note, path, weights)
     experiment = result.experiment
     names, labels, dataset = _images_of(experiment, result.class_names, result.own is not None)
+    if experiment.events is not None:
+        experiment = experiment.with_readout_of_events()
     readout = result.own.config if result.own else experiment.scan_and_config()[1]
     tested = [names[number] for number in result.test_images(labels)]
     return {

@@ -143,6 +143,72 @@ def test_jittering_time_stamps_are_resampled(tmp_path):
     assert np.abs(values[:, 1] - np.interp(grid, time_s, np.sin(9 * time_s))).max() < 1e-4
 
 
+def test_stamps_of_whole_milliseconds_are_even_and_gaps_are_filled(tmp_path):
+    """27 to 29 ms a sample, one stamp twice: that is how a sensor of 36 Hz writes them."""
+    time_s = np.arange(400) / 35.61
+    stamps = np.floor(time_s * 1e3)
+    stamps[200] = stamps[199]
+    wave = np.abs(200 - np.arange(400))  # straight but for its middle, so that filling in is exact
+
+    def set_of(stamps, cells):
+        for name in ("a/0", "b/0"):
+            path = tmp_path / f"s/{name}.csv"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            rows = [f"{t:.0f},{cell},{k % 7},{k % 5}" for k, (t, cell) in enumerate(zip(stamps, cells, strict=True))]
+            path.write_text("ms,x,y,z\n" + "\n".join(rows) + "\n")
+        return read_set(tmp_path / "s", FIRST, ReadoutConfig())
+
+    even = set_of(np.floor(time_s * 1e3), wave)
+    assert (even.warnings, [note for note in even.notes if "resampled" in note]) == ((), [])
+    assert np.array_equal(even.codes[0][:, 0], np.rint((wave - 200) * 2047 / 200))
+    twice = set_of(stamps, wave)
+    assert any("2 of 2 recordings have uneven time stamps: resampled" in note for note in twice.notes)
+    kept = np.delete(np.arange(400), [50, 51, 300])
+    holed = ["" if k in (10, 90) else str(wave[k]) for k in kept]
+    found = set_of(np.floor(time_s * 1e3)[kept], holed)
+    assert "6 samples are missing in the time stamps of 2 recordings: filled in, linearly" in found.notes
+    assert "4 cells of 2 recordings hold no number: filled in, linearly" in found.notes
+    ticks = len(found.codes[0])
+    assert ticks >= 399
+    assert (
+        np.abs(found.codes[0][:, 0] - even.codes[0][:ticks, 0]).max() <= 2047 / 200
+    )  # a tenth of a step of the stamps
+
+
+def test_a_taxel_that_alone_is_touched_is_one(tmp_path):
+    for number in range(3):
+        values = np.random.default_rng(number).integers(-2, 3, (200, 6))
+        values[80:120, 2] += 30_000
+        write_csv(tmp_path / f"s/tap/{number}.csv", values)
+    assert read_set(tmp_path / "s", FIRST, ReadoutConfig()).config.taxels == 6
+
+
+def test_columns_that_are_no_taxels_are_left_out_and_named(tmp_path):
+    for name in ("tap/0", "tap/1", "press/0"):
+        values = counts(name.split("/")[0], taxels=12)
+        values[:, 1] = 77
+        values[:, 2] = np.where(np.arange(len(values)) % 9 < 8, 65535, 40_000)
+        values[:, 3] *= 900
+        values[:, 4] = 5 * np.arange(len(values))
+        write_csv(tmp_path / f"s/{name}.csv", values)
+        path = tmp_path / f"s/{name}.csv"
+        path.write_text(path.read_text().replace("s0", "proximity1"))
+    found = read_set(tmp_path / "s", FIRST, ReadoutConfig())
+    assert found.codes[0].shape[1] == found.config.taxels == 7
+    assert found.options.taxel_columns == "s5,s6,s7,s8,s9,s10,s11"
+    left = [note.removeprefix("column ") for note in found.notes if "is left out" in note]
+    assert [note.split("'")[1] for note in left] == ["proximity1", "s1", "s2", "s3", "s4"]
+    reasons = (
+        "its name",
+        "it is 77 in all",
+        "89% of its samples are 65535",
+        "times those of the others: another unit",
+        "it rises",
+    )
+    assert all(reason in note for reason, note in zip(reasons, left, strict=True)), left
+    assert read_set(tmp_path / "s", Preparation(taxel_columns="2-13"), ReadoutConfig()).config.taxels == 12
+
+
 @pytest.mark.parametrize("baseline", ["first", "median", "highpass"])
 def test_a_baseline_is_taken_off_every_taxel(baseline):
     signal = np.array([5e4, -3e4]) + np.concatenate([np.zeros((400, 2)), np.ones((20, 2)), np.zeros((400, 2))])
@@ -375,7 +441,7 @@ def test_event_files_are_kept_by_what_makes_them(tmp_path):
 
     def kept(**fields):
         done: list[None] = []
-        folder, _ = kept_events(
+        folder, *_ = kept_events(
             tmp_path / "s", FIRST, ReadoutConfig(**fields), fields, lambda: done.append(None), tmp_path / "out"
         )
         made.append(len(done))

@@ -107,7 +107,9 @@ def quantise(
         int | None, typer.Option(help="bits of a hidden potential [enough for all inputs]")
     ] = None,
     lanes: Annotated[int, typer.Option(help="weights added in one clock")] = 16,
-    clock: Annotated[float, typer.Option(metavar="HZ", help="clock of the hardware")] = 50e6,
+    clock: Annotated[
+        float | None, typer.Option(metavar="HZ", help="clock of the hardware [50e6; own recordings: what a bin needs]")
+    ] = None,
     accuracy: Annotated[
         bool, typer.Option("--accuracy", help="classify the test images of the training, float and integer")
     ] = False,
@@ -115,7 +117,9 @@ def quantise(
     """Convert a trained network to integers for the hardware classifier, and write its memory images."""
     if out.suffix != ".npz":
         raise InputError(f"integer networks end in .npz, {out.name} does not; rename the output")
+    from eskin.model.classifier.chip_config import with_room
     from eskin.model.classifier.file import write_images
+    from eskin.model.config import ReadoutConfig
     from eskin.snn.exchange.integer import Precision, quantise, summary
     from eskin.snn.exchange.weights import load_weights
     from eskin.snn.experiments.trained import said_of_training
@@ -127,11 +131,17 @@ def quantise(
         threshold_bits=threshold_bits,
         membrane_bits=membrane_bits,
         lanes=lanes,
-        clock_hz=clock,
+        clock_hz=50e6 if clock is None else clock,
     )
     trained = load_weights(weights)
+    said = said_of_training(weights, trained)
     made = quantise(trained, precision)
-    made = dataclasses.replace(made, notes=made.notes | {"training": said_of_training(weights, trained)})
+    if said.get("recordings"):
+        readout = with_room(ReadoutConfig.from_dict(said["readout"]), made.network.config)
+        said |= {"readout": readout.to_dict()}
+        if clock is None:
+            made = quantise(trained, dataclasses.replace(precision, clock_hz=readout.clock_hz))
+    made = dataclasses.replace(made, notes=made.notes | {"training": said})
     lines = summary(made)
     if accuracy:
         from eskin.snn.experiments.evaluate import compare_integer

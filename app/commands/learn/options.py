@@ -65,7 +65,10 @@ Grid = Annotated[
     list[str] | None,
     typer.Option("--grid", metavar="NAME=VALUE,...", help="values to try; inner validation chooses; repeatable"),
 ]
-Recipe = Annotated[str, typer.Option(metavar="|".join(RECIPES), help="named settings: docs/guide/classifier.md")]
+Recipe = Annotated[
+    str | None,
+    typer.Option(metavar="|".join(RECIPES), help="named settings: docs/guide/classifier.md [tuned; --data: skin]"),
+]
 Folds = Annotated[int, typer.Option(min=2, help="stratified folds")]
 Seeds = Annotated[int, typer.Option(min=1, help="seeds per fold")]
 Workers = Annotated[int | None, typer.Option(min=1, help="processes of one thread [one per usable core]")]
@@ -82,12 +85,14 @@ WITHOUT_EFFECT = {
 _NAMES = {"bin_s": "bin", "config_file": "config", "start_rows": "start-rows"}
 
 
-ENCODER = ("encoding", "resolution")
+ENCODER = ("encoding", "resolution", "sample_rate_hz")
 """Fields of the readout that have an option of their own; ``--config`` has all."""
 
 OWN = field_options(Preparation, PREPARATION, {"baseline": "first", "strict": True}, RECORDINGS)
 
-READOUT = [*field_options(ReadoutConfig, ENCODER, {"resolution": DEFAULT_RESOLUTION}), CONFIG_FILE]
+_IN_HELP = {"resolution": f"{DEFAULT_RESOLUTION}; --data: follows the recordings", "sample_rate_hz": "time stamps"}
+
+READOUT = [*field_options(ReadoutConfig, ENCODER, _IN_HELP), CONFIG_FILE]
 
 
 def _options(
@@ -101,7 +106,7 @@ def _options(
     disturbed: Disturbed = None,
     bin_s: BinSeconds = None,
     start: Start = None,
-    recipe: Recipe = "tuned",
+    recipe: Recipe = None,
     epochs: Epochs = 60,
     settings: Settings = None,
     grid: Grid = None,
@@ -153,8 +158,9 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
     from eskin.snn.data.bins import BinConfig
     from eskin.snn.experiments.settings import experiment_of, parse_grid, parse_settings
 
-    if options["recipe"] not in RECIPES:
-        raise InputError(f"recipe must be one of {', '.join(RECIPES)}, not {options['recipe']!r}")
+    recipe = options["recipe"] or ("tuned" if options["data"] is None else "skin")
+    if recipe not in RECIPES:
+        raise InputError(f"recipe must be one of {', '.join(RECIPES)}, not {recipe!r}")
     for other, names in WITHOUT_EFFECT.items():
         if idle := [_NAMES.get(name, name) for name in names if options[other] and options[name] is not None]:
             raise InputError(f"--{idle[0]} has no effect with --{other}; leave one of the two out")
@@ -166,16 +172,20 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
     if tau_s is not None:
         check_leaks(readout)
     prepared = parse_fields(Preparation, {name: options[name] for name in PREPARATION})
+    follows: dict[str, Any] = {}
     if options["data"] is not None:
-        folder = events_of(options["data"], {"strict": True} | prepared, readout, given | {"resolution"})
+        folder = events_of(options["data"], {"strict": True} | prepared, readout, given)
         options = options | {"events": folder, "bin_s": options["bin_s"] or _bin_of(folder)}
+        follows = _following(recipe, folder, options["bin_s"] or BinConfig().bin_s)
+    elif "sample_rate_hz" in given and options["config_file"] is None:
+        raise InputError("--sample-rate is for your own recordings, the scan of a texture has its own; add --data DIR")
     elif prepared:
         raise InputError(f"{option_named(next(iter(prepared)))} is for your own recordings; add --data DIR")
     bins = BinConfig(start_s=options["start"])
     bins = bins if options["bin_s"] is None else dataclasses.replace(bins, bin_s=options["bin_s"])
     return experiment_of(
-        options["recipe"],
-        parse_settings(options["settings"] or []),
+        recipe,
+        follows | parse_settings(options["settings"] or []),
         options["epochs"],
         bins,
         options["frames"],
@@ -190,6 +200,24 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
         disturbed=options["disturbed"],
         variant=options.get("variant"),
     )
+
+
+def _following(recipe: str, folder: Path, bin_s: float) -> dict[str, Any]:
+    """Return the settings that follow from the lengths of own recordings, and print the windows."""
+    from eskin.skin.recordings.statistics import seconds_of
+    from eskin.snn.experiments.recipes import for_recordings
+
+    seconds = seconds_of(folder)
+    if seconds is None:
+        return {}
+    found = for_recordings(recipe, seconds, bin_s)
+    if "window_steps" in found:
+        print(
+            f"recordings of {seconds.min():.3g} to {seconds.max():.3g} s: learned in windows of "
+            f"{found['window_steps'] * bin_s:.3g} s, {found['windows']} of each in an epoch, and classified whole; "
+            f"--set window_steps=0 learns them whole"
+        )
+    return found
 
 
 def _bin_of(folder: Path) -> float | None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from eskin.app.cli import printable
-from eskin.app.commands.signals.recordings import events_of
+from eskin.app.commands.signals.recordings import events_of, named_place
 from eskin.app.options import WRITES_FILE
 from eskin.base.errors import InputError
 from eskin.base.files import write_json
@@ -44,7 +44,7 @@ def predict(
     ] = None,
     data: Annotated[
         Path | None,
-        typer.Option(metavar="DIR|FILE", help="your own recordings, prepared as in the training"),
+        typer.Option(metavar="DIR|FILE", help="your own recordings, prepared as in the training", callback=named_place),
     ] = None,
     check_model: Annotated[
         bool, typer.Option("--check-model", help="compare RTL recordings with the model; exit code 1 if they differ")

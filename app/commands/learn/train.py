@@ -27,6 +27,9 @@ def train(
     made: Any,
     folds: Folds = 6,
     fold: Annotated[int, typer.Option(min=0, help="test fold, from 0")] = 0,
+    test: Annotated[
+        str | None, typer.Option(metavar="PATTERN", help="test recordings with such names, as '*_1', not a fold")
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="seed of weights, order and augmentation")] = 0,
     checkpoint_every: Annotated[int, typer.Option(min=1, help="epochs between checkpoints")] = 5,
     threads: Annotated[int, typer.Option(min=1, help="threads of torch")] = 1,
@@ -50,7 +53,7 @@ def train(
     from eskin.snn.experiments.single import Fold, train_fold
     from eskin.snn.kernels import cpu as kernel
 
-    chosen = Fold.choose(data, fold, folds)
+    chosen = Fold.choose(data, fold, folds) if test is None else Fold.named(data, test)
     print(f"data: {printable(data.source)}")
     print(
         f"{len(chosen.images)} images to learn ({len(data.scans_of(chosen.images))} scans), {len(chosen.test)} to "
@@ -61,10 +64,17 @@ def train(
     options: dict[str, Any] = {"checkpoint_every": checkpoint_every, "device": device, "watch_test": watch_test}
     with _epochs(made, data) as progress:
         training, result = train_fold(made, chosen, seed, out, progress=progress, **options)
+    from eskin.snn.reference import is_unbalanced, sentences
+
     last, labels = training.history[-1], result["labels"]
     right = sum(a == b for a, b in zip(result["predicted"], labels, strict=True))
     print(f"after epoch {last.number}: loss {last.loss:.3f}, accuracy of the training scans {last.accuracy:.1%}")
-    print(f"test accuracy {result['accuracy']:.1%} ({right} of {len(labels)} images), last epoch")
+    unbalanced = is_unbalanced(data.image_labels)
+    more = f", balanced {result['balanced_accuracy']:.1%}" if unbalanced else ""
+    print(f"test accuracy {result['accuracy']:.1%} ({right} of {len(labels)} images{more}), last epoch")
+    if "references" in result:
+        for line in sentences(result, result["references"], len(labels), unbalanced):
+            print(line)
     if watch_test:
         best = max(training.history, key=lambda epoch: epoch.held_out or 0.0)
         print(f"the best test epoch, no result as it is chosen by the test: {best.held_out:.1%}, epoch {best.number}")

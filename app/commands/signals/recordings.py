@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from eskin import skin
 from eskin.app.cli import printable
 from eskin.app.options import RECORDINGS, with_fields
 from eskin.base.errors import InputError
@@ -24,9 +25,23 @@ if TYPE_CHECKING:
 PREPARATION = tuple(field.name for field in dataclasses.fields(Preparation) if field.metadata)
 """Fields of Preparation that are options."""
 
+FINGER = Path(skin.__file__).parent / "recordings" / "finger"
+"""Recordings that come with the project: a robot finger slides over four fabrics."""
+
+
+def named_place(given: Path | None) -> Path | None:
+    """Return what a user names, or the recordings of the project where he names them and has no such folder."""
+    return FINGER if given == Path(FINGER.name) and not given.exists() else given
+
+
 OwnData = Annotated[
     Path | None,
-    typer.Option("--data", metavar="DIR", help="class folders of your own recordings, instead of textures"),
+    typer.Option(
+        "--data",
+        metavar="DIR|finger",
+        help="class folders of your own recordings, instead of textures; or finger, the project's own",
+        callback=named_place,
+    ),
 ]
 
 
@@ -81,7 +96,8 @@ def events_of(
     if not place.is_dir() and not (flat and place.is_file()):
         raise InputError(f"{place} is not a folder; give one with a folder for each class")
     with Local(threads=True) as pool, bar("encoding recordings") as step:
-        folder, warnings = kept_events(place, preparation(prepared), config, given, step, pool=pool, flat=flat)
+        folder, notes, warnings = kept_events(place, preparation(prepared), config, given, step, pool=pool, flat=flat)
+    print_notes(notes)
     warn(warnings)
     print(printable(f"event files of {place}: {folder}"))
     return folder

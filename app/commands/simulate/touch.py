@@ -49,6 +49,8 @@ def touch(
 
     check_alone(data, {}, {"--dataset": dataset})
     plan = session.plan(weights, data, dataset or EMBEDDED, limit, only, out)
+    if only is None and limit is None and (learned := len(plan.material.names) - len(plan.names)):
+        print(f"{learned} that every network here has learned are left out")
     with open_pool(workers, scheduler, replay.NEEDS, threads=True) as pool, bars() as show:
         print("building the chip for Verilator", file=sys.stderr)
         with reported("building the chip"):

@@ -1,0 +1,78 @@
+"""Plain statistics of a recording, taxel by taxel: what a network on its events has to beat."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eskin.base.errors import InputError
+from eskin.base.files import read_json, write_json
+from eskin.skin.recordings.folder import RecordingSet
+
+SEGMENT, BANDS = 64, 16
+"""Samples of a segment of the spectrum (Welch, half overlapping, Hann), and bands into which its lines are averaged."""
+
+_FILE = "signals.json"
+_LEAST = 1e-6
+"""Added before a logarithm, beside deviations and powers of signals in full scale."""
+
+
+def statistics(signal: NDArray[Any]) -> NDArray[np.float64]:
+    """Return mean, logarithm of the deviation, and logarithms of the power in bands of every column.
+
+    Parameters
+    ----------
+    signal : shape (ticks, columns)
+        A shorter one than a segment is filled up with its last sample.
+
+    Returns
+    -------
+    float64 array, shape (columns * (2 + BANDS),)
+    """
+    from scipy.signal import welch
+
+    signal = np.asarray(signal, np.float64)
+    filled = np.pad(signal, ((0, max(SEGMENT - len(signal), 0)), (0, 0)), mode="edge")
+    power = welch(filled, nperseg=SEGMENT, axis=0)[1][1:]
+    bands = np.array([part.mean(0) for part in np.array_split(power, BANDS)])
+    logs = np.log(np.vstack([signal.std(0)[None], np.sqrt(bands)]) + _LEAST)
+    return np.concatenate([signal.mean(0), logs.ravel()])
+
+
+def write_signals(recordings: RecordingSet, folder: Path) -> None:
+    """Write length and statistics of the signals of every recording into the folder of their event files."""
+    full_scale = recordings.config.full_scale
+    found = {
+        source.name: {"ticks": len(codes), "statistics": statistics(codes / full_scale).tolist()}
+        for source, codes in zip(recordings.sources, recordings.codes, strict=True)
+    }
+    write_json(folder / _FILE, {"sample_rate_hz": recordings.config.sample_rate_hz, "recordings": found})
+
+
+def seconds_of(folder: Path) -> NDArray[np.float64] | None:
+    """Return how long each recording of a folder of event files lasts, shape (recordings,); None where no file says."""
+    content = _read(folder)
+    if content is None:
+        return None
+    return np.array([one["ticks"] / content["sample_rate_hz"] for one in content["recordings"].values()])
+
+
+def signal_statistics(folder: Path, names: tuple[str, ...]) -> NDArray[np.float64] | None:
+    """Return the statistics of the signals of recordings, shape (recordings, columns); None where no file has them."""
+    content = _read(folder)
+    if content is None or not set(names) <= set(content["recordings"]):
+        return None
+    return np.array([content["recordings"][name]["statistics"] for name in names])
+
+
+def _read(folder: Path) -> dict[str, Any] | None:
+    path = folder / _FILE
+    if not path.exists():
+        return None
+    content: dict[str, Any] = read_json(path, "the statistics of recordings", dict)
+    if not {"sample_rate_hz", "recordings"} <= set(content):
+        raise InputError(f"{path} is damaged; remove its folder")
+    return content

@@ -1,0 +1,72 @@
+"""Columns of a folder of recordings that are no taxels: by name, constant, saturated, rising, or of another unit."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from eskin.skin.recordings.table import Table
+
+_OTHER_NAME = re.compile(
+    r"(?:^|[\W_])(prox|temp|humid|batt|label|class|index|frame|sample|trial|speed|velocity|motor)", re.IGNORECASE
+)
+
+OTHER_UNIT = 20.0
+"""A column whose low values are so many times the high values of most others has another unit.
+
+A taxel that alone is touched has low values too, at rest.
+"""
+
+SATURATED = 0.5
+"""Part of the samples at the largest number of some bits above which a column is saturated."""
+
+
+def only_taxels(tables: Sequence[Table]) -> tuple[list[Table], tuple[str, ...]]:
+    """Return the recordings of a folder without the columns that are no taxels, and a note on each such column.
+
+    Nothing is left out of a single recording, where recordings have different columns, or where most columns would go.
+    """
+    names = tables[0].names
+    if len(tables) < 2 or any(table.names != names for table in tables):
+        return list(tables), ()
+    reasons = _reasons(tables)
+    kept = [number for number in range(len(names)) if number not in reasons]
+    if not reasons or 2 * len(kept) < len(names):
+        return list(tables), ()
+    chosen = [
+        dataclasses.replace(table, values=table.values[:, kept], names=tuple(names[k] for k in kept))
+        for table in tables
+    ]
+    notes = [f"column {names[k]!r} is left out: {reason}" for k, reason in sorted(reasons.items())]
+    return chosen, (*notes, "--taxel-columns chooses the columns that are taxels")
+
+
+def _reasons(tables: Sequence[Table]) -> dict[int, str]:
+    """Return why columns are no taxels, by their number."""
+    names, found = tables[0].names, {}
+    together = np.concatenate([table.values for table in tables])
+    low, high = np.percentile(np.abs(together), [10, 90], axis=0)
+    top = together.max(0)
+    by_name = {number for number, name in enumerate(names) if _OTHER_NAME.search(name)}
+    usual = float(np.median([high[number] for number in range(len(names)) if number not in by_name] or [0.0]))
+    for number in range(len(names)):
+        column = together[:, number]
+        if number in by_name:
+            found[number] = "its name is not that of a taxel"
+        elif np.ptp(column) == 0:
+            found[number] = f"it is {column[0]:g} in all recordings"
+        elif _is_full_scale(top[number]) and (part := float((column == top[number]).mean())) > SATURATED:
+            found[number] = f"{part:.0%} of its samples are {top[number]:g}, the end of its range"
+        elif all(len(table.values) > 2 and (np.diff(table.values[:, number]) > 0).all() for table in tables):
+            found[number] = "it rises from sample to sample, as time or a counter does"
+        elif usual and low[number] > OTHER_UNIT * usual:
+            found[number] = f"its values are {low[number] / usual:.0f} times those of the others: another unit"
+    return found
+
+
+def _is_full_scale(value: float) -> bool:
+    """Return whether a number is the largest of 8 bits or more."""
+    return value >= 255 and float(value + 1).is_integer() and np.log2(value + 1).is_integer()

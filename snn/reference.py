@@ -1,0 +1,125 @@
+"""What plain statistics say of recordings: a logistic regression on them, and the most frequent class."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from eskin.skin.recordings.statistics import statistics
+from eskin.snn.data.scans import ScanData
+
+PENALTY = 1.0
+"""Half of it times the sum of all squared weights is added to the loss, as in scikit-learn with C = 1."""
+
+WORSE = 0.01
+"""Part of the recordings by which a network may fall behind the statistics of its events before that is printed."""
+
+
+LEAST_RATE = 1e-3
+"""Events of a step that are added before a logarithm."""
+
+
+def event_statistics(data: ScanData) -> NDArray[np.float64]:
+    """Return the statistics of the events of every image, from its first scan, shape (images, columns).
+
+    These are the logarithm of the rate of each channel, and ``statistics`` of ON less OFF events of each taxel.
+    """
+    found = []
+    for scan in data.first_scans(range(len(data.names))):
+        counts = data.values[scan, : data.steps_of(scan)].astype(np.float64)
+        net = counts[:, : data.taxels] - (counts[:, data.taxels :] if data.channels > data.taxels else 0.0)
+        found.append(np.concatenate([np.log(counts.mean(0) + LEAST_RATE), statistics(net)]))
+    return np.array(found)
+
+
+def logistic_classes(
+    columns: NDArray[np.float64], labels: NDArray[np.int64], learned: NDArray[np.int64], test: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Return the class of each test row by a multinomial logistic regression on the learned rows.
+
+    Columns have mean 0 and deviation 1 over the learned rows.
+    """
+    from scipy.optimize import minimize
+
+    mean, deviation = columns[learned].mean(0), columns[learned].std(0)
+    rows = (columns - mean) / np.where(deviation > 0, deviation, 1.0)
+    rows = np.hstack([rows, np.ones((len(rows), 1))])
+    x, classes = rows[learned], int(labels.max()) + 1
+    wanted = np.eye(classes)[labels[learned]]
+
+    def loss(flat: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        weights = flat.reshape(-1, classes)
+        logits = x @ weights
+        logits -= logits.max(1, keepdims=True)
+        logs = logits - np.log(np.exp(logits).sum(1, keepdims=True))
+        kept = np.vstack([weights[:-1], np.zeros((1, classes))])  # the bias costs nothing
+        gradient = x.T @ (np.exp(logs) - wanted) + PENALTY * kept
+        return float(-(wanted * logs).sum() + PENALTY / 2 * (kept**2).sum()), gradient.ravel()
+
+    start = np.zeros(x.shape[1] * classes)
+    weights = minimize(loss, start, jac=True, method="L-BFGS-B", options={"maxiter": 200}).x.reshape(-1, classes)
+    return np.asarray((rows[test] @ weights).argmax(1))
+
+
+def score(labels: NDArray[np.int64], predicted: NDArray[np.int64]) -> dict[str, Any]:
+    """Return accuracy, balanced accuracy (the mean over classes) and the number of right ones."""
+    right = labels == predicted
+    of_classes = [right[labels == label].mean() for label in np.unique(labels)]
+    return {
+        "accuracy": float(right.mean()),
+        "balanced_accuracy": float(np.mean(of_classes)),
+        "right": int(right.sum()),
+    }
+
+
+def references(
+    data: ScanData, learned: NDArray[np.int64], test: NDArray[np.int64], signals: NDArray[np.float64] | None = None
+) -> dict[str, dict[str, Any]]:
+    """Return the ``score`` of plain statistics on the test images: of the events, of the signals, of the frequency.
+
+    Parameters
+    ----------
+    data : ScanData
+    learned, test : int64 arrays
+        Images.
+    signals : array, shape (images, columns), optional
+        Statistics of the signals behind the events.
+    """
+    labels = data.image_labels
+    columns = {"events": event_statistics(data)} | ({} if signals is None else {"signals": signals})
+    found = {
+        name: score(labels[test], logistic_classes(values, labels, learned, test)) for name, values in columns.items()
+    }
+    most = int(np.bincount(labels[learned]).argmax())
+    return found | {"most frequent class": score(labels[test], np.full(len(test), most))}
+
+
+def is_unbalanced(labels: NDArray[np.int64]) -> bool:
+    """Return whether a class has more than one and a half times the recordings of another."""
+    counts = np.bincount(labels)
+    counts = counts[counts > 0]
+    return bool(counts.max() > 1.5 * counts.min())
+
+
+def sentences(network: dict[str, Any], found: dict[str, dict[str, Any]], total: int, unbalanced: bool) -> Sequence[str]:
+    """Return what a user shall read beside the accuracy of a network: that of the statistics, and what to try."""
+    words = {
+        "events": "logistic regression on statistics of the same events",
+        "signals": "logistic regression on statistics of the signals",
+        "most frequent class": "always the most frequent class",
+    }
+    lines = []
+    for name, one in found.items():
+        more = f", balanced {one['balanced_accuracy']:.1%}" if unbalanced else ""
+        lines.append(f"{words[name]}: {one['accuracy']:.1%} ({one['right']} of {total}{more})")
+    best = max((one["accuracy"], name) for name, one in found.items() if name != "most frequent class")
+    if network["accuracy"] < best[0] - WORSE:
+        finer = "" if best[1] == "events" else ", a finer --resolution"
+        lines.append(
+            f"the network is {best[0] - network['accuracy']:.1%} worse than the {words[best[1]]}; "
+            f"try more --epochs, --set hidden=256, --set windows=8{finer}, or another seed"
+        )
+    return lines

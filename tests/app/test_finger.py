@@ -1,0 +1,61 @@
+"""The recordings of a robot finger that come with the project, from their files to the class of the RTL."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from eskin.app.commands.signals.recordings import FINGER
+from eskin.model.classifier.file import IntegerWeights
+from eskin.snn.data.bins import BinConfig
+from eskin.snn.data.scans import load_recordings
+from eskin.snn.experiments.evaluate import integer_classes
+from tests.app.test_simulate import call
+
+LAST = re.compile(r"touch to class: (\d+) images, (\d+) events, 0 mismatches, (\d+) right")
+
+
+def test_a_real_finger_goes_from_its_files_to_the_class_of_the_rtl(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With the defaults, but for a small network: folder, training, prediction, whole numbers, chip."""
+    monkeypatch.chdir(tmp_path)
+
+    def done(*words: object) -> str:
+        found = call(*words)
+        assert found.returncode == 0, found.stderr
+        return found.stdout
+
+    small = ("--epochs", 40, "--set", "hidden=24", "-o", "made")
+    out = done("train", "--data", "finger", "--test", "*_1", *small)
+    assert [line.split("'")[1] for line in out.splitlines() if "is left out" in line] == ["proximity1", "proximity2"]
+    assert "12 images to learn (12 scans), 12 to test, 4 classes" in out
+    assert "logistic regression on statistics of the same events: " in out
+    result = json.loads(Path("made/result.json").read_text())
+    assert {name: one["right"] >= 9 for name, one in result["references"].items()} == {
+        "events": True,
+        "signals": True,
+        "most frequent class": False,
+    }
+    assert result["right"] >= 9
+    shutil.copytree(FINGER / "Denim", "new")
+    assert done("predict", "made/weights.npz", "--data", "new").count("(class: not known)") == 6
+    out = done("quantise", "made/weights.npz", "-o", "made/whole.npz", "--accuracy")
+    assert f"float {result['right']} of 12 right, integer " in out
+    out = done("touch", "--data", "finger", "--weights", "made/whole.npz", "--limit", 2)
+    line = LAST.fullmatch(out.splitlines()[-1])
+    assert line is not None
+    assert int(line[2]) > 2000
+    answers = json.loads(Path("out/touch/finger/summary.json").read_text())["answers"]
+    data = load_recordings(Path(result["experiment"]["events"]), BinConfig(**result["experiment"]["bins"]))
+    assert sorted({data.steps_of(scan) for scan in range(24)}) == [141, 142, 176, 177], (
+        "the recordings have unequal lengths"
+    )
+    images = [data.names.index(name) for name in answers]
+    assert [name.endswith("_1") for name in answers] == [True, True], "learned recordings are left out"
+    whole = integer_classes(IntegerWeights.load(Path("made/whole.npz")).network, data, images)
+    assert [chip for _, chip, _ in answers.values()] == whole.tolist()
