@@ -365,8 +365,8 @@ def test_stimulus_that_does_not_fit_is_refused(changes: dict[str, Any], sentence
 @pytest.mark.parametrize(
     ("samples", "sentence"),
     [
-        (np.full((1, 2), 0.9), "samples must be codes of an integer type, not float64"),
-        (np.ones((1, 2), bool), "samples must be codes of an integer type, not bool"),
+        (np.full((1, 2), 0.9), "samples must be integer codes, not float64; eskin.encode takes floats in full scales"),
+        (np.ones((1, 2), bool), "samples must be integer codes, not bool; eskin.encode takes floats in full scales"),
         (np.array([[0, 2**32]]), "samples must be in -2048..2047 (12 bits), not 0..4294967296"),
         (np.array([[0, 2**63]], np.uint64), "samples must be in -2048..2047 (12 bits), not 0..9223372036854775808"),
         (np.zeros((1, 3), int), "samples must have shape (ticks, 2) for 1 x 2 taxels, not (1, 3)"),
