@@ -38,7 +38,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def run(installed: Path, folder: Path, *words: str) -> str:
     """Run Python in an empty folder, where the wheel comes before the checkout; return standard output."""
     outer = {k: v for k, v in os.environ.items() if not k.startswith(("ESKIN", "MAKE"))}
-    environment = outer | {"PYTHONPATH": str(installed), "PYTHONDONTWRITEBYTECODE": "1", "COLUMNS": "120"}
+    environment = outer | {"PYTHONPATH": str(installed), "COLUMNS": "120"}
     # The model is compiled anew for these short runs, which takes longer than they do; at 0 Numba keeps nothing of it.
     environment["NUMBA_OPT"] = "1"
     done = subprocess.run([sys.executable, *words], cwd=folder, env=environment, capture_output=True, text=True)

@@ -136,12 +136,11 @@ def test_tests_run_to_the_first_failure_and_within_their_time(tmp_path: Path) ->
     (tmp_path / "test_it.py").write_text(
         "def test_good(): pass\ndef test_bad(): assert 0\ndef test_worse(): assert 0\n"
     )
-    (tmp_path / "test_hangs.py").write_text("def test_hangs():\n    while True: pass\n")
+    (tmp_path / "test_hangs.py").write_text("import time\ndef test_hangs():\n    time.sleep(60)\n")
     (tmp_path / "test_broken.py").write_text("import nothing_that_is_there\n")
-    assert first_failed(tmp_path, ["test_it.py"], [], 60, quick=False) == "test_it.py::test_bad"
     assert first_failed(tmp_path, ["test_it.py"], ["test_it.py::test_bad"], 60, quick=False) == "test_it.py::test_worse"
     assert first_failed(tmp_path, ["test_broken.py"], [], 60, quick=False) == "test_broken.py"
-    assert first_failed(tmp_path, ["test_hangs.py"], [], 3, quick=False) == "test_hangs.py (no end within 3 s)"
+    assert first_failed(tmp_path, ["test_hangs.py"], [], 2, quick=False) == "test_hangs.py (no end within 2 s)"
     assert first_failed(tmp_path, [], [], 60, quick=False) == ""
     with pytest.raises(RuntimeError, match="there are no tests"):
         failing(tmp_path, [], quick=False)
@@ -157,7 +156,7 @@ def test_a_mutant_is_compared_in_many_configurations() -> None:
 
 def test_what_tests_do_not_kill_is_equivalent_or_alive_and_the_generator_may_refuse(tmp_path: Path) -> None:
     # A mask of more bits than rows has bits that nothing reads; a row that waits for every bit is no row at all.
-    asked = Asked(original(tmp_path), Questions(()), (), 300, 1)
+    asked = Asked(original(tmp_path), Questions(()), (), 300, 1, designs=6)
     same, other, refused = (
         the("rtl/arbiter.py", "Arbiter.elaborate", operator, number)
         for operator, number in (

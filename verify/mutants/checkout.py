@@ -61,11 +61,15 @@ def original(folder: Path) -> Path:
     place = folder.resolve() / f"checkout-{digest.hexdigest()[:12]}"
     if not is_private(place):
         for old in folder.glob("checkout-*"):
-            shutil.rmtree(old)
+            shutil.rmtree(old) if old.is_dir() else old.unlink()
         draft = Path(tempfile.mkdtemp(prefix=".checkout-", dir=folder))
         for name in names:
             (draft / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, draft / name, follow_symlinks=False)
+        for folder in {(ROOT / name).parent.relative_to(ROOT) for name in names}:  # what is compiled comes along
+            for kernel in (ROOT / folder).glob("__pycache__/*.nb?"):
+                (draft / folder / "__pycache__").mkdir(exist_ok=True)
+                shutil.copy2(kernel, draft / folder / "__pycache__")
         (folder / "build").mkdir(exist_ok=True)
         (draft / "build").symlink_to(folder.resolve() / "build")
         draft.rename(place)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from eskin.cocotb_tests.runner.build_cache import scratch_folder
 from eskin.verify.mutants.checkout import failed_property, first_failed, mutated, run
 from eskin.verify.mutants.configs import COUNT
 from eskin.verify.mutants.edits import Mutant
@@ -33,6 +34,8 @@ class Asked:
         Seconds that the tests may take.
     seed : int
         Of the configurations in which equivalence is proved.
+    designs : int
+        How many these are.
     """
 
     checkout: Path
@@ -40,6 +43,7 @@ class Asked:
     skipped: tuple[str, ...]
     limit_s: float
     seed: int
+    designs: int = COUNT
 
 
 def ask_quick_check(mutant: Mutant, asked: Asked) -> dict[str, Any]:
@@ -75,18 +79,27 @@ def ask_all_cosimulations(mutant: Mutant, asked: Asked) -> dict[str, Any]:
         return {"verdict": "alive"}
 
 
-def _made(checkout: Path, file: str, seed: int, out: Path, count: int = COUNT) -> bool:
+def _made(checkout: Path, file: str, seed: int, out: Path, count: int) -> bool:
     """Write the designs of a checkout to a file and return whether one at least could be made."""
     said = run(checkout, ["eskin.verify.mutants.designs", file, str(seed), str(count), str(out)], MAKE_S)
     return said.code == 0 and "module" in out.read_text()
 
 
+def _originals(file: str, asked: Asked) -> Path:
+    """Return the designs of the original, which all mutants of a file share."""
+    kept = asked.checkout.with_name(f"{asked.checkout.name}-{file.replace('/', '.')}-{asked.seed}-{asked.designs}.json")
+    if not kept.exists():
+        with scratch_folder(kept.parent, "designs") as folder:
+            if not _made(asked.checkout, file, asked.seed, folder / kept.name, asked.designs):
+                raise RuntimeError(f"the generator refuses {file} without a mutant")
+            (folder / kept.name).replace(kept)
+    return kept
+
+
 def _difference(place: Path, file: str, asked: Asked) -> str:
     """Return where a mutant's designs are not proved to do what the original's do; empty if nowhere."""
-    before, after = place / "before.json", place / "after.json"
-    if not _made(asked.checkout, file, asked.seed, before):
-        raise RuntimeError(f"the generator refuses {file} without a mutant")
-    if not _made(place, file, asked.seed, after):
+    before, after = _originals(file, asked), place / "after.json"
+    if not _made(place, file, asked.seed, after, asked.designs):
         return "the generator is too slow"
     said = run(asked.checkout, ["eskin.verify.mutants.equivalence", str(before), str(after)], COMPARE_S)
     if said.code:
