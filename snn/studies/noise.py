@@ -35,7 +35,6 @@ from eskin.snn.experiments.robustness import Subject, kept_cell
 
 Mode = Literal["paper", "consistent"]
 MODES: tuple[Mode, ...] = get_args(Mode)
-NOISES_V = (1e-4, 1e-3, 3e-3, 1e-2, 2e-2)
 
 POLE_HZ: dict[Mode, float | None] = {"paper": None, "consistent": SLOW_HZ}
 """Bandwidth of the noise in each mode: 10 kHz, white to every readout here, and that of the textures."""

@@ -22,8 +22,6 @@ from eskin.base.shapes import read_shaped
 NOISES_MV = "0.1,1,3,10,20"
 VARIANTS = "8,7,6,5,4,3,2,8:t6,8:t4,4:t6,4:t4,4:m16,4:m13,4:m11"
 TIMES_MS = (10, 14, 18, 22, 26, 30, 40, 50, 70, 100, 150, 200, 300, 398)
-NOISES_V = (0.0, 1e-3, 3e-3, 1e-2)
-FRAMES_HZ = (250.0, 500.0, 1000.0, 5000.0, 20000.0)
 
 Pair = Annotated[str | None, typer.Option(metavar="A,B", help="two networks to compare image by image")]
 
@@ -118,29 +116,14 @@ def merits(
     ),
 ) -> None:
     """Compare events and frames: latency, data rate at rest, noise, and timing precision."""
-    from eskin.model.config import ReadoutConfig
     from eskin.skin.textures.dataset import open_dataset
-    from eskin.snn.data.frame_steps import FrameSteps
     from eskin.snn.figures.merits import plot_merits
-    from eskin.snn.studies.rest import bits_per_second
-    from eskin.snn.studies.timing import timing_points
+    from eskin.snn.studies.merits import rest_and_timing
 
     out.mkdir(parents=True, exist_ok=True)
     result: dict[str, Any] = dict(origin(command_line(context)))
     result["latency"], result["latency_pairs"] = _latency(weights or [], pair)
-    textures = open_dataset(dataset).limit(limit)
-    frames = FrameSteps(rate_hz=500.0, bits=6, frames_per_step=2)
-    encoders = {"lcs:3": ("lcs", 3), "cw-lcs:3": ("cw-lcs", 3), "nlcs:6": ("nlcs", 6)}
-    readouts: dict[str, Any] = {
-        name: ReadoutConfig.from_dict({"encoding": encoding, "resolution": bits})
-        for name, (encoding, bits) in encoders.items()
-    }
-    with bar("rest", len(textures) * (len(readouts) + 1)) as step:
-        result["rest"] = bits_per_second(textures, readouts | {"frame:500:6": frames}, NOISES_V, step)
-    with bar("timing", len(textures)) as step:
-        rates = [FrameSteps(rate_hz=rate, bits=8, frames_per_step=1) for rate in FRAMES_HZ]
-        result["timing"] = timing_points(textures, readouts["lcs:3"], rates, step)
-    result["textures"] = len(textures)
+    result |= rest_and_timing(open_dataset(dataset).limit(limit), bar)
     result["noise"] = read_shaped(noise, "the noise study", NOISE)["points"] if noise is not None else []
     write_json(out / "merits.json", result)
     plot_merits(result, out / "merits.png")
