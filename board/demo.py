@@ -78,7 +78,7 @@ class Show:
 
 
 @dataclass(frozen=True)
-class Played:
+class DemoResult:
     """What came out for one name: its class, if it is known, the class that was found, and the events."""
 
     name: str
@@ -240,7 +240,7 @@ def new_view(show: Show) -> View:
 
 def play(
     show: Show, view: View, speed: float | None = None, sender: UdpSender | None = None, hold_s: float = 0.0
-) -> Iterator[Played]:
+) -> Iterator[DemoResult]:
     """Play all names, again and again, and yield what came out for each.
 
     Parameters
@@ -274,7 +274,7 @@ def _linked(board: SimulatedPlayer | SimulatedReceiver, view: View, received: se
         yield link
 
 
-def _with_network(show: Show, view: View, codes: NDArray[Any], sender: UdpSender | None) -> Played:
+def _with_network(show: Show, view: View, codes: NDArray[Any], sender: UdpSender | None) -> DemoResult:
     chip, network = show.chip, show.network
     assert chip is not None
     assert network is not None
@@ -284,10 +284,10 @@ def _with_network(show: Show, view: View, codes: NDArray[Any], sender: UdpSender
         session.load(link, network)
         session.play(link, chip, codes)
     found = network.class_names[received.classes[-1].winner] if received.classes else None
-    return Played(view.piece.name, view.piece.truth, found, received.count)
+    return DemoResult(view.piece.name, view.piece.truth, found, received.count)
 
 
-def _without_network(show: Show, view: View, codes: NDArray[Any], sender: UdpSender | None) -> Played:
+def _without_network(show: Show, view: View, codes: NDArray[Any], sender: UdpSender | None) -> DemoResult:
     from eskin.model.readout import Stimulus, simulate  # compiles the model
 
     config = BoardConfig(chip=None)
@@ -300,7 +300,7 @@ def _without_network(show: Show, view: View, codes: NDArray[Any], sender: UdpSen
             raise KeyboardInterrupt
         while received.count < len(records):  # a busy machine is late
             link.receive()
-    return Played(view.piece.name, view.piece.truth, None, received.count)
+    return DemoResult(view.piece.name, view.piece.truth, None, received.count)
 
 
 def foreign_records(config: ReadoutConfig, events: Events, clock_hz: float) -> list[tuple[int, int]]:

@@ -21,7 +21,7 @@ from eskin.model.registers.spi import Pins, SpiSlave
 COUNTED = {TAKEN: ("events_count",), WAITED: ("stalls_count",), 0: ()}
 
 
-class Played(NamedTuple):
+class HostRun(NamedTuple):
     """Results of a readout with registers.
 
     Attributes
@@ -39,7 +39,7 @@ class Played(NamedTuple):
     stimulus: Stimulus
 
 
-def play(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins]) -> Played:
+def play(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins]) -> HostRun:
     """Play a stimulus and a host's transfers from the end of reset on.
 
     Parameters
@@ -66,7 +66,7 @@ def play(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins]) -> Pla
         write, read = slave.write, file.read(slave.address)
         slave.clock(levels, read)
         file.clock(write, COUNTED[int(traffic[clock])], file.signals()["control_clear"] == 1)
-    return Played(events, miso, enable, seen)
+    return HostRun(events, miso, enable, seen)
 
 
 def _of_registers(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins]) -> Stimulus:

@@ -48,7 +48,7 @@ class Block(wiring.Component, Generic[Config]):
 
         In the Verilog the parent's wire to a port is named after both: ``row_0_request``.
         """
-        if not isinstance(platform, Netlist):
+        if not isinstance(platform, RtlilModules):
             m.submodules[name] = self
             return
         m.submodules[name] = platform.instance(self)
@@ -56,7 +56,7 @@ class Block(wiring.Component, Generic[Config]):
             Value.cast(getattr(self, port)).name = f"{name}_{port}"
 
 
-class Netlist:
+class RtlilModules:
     """The platform that collects the RTLIL of every distinct block while a design is elaborated.
 
     Parameters

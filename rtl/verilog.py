@@ -11,7 +11,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.model.tiles.config import MergeConfig, TilesConfig
 from eskin.rtl import yosys
-from eskin.rtl.block import Block, Netlist
+from eskin.rtl.block import Block, RtlilModules
 from eskin.rtl.classifier.chip import Chip
 from eskin.rtl.classifier.core import Classifier
 from eskin.rtl.frame import FrameReadout
@@ -86,7 +86,7 @@ def rtlil(config: Config) -> str:
 
 def block_rtlil(block: Block[Any]) -> str:
     """Return a block and those within it as RTLIL text, one module per distinct one."""
-    netlist = Netlist(block.config.reset == "async")
+    netlist = RtlilModules(block.config.reset == "async")
     netlist.add(block)
     return netlist.text
 

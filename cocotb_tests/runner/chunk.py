@@ -25,7 +25,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Played:
+class PartResult:
     """What came of a part.
 
     Attributes
@@ -72,7 +72,7 @@ def write_arrays(folder: Path, arrays: dict[str, NDArray[Any]]) -> Path:
     return path
 
 
-def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> Played:
+def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> PartResult:
     """Play a job on this machine, whichever that is, and return its event files; a simulation that dies begins again.
 
     Raises
@@ -84,10 +84,10 @@ def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> Played:
     """
     program = build(ReadoutConfig.from_dict(job.config), "verilator")
 
-    def play(running: Path) -> Played:
+    def play(running: Path) -> PartResult:
         events = running / "events"
         tally = play_here(program, dataclasses.replace(job, keep=str(events.resolve())), arrays, running)
-        return Played(tally, {name: (events / f"{name}.npz").read_bytes() for name in job.played})
+        return PartResult(tally, {name: (events / f"{name}.npz").read_bytes() for name in job.played})
 
     return until_it_lives("replay", play)
 

@@ -13,7 +13,7 @@ from eskin.cocotb_tests.bench.chip import ChipRun
 from eskin.cocotb_tests.touch.plan import Plan
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.events.recording import Recording
-from eskin.skin.figures.scan_to_class import Played, plot_scan
+from eskin.skin.figures.scan_to_class import ScanToClass, plot_scan
 from eskin.skin.textures.presets import preset
 
 
@@ -36,7 +36,7 @@ def draw(plan: Plan, summary: dict[str, Any], path: Path) -> Path | None:
     spikes[tuple(run.spikes[run.spikes[:, 0] < bins].T)] = 1
     unit = network.weights.notes["output_unit"] / bins if chip.classifier.readout == "membrane" else 1.0
     scanned = bool(plan.material.preset)
-    played = Played(
+    played = ScanToClass(
         name=name,
         true=said["classes"][said["true"]],
         label=said["true"],

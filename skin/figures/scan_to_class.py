@@ -32,7 +32,7 @@ _NOTE = 0.15  # this part of a panel's width has room for words
 
 
 @dataclass(frozen=True, eq=False)
-class Played:
+class ScanToClass:
     """One scan, and the network's spikes and evidence.
 
     Attributes
@@ -113,12 +113,12 @@ class Played:
         }
 
 
-def plot_scan(played: Played, path: Path) -> None:
+def plot_scan(played: ScanToClass, path: Path) -> None:
     """Draw a scan on its way through the network; see :func:`draw_scan`."""
     save_figure(draw_scan(played), path)
 
 
-def draw_scan(played: Played) -> Figure:
+def draw_scan(played: ScanToClass) -> Figure:
     """Return a figure of texture, taxel signals with events, all events, hidden spikes and evidence."""
     true, predicted = played.true, played.predicted
     verdict = "right" if true == predicted else "wrong"
@@ -143,7 +143,7 @@ def draw_scan(played: Played) -> Figure:
     return figure
 
 
-def _draw_texture(panel: Axes, played: Played) -> None:
+def _draw_texture(panel: Axes, played: ScanToClass) -> None:
     """Draw the image, the array at its start, and the path of the scan."""
     from matplotlib.patches import Rectangle
 
@@ -178,7 +178,7 @@ def _draw_texture(panel: Axes, played: Played) -> None:
     panel.set_xlabel(f"pixels; {config.rows} x {config.columns} taxels, {scan.name} scan", fontsize=8.5)
 
 
-def _draw_array(panel: Axes, played: Played) -> None:
+def _draw_array(panel: Axes, played: ScanToClass) -> None:
     """Draw the signal range of each taxel of a user's recording."""
     config = played.recording.config
     moved = np.ptp(played.signals, axis=0).reshape(config.rows, config.columns)
@@ -192,7 +192,7 @@ def _draw_array(panel: Axes, played: Played) -> None:
     panel.set_ylabel("row", fontsize=8.5)
 
 
-def _draw_signals(panel: Axes, played: Played) -> None:
+def _draw_signals(panel: Axes, played: ScanToClass) -> None:
     """Draw the samples of some taxels, one above the other, with their events on the line."""
     shown = _shown(played)
     gap = 1.15 * max(float(np.ptp(played.signals[:, shown], axis=0).max()), 1e-6)
@@ -208,7 +208,7 @@ def _draw_signals(panel: Axes, played: Played) -> None:
     _above(panel, played, "signals", f"lanes {gap:.2g} full scales apart", before_legend=True)
 
 
-def _draw_zoom(panel: Axes, played: Played) -> None:
+def _draw_zoom(panel: Axes, played: ScanToClass) -> None:
     """Draw a few milliseconds of one taxel, event by event."""
     config = played.recording.config
     first, last = (round(s * config.sample_rate_hz) for s in _zoom(played))
@@ -221,12 +221,12 @@ def _draw_zoom(panel: Axes, played: Played) -> None:
     panel.set_ylabel("full scales", fontsize=8.5)
 
 
-def _shown(played: Played) -> NDArray[np.int64]:
+def _shown(played: ScanToClass) -> NDArray[np.int64]:
     """Return the taxels whose signals are drawn: first, middle and last."""
     return np.unique(np.linspace(0, played.recording.config.taxels - 1, _SHOWN).astype(np.int64))
 
 
-def _zoom(played: Played) -> tuple[float, float]:
+def _zoom(played: ScanToClass) -> tuple[float, float]:
     """Return the time window of the detail: 20 ms of a scan, or for a user's recording where its taxel changes most."""
     duration_s, rate_hz = played.recording.duration_s, played.recording.config.sample_rate_hz
     start_s, length_s = duration_s / 4, 0.02
@@ -238,7 +238,7 @@ def _zoom(played: Played) -> tuple[float, float]:
     return start_s, min(start_s + length_s, duration_s)
 
 
-def _draw_taxel(panel: Axes, played: Played, taxel: int, offset: float, size: float, ticks: slice) -> None:
+def _draw_taxel(panel: Axes, played: ScanToClass, taxel: int, offset: float, size: float, ticks: slice) -> None:
     """Draw the signal of a taxel, shifted by an offset, with its events on the line."""
     config, events = played.recording.config, played.recording.events
     signal = played.signals[:, taxel] + offset
@@ -255,7 +255,7 @@ def _draw_taxel(panel: Axes, played: Played, taxel: int, offset: float, size: fl
                        mew=0, label=label)  # fmt: skip
 
 
-def _draw_events(panel: Axes, played: Played) -> None:
+def _draw_events(panel: Axes, played: ScanToClass) -> None:
     """Draw the address events of all taxels."""
     config, events = played.recording.config, played.recording.events
     index = taxel_of(events, config)
@@ -269,7 +269,7 @@ def _draw_events(panel: Axes, played: Played) -> None:
     _above(panel, played, "events", f"{len(events):,} events of {config.taxels} taxels")
 
 
-def _draw_hidden(panel: Axes, played: Played) -> None:
+def _draw_hidden(panel: Axes, played: ScanToClass) -> None:
     """Draw the spikes of the hidden neurons."""
     step, neuron = np.nonzero(played.spikes)
     panel.plot(played.ends_ms[step], neuron, ls="", marker="|", ms=2, mew=0.7, color=_INK, rasterized=True)
@@ -285,7 +285,7 @@ def _draw_hidden(panel: Axes, played: Played) -> None:
     _above(panel, played, "hidden", f"{played.spikes.sum():,.0f} spikes of {played.spikes.shape[1]} neurons, {steps}")
 
 
-def _draw_evidence(panel: Axes, played: Played) -> None:
+def _draw_evidence(panel: Axes, played: ScanToClass) -> None:
     """Draw the evidence for each class, the winner as a thick line, and name the winner and the true class."""
     winner = int(played.evidence[-1].argmax())
     for label, name in enumerate(played.class_names):
@@ -304,7 +304,7 @@ def _draw_evidence(panel: Axes, played: Played) -> None:
                        fontweight="bold" if label == winner else "normal", annotation_clip=False)  # fmt: skip
 
 
-def _draw_final(panel: Axes, played: Played) -> None:
+def _draw_final(panel: Axes, played: ScanToClass) -> None:
     """Draw the SoftMax of the final evidence, and name the true class."""
     shares = np.exp(played.evidence[-1] - played.evidence[-1].max())
     shares = 100 * shares / shares.sum()
@@ -324,7 +324,7 @@ def _draw_final(panel: Axes, played: Played) -> None:
     panel.grid(visible=False)
 
 
-def _above(panel: Axes, played: Played, name: str, text: str, before_legend: bool = False) -> None:
+def _above(panel: Axes, played: ScanToClass, name: str, text: str, before_legend: bool = False) -> None:
     """Write the title of a panel, and its numbers if any, above its right end."""
     text = "; ".join([text, *([played.numbers[name]] if name in played.numbers else [])])
     title = panel.set_title(text, fontsize=8, color=GREY, pad=4, loc="right")

@@ -14,7 +14,7 @@ from torch.nn import functional
 
 from eskin.base.errors import InputError
 from eskin.model.events.recording import Recording
-from eskin.skin.figures.scan_to_class import Played
+from eskin.skin.figures.scan_to_class import ScanToClass
 from eskin.skin.textures.dataset import open_dataset
 from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.record import record
@@ -72,7 +72,7 @@ class Places:
     data: Path | None = None
 
 
-def play(weights_file: Path, result_file: Path, places: Places | None = None, image: str | None = None) -> Played:
+def play(weights_file: Path, result_file: Path, places: Places | None = None, image: str | None = None) -> ScanToClass:
     """Play a scan of a network's dataset, or a user's recording, through the network.
 
     Parameters
@@ -130,7 +130,7 @@ def play(weights_file: Path, result_file: Path, places: Places | None = None, im
     )
 
 
-def _play_own(weights: Weights, result: TrainingResult, place: Path, image: str | None) -> Played:
+def _play_own(weights: Weights, result: TrainingResult, place: Path, image: str | None) -> ScanToClass:
     """Play a user's recording through the network, prepared as for the training."""
     if result.own is None:
         raise InputError("the network was not trained on your own recordings; leave --data out, or train with it")
@@ -163,14 +163,16 @@ def _index(image: str, names: list[str]) -> int:
     return names.index(image)
 
 
-def _played(weights: Weights, bins: BinConfig, recording: Recording, codes: NDArray[np.int32], **said: Any) -> Played:
-    """Return the network's result for a recording; ``said`` contains the descriptive fields of Played."""
+def _played(
+    weights: Weights, bins: BinConfig, recording: Recording, codes: NDArray[np.int32], **said: Any
+) -> ScanToClass:
+    """Return the network's result for a recording; ``said`` contains the descriptive fields of ScanToClass."""
     network, config = weights.network, recording.config
     assert isinstance(network, SpikingNetwork)
     spikes, grown = evidence(network, collect([recording], bins, weights.class_names).batch([0]))
     scale, scan = network.config.output_scale, said["scan"]
     counted_s = 0.0 if scan is None else scan.skipped_ticks(config) / config.sample_rate_hz
-    return Played(
+    return ScanToClass(
         recording=recording,
         signals=codes / config.full_scale,
         start_s=counted_s if bins.start_s is None else bins.start_s,

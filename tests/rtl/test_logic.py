@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 from eskin.model.config import ReadoutConfig
 from eskin.rtl import yosys
 from eskin.rtl.arbiter import Arbiter
-from eskin.rtl.block import Netlist
+from eskin.rtl.block import RtlilModules
 from eskin.rtl.logic import encode, exclusive_prefix_or, or_tree
 
 
 def gates(rows: int, columns: int) -> tuple[int, int]:
     """Return depth and number of two-input gates of an arbiter, as it is written: nothing restructured by synthesis."""
-    rtlil = Netlist(async_reset=False).add(Arbiter(ReadoutConfig(rows=rows, columns=columns)))
+    rtlil = RtlilModules(async_reset=False).add(Arbiter(ReadoutConfig(rows=rows, columns=columns)))
     script = (
         "read_rtlil readout.il; hierarchy -top eskin_arbiter; proc; opt_expr; opt_merge; opt_clean; simplemap; "
         "opt_expr; opt_merge; opt_clean; tee -o said ltp -noff; tee -a said stat"

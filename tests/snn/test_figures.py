@@ -24,7 +24,7 @@ from eskin.app.report.page import ACCURACY
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 from eskin.skin.figures.readouts import LOOKS
-from eskin.skin.figures.scan_to_class import Played, draw_scan
+from eskin.skin.figures.scan_to_class import ScanToClass, draw_scan
 from eskin.skin.textures.dataset import open_dataset
 from eskin.snn.data.bins import BinConfig
 from eskin.snn.data.folds import stratified_folds
@@ -604,7 +604,7 @@ def test_fig8_of_the_paper_scan_counts_from_where_events_count(folder: Path) -> 
     assert notes(dataclasses.replace(played, start_s=0.1 * played.recording.duration_s)) == []  # no room
 
 
-def notes(played: Played) -> list[str]:
+def notes(played: ScanToClass) -> list[str]:
     """Return the texts in the panel of the hidden neurons."""
     hidden = [panel for panel in draw_scan(played).axes if panel.get_title("left") == "hidden neurons"]
     return [text.get_text() for text in hidden[0].texts]

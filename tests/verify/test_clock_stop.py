@@ -10,7 +10,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.rtl import readout, taxel
 from eskin.rtl.arbiter import Arbiter
-from eskin.rtl.block import Netlist
+from eskin.rtl.block import RtlilModules
 from eskin.rtl.frame import FramePacker, FrameReadout, FrameSequencer
 from eskin.rtl.registers.host import Host
 from eskin.verify.proofs.clock_stop import Clocked, clocked, stands_still
@@ -47,7 +47,7 @@ def test_a_block_that_is_awake_moves() -> None:
 )
 def test_a_row_that_sleeps_when_it_must_not_is_found(wire: str) -> None:
     row = taxel.Row(FEW.replace(encoding="cw-lcs"))
-    made = Netlist(async_reset=False)
+    made = RtlilModules(async_reset=False)
     made.add(row)
     found = make(made.text, row.module_name, 4, 0, f"-mode const0 -wire {wire}")
     assert found
@@ -136,7 +136,7 @@ WASTE = [
 
 @pytest.mark.parametrize(("block", "given", "mutation"), WASTE, ids=lambda value: getattr(value, "module_name", ""))
 def test_a_clock_that_is_not_needed_is_found(block: Any, given: dict[str, Any], mutation: str) -> None:
-    made = Netlist(async_reset=False)
+    made = RtlilModules(async_reset=False)
     made.add(block)
     (mutant, *_) = make(made.text, block.module_name, 1, 0, f"-mode {mutation}")
     assert clocked(block, **given) == Clocked((), True)

@@ -24,7 +24,7 @@ class Mismatch(AssertionError):
 
 
 @dataclass(frozen=True)
-class Played:
+class CxxrtlResult:
     """What CXXRTL played of a readout, all of it as the golden model does.
 
     Attributes
@@ -41,7 +41,7 @@ class Played:
     of_texture: int
 
 
-def play(config: ReadoutConfig, texture: int = 0, ticks: int | None = None, text: str = "") -> Played:
+def play(config: ReadoutConfig, texture: int = 0, ticks: int | None = None, text: str = "") -> CxxrtlResult:
     """Play the scan of an embedded texture and the scenarios in CXXRTL and hold every event to the golden model.
 
     Parameters
@@ -78,7 +78,7 @@ def play(config: ReadoutConfig, texture: int = 0, ticks: int | None = None, text
             counts.append(len(found))
     if not counts[0]:
         raise Mismatch("the scan gives no event at all, so nothing was compared")
-    return Played(len(runs), sum(stimulus.clocks for stimulus in runs.values()), sum(counts), counts[0])
+    return CxxrtlResult(len(runs), sum(stimulus.clocks for stimulus in runs.values()), sum(counts), counts[0])
 
 
 def texts(config: ReadoutConfig | FrameConfig) -> dict[str, list[str]]:

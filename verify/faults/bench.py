@@ -24,7 +24,7 @@ from amaranth.lib import wiring
 
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
-from eskin.rtl.block import Block, Netlist
+from eskin.rtl.block import Block, RtlilModules
 from eskin.rtl.classifier.chip import BinTimer
 from eskin.verify.faults.gate_design import Gates, gates_of
 
@@ -196,7 +196,7 @@ def channel_of(number: Any, inputs: int) -> Any:
 
 def bench_gates(block: Block[Any], slow: int = 0) -> Gates:
     """Return a block with its surroundings as gates; see ``inside`` for its flops."""
-    made = Netlist(async_reset=False)
+    made = RtlilModules(async_reset=False)
     made.add(block)
     if isinstance(block.config, ClassifierConfig):
         made.add(BinTimer(block.config))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from eskin.cocotb_tests.bench.spi import Timing, waveform
 from eskin.model.config import ReadoutConfig
-from eskin.model.host import Played, play
+from eskin.model.host import HostRun, play
 from eskin.model.readout import Stimulus
 from eskin.model.registers.description import WORD_BYTES, Register, registers
 from eskin.model.registers.spi import HIGH_CLOCKS, LOW_CLOCKS, LOW_CLOCKS_TO_READ, Pins, transfer
@@ -179,7 +179,7 @@ def _levels(pins: Sequence[Pins]) -> dict[str, NDArray[np.uint8]]:
     return {f"spi_{name}": levels[:, [place]] for place, name in enumerate(Pins._fields)}
 
 
-def _as_model(config: ReadoutConfig, expected: Played, codes: NDArray[np.int16], said: NDArray[np.int64]) -> bool:
+def _as_model(config: ReadoutConfig, expected: HostRun, codes: NDArray[np.int16], said: NDArray[np.int64]) -> bool:
     """Return whether a run, which must have events and read something, is that of the model."""
     miso = expected.miso.astype(np.int64) | expected.miso_enable.astype(np.int64) << 1
     events = events_of(config, codes)

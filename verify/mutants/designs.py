@@ -6,7 +6,7 @@ import json
 import sys
 from pathlib import Path
 
-from eskin.rtl.block import Netlist
+from eskin.rtl.block import RtlilModules
 from eskin.rtl.verilog import top_block
 from eskin.verify.mutants.configs import configs
 
@@ -25,7 +25,7 @@ def designs(file: str, seed: int, count: int) -> dict[str, dict[str, str]]:
     """
     found: dict[str, dict[str, str]] = {}
     for config in configs(file, seed)[:count]:
-        made = Netlist(config.reset == "async")
+        made = RtlilModules(config.reset == "async")
         try:
             made.add(top_block(config))
         except Exception:  # a mutant may raise anything

@@ -20,7 +20,7 @@ from amaranth.hdl import (
 from amaranth.lib import wiring
 
 from eskin.rtl import yosys
-from eskin.rtl.block import Netlist
+from eskin.rtl.block import RtlilModules
 from eskin.verify.proofs.checker import Checker, inputs
 
 TOP = "bench"
@@ -89,7 +89,7 @@ class Bench(Elaboratable):
 
 def netlist(checker: Checker[Any]) -> str:
     """Return the RTLIL of the block that a checker watches and of those within it, as the Verilog is made from."""
-    made = Netlist(async_reset=False)
+    made = RtlilModules(async_reset=False)
     made.add(checker.block(checker.config))
     return made.text
 

@@ -10,7 +10,7 @@ from amaranth.lib import wiring
 from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.rtl import yosys
-from eskin.rtl.block import Netlist
+from eskin.rtl.block import RtlilModules
 from eskin.rtl.verilog import YOSYS_SCRIPT, header
 from eskin.verify.proofs.bench import CONSTANTS
 from eskin.verify.proofs.blocks.arbiter import ArbiterChecker
@@ -62,7 +62,7 @@ def properties(config: ReadoutOrFrame) -> str:
         "// Properties of the blocks, proved of the RTL (make formal); read it beside the Verilog.\n",
     ]
     for checker, module, places in checkers(config):
-        made = Netlist(async_reset=False)
+        made = RtlilModules(async_reset=False)
         made.add(checker)
         text = yosys.run(YOSYS_SCRIPT.format(top=checker.module_name), made.text, "readout.v")
         parts += [yosys.tidy(text), _assertions(checker), _binding(checker, module, places)]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from eskin.rtl import yosys
-from eskin.rtl.block import Block, Netlist
+from eskin.rtl.block import Block, RtlilModules
 
 LISTENS = ("link", "host")
 """Names of the parts that are left out: their clock never stops, since they listen to ACK and to SPI."""
@@ -163,7 +163,7 @@ def clocked(
 
 def _flat(block: Block[Any], script: str, mutant: str) -> Any:
     """Return a block as one module of Yosys' simple cells and flops."""
-    made = Netlist(async_reset=False)
+    made = RtlilModules(async_reset=False)
     made.add(block)
     top = block.module_name
     return json.loads(yosys.run(script.format(top=top), mutant or made.text, "flops.json"))["modules"][top]

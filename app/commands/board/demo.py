@@ -16,7 +16,7 @@ from eskin.app.options import with_fields
 from eskin.model.config import ReadoutConfig
 
 if TYPE_CHECKING:
-    from eskin.board.demo import Played
+    from eskin.board.demo import DemoResult
 
 HOLD_S = 1.5
 """How long a result stands before the next recording begins."""
@@ -49,7 +49,7 @@ def demo(
 
     show = player.show_of(source, weights, only, readout)
     view = player.new_view(show)
-    found: list[Played] = []
+    found: list[DemoResult] = []
     with sending(udp, view.clock_hz) as sender, served(view, port, "--port") as server:
         address = f"http://127.0.0.1:{server.server_port}/"
         print(f"{address} shows the skin; Ctrl-C ends", flush=True)
@@ -69,7 +69,7 @@ def demo(
     print(f"played {len(found)} recordings{right}")
 
 
-def _line(one: Played) -> str:
+def _line(one: DemoResult) -> str:
     if one.found is None:
         return f"{one.name}: {one.events} events"
     verdict = "" if one.truth is None else ", right" if one.truth == one.found else f", wrong: it is {one.truth}"
