@@ -250,7 +250,7 @@ def test_a_scheduler_that_is_not_there_gets_one_sentence(
     with pytest.raises(SystemExit) as left:
         run(app, "eskin", [*command(tmp_path), "--scheduler", address, "--out", str(tmp_path / "out")])
     assert left.value.code == 2
-    assert time.monotonic() - began < 10
+    assert time.monotonic() - began < 25  # a client of Dask would try for 30 s
     assert capsys.readouterr().err == (
         f"error: no Dask scheduler answers at {address}; start one with dask scheduler and give its address, "
         f"as --scheduler tcp://HOST:8786\n"
