@@ -1,4 +1,4 @@
-"""Draw docs/figures/load.png: waits at four arbiters, from benchmarks/results/load.json.
+"""Draw docs/figures/load.png: waits at five arbiters, from benchmarks/results/load.json.
 
 ``python docs/figures/load.py`` from the top of the project.
 """
@@ -27,7 +27,7 @@ def main() -> None:
     figure, (worst, bias) = plt.subplots(1, 2, figsize=(9.0, 4.0), sharey=True, layout="constrained")
     for number, arbiter in enumerate(line["arbiter"] for line in next(iter(loads.values()))):
         lines = [next(line for line in found if line["arbiter"] == arbiter) for found in loads.values()]
-        heights = [place + 0.18 * (number - 1.5) for place in range(len(loads))]
+        heights = [place + 0.15 * (number - 2) for place in range(len(loads))]
         colour = f"C{number}"
         worst.plot([line["worst_wait"] for line in lines], heights, "o", color=colour, markersize=4)
         low, high = zip(*(line["by_address"] for line in lines), strict=True)
