@@ -278,3 +278,35 @@ def results() -> None:
     known = only(read(f"{TEXTURES}merits.json")["timing"], known_from="events")
     rows.append(["time of a level crossing from events, median error", "", f"{1e6 * known['median_s']:.0f} us"])
     table(" | published | here", rows)
+
+
+def finger() -> None:
+    """Print what the network and plain statistics say of the recordings of a robot finger."""
+    report = read("docs/data/finger.json")
+    folds = [
+        run | {"total": len(run["labels"])} | {name.replace(" ", "_"): one for name, one in run["references"].items()}
+        for run in report["folds"]
+    ]
+    table(
+        "fold | epochs | tested | network | balanced | events | signals | most frequent class",
+        folds,
+        "{fold} | {epochs} | {total} | {accuracy:100*.1f} % | {balanced_accuracy:100*.1f} %"
+        " | {events[accuracy]:100*.1f} % | {signals[accuracy]:100*.1f} % | {most_frequent_class[accuracy]:100*.1f} %",
+    )
+    source(report, ": {recordings} recordings, {seconds:,.0f} s, {readout}, {events_per_s:.0f} events/s")
+
+
+def finger_chip() -> None:
+    """Print how many recordings of the robot finger are right in float, in integers and in the RTL."""
+    report = read("docs/data/finger.json")
+    float_ = only(report["folds"], fold="repetition 1")
+    rows = [
+        filled("float | {right} of {total}", float_ | {"total": len(float_["labels"])}),
+        filled("integers, weights of {bits} b | {right} of {of}", report["integer"]),
+        filled(
+            "RTL, recordings evenly spread | {right} of {labelled} (float: {right_float} of {float_known})",
+            report["rtl"],
+        ),
+    ]
+    table("repetition 1 | right", rows)
+    source(report["rtl"], ": {clocks:,} clocks, {events:,} events, {mismatches} mismatches")

@@ -481,7 +481,7 @@ def test_damaged_and_missing_files_are_refused(tmp_path: Path, trained: Path, re
     note.write_text(json.dumps(result))
     assert "was trained on frames and cannot classify events" in call("--events", replayed, weights=path)[2]
     (tmp_path / "none").mkdir()
-    assert "holds no event files (.npz)" in call("--events", tmp_path / "none")[2]
+    assert "holds no event files (.npz, .aedat4)" in call("--events", tmp_path / "none")[2]
     code, _, error = call("--events", tmp_path / "none.npz")
     assert code == 2
     assert error.endswith("none.npz does not exist; make one with eskin replay\n")
