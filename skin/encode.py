@@ -145,6 +145,7 @@ def encode_samples(
         metadata = {"input": "full scale", "scale": factor}
     if "clocks_per_sample" not in given and config.sample_rate_hz < SLOW_HZ:
         config = with_clock(config, [codes])
+    metadata |= {"columns": list(samples.names)} if samples.names else {}
     return _encoded(path, config, codes, clipped, model, metadata)
 
 
@@ -166,6 +167,8 @@ def _encode_prepared(
             f"add --scale max"
         )
     metadata = {"input": "recording", "scale": found.scale, "baseline": options.baseline}
+    kept = found.said_of(found.sources[0])
+    metadata |= {name: kept[name] for name in ("columns", "start_s") if name in kept}
     made = _encoded(path, found.config, found.codes[0], found.clipped, model, metadata)
     return dataclasses.replace(made, notes=tuple(found.notes), warnings=tuple(found.warnings))
 

@@ -6,6 +6,7 @@ import io
 import math
 import re
 import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -38,10 +39,13 @@ class Samples:
         Integers are codes, floats are in full scale (+-1.0).
     rate_hz : float or None
         Sampling rate, where the file states one.
+    names : tuple of str
+        Names of the taxels, where a header has them.
     """
 
     values: NDArray[Any]
     rate_hz: float | None = None
+    names: tuple[str, ...] = ()
 
 
 def read_samples(path: Path) -> Samples:
@@ -102,13 +106,16 @@ def _read_npz(path: Path, data: bytes) -> Samples:
 def _read_csv(path: Path, data: bytes) -> Samples:
     text = data.removeprefix(b"\xef\xbb\xbf")  # the mark that spreadsheets put in front of UTF-8
     first, _, rest = text.partition(b"\n")
+    names: tuple[str, ...] = ()
     if not any(_is_number(cell) for cell in first.split(b",")):  # a header names columns, it holds no number
         text = rest
+        names = tuple(cell.strip().strip('"') for cell in first.decode("utf-8", "replace").split(","))
     if not text.strip():
         raise InputError(f"{path} holds no samples; give at least one line of numbers")
     kind = float if _NOT_A_CODE.search(text) else np.int64
     try:
-        return Samples(np.loadtxt(io.BytesIO(text), kind, delimiter=",", comments=None, ndmin=2))
+        values = np.loadtxt(io.BytesIO(text), kind, delimiter=",", comments=None, ndmin=2)
+        return Samples(values, names=names if len(names) == values.shape[1] else ())
     except (ValueError, OverflowError) as error:
         reason = " ".join(str(error).split()).split(";")[0].rstrip(".")
         raise InputError(
@@ -198,17 +205,42 @@ def check_samples_path(path: Path) -> None:
     check_file(path)
 
 
-def write_samples(path: Path, values: NDArray[np.float64], rate_hz: float) -> None:
+def write_samples(
+    path: Path,
+    values: NDArray[np.float64],
+    rate_hz: float,
+    names: Sequence[str] = (),
+    start_s: float | None = None,
+) -> None:
     """Write signals, shape (ticks, taxels), in full scale, in a format of :func:`read_samples`.
 
     The .npz also holds the sampling rate. The .csv has a header and twelve decimals.
+
+    Parameters
+    ----------
+    path : Path
+    values : float64 array, shape (ticks, taxels)
+    rate_hz : float
+    names : sequence of str
+        Names of the taxels; others than one for each taxel are not written.
+    start_s : float, optional
+        Time of the first sample in seconds; with it, .csv and .npz hold the time of every sample.
     """
     check_samples_path(path)
+    named = list(names) if len(names) == values.shape[1] else []
+    time_s = None if start_s is None else start_s + np.arange(len(values)) / rate_hz
     with atomic_write(path) as file:
         if path.suffix.lower() == ".npz":
-            np.savez_compressed(file, samples=values, sample_rate_hz=np.array(rate_hz))
+            more: dict[str, Any] = {"columns": np.array(named)} if named else {}
+            more |= {} if time_s is None else {"time_s": time_s}
+            np.savez_compressed(file, samples=values, sample_rate_hz=np.array(rate_hz), **more)
         elif path.suffix.lower() == ".npy":
             np.save(file, values)
         else:
-            header = ",".join(f"taxel {i}" for i in range(values.shape[1]))
-            np.savetxt(file, values, fmt="%.12f", delimiter=",", header=header, comments="")
+            columns = named or [f"taxel {i}" for i in range(values.shape[1])]
+            columns = [f'"{name}"' if "," in name else name for name in columns]
+            if time_s is not None:
+                columns, values = ["time_s", *columns], np.column_stack([time_s, values])
+            np.savetxt(
+                file, values, fmt="%.12f", delimiter=",", header=",".join(columns), comments="", encoding="utf-8"
+            )

@@ -73,6 +73,10 @@ def save_checkpoint(path: Path, training: Training, key: str) -> None:
         file.write(buffer.getvalue())
 
 
+class OtherTraining(InputError):  # the sentence a user reads
+    """Raised where a folder holds the checkpoint of a training with other parameters, data or seed."""
+
+
 def load_checkpoint(path: Path, training: Training, key: str) -> None:
     """Restore a training from a checkpoint.
 
@@ -90,7 +94,7 @@ def load_checkpoint(path: Path, training: Training, key: str) -> None:
             if not isinstance(there, dict):
                 raise ValueError
             found = "; ".join(_differences(there, json.loads(key)))
-            raise InputError(
+            raise OtherTraining(
                 f"checkpoint {path} is of another configuration ({found}); "
                 f"remove it or choose another folder with --out"
             )

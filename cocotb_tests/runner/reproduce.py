@@ -25,6 +25,6 @@ def variables(config: ReadoutConfig | FrameConfig) -> list[str]:
 
 def own_variables(options: Preparation, scale: float) -> list[str]:
     """Return what to write behind make for a preparation of own recordings, the scale as it came out."""
-    names = {field.name: option_of(field) for field in dataclasses.fields(Preparation)}
+    names = {field.name: option_of(field) for field in dataclasses.fields(Preparation) if field.metadata}
     chosen = options.chosen() | {"scale": repr(scale)}
-    return [f"{names[name][2:].replace('-', '_').upper()}={value}" for name, value in chosen.items()]
+    return [f"{names[name][2:].replace('-', '_').upper()}={value}" for name, value in chosen.items() if name in names]

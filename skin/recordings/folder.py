@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -69,6 +69,10 @@ class RecordingSet:
         Samples beyond full scale.
     notes, warnings : tuple of str
         What was taken for what; what the user should mend, with the option that does.
+    columns : tuple of str
+        Names of the taxels, where the files have them.
+    starts_s : mapping of str to float
+        First time stamp in seconds by the name of the source, where there is one.
     """
 
     name: str
@@ -80,6 +84,8 @@ class RecordingSet:
     clipped: int
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
+    columns: tuple[str, ...] = ()
+    starts_s: Mapping[str, float] = field(default_factory=dict)
 
     def recording(self, number: int) -> tuple[Recording, Quality]:
         """Return the events of a recording from the cycle-exact model, and their quality."""
@@ -100,7 +106,9 @@ class RecordingSet:
 
     def said_of(self, source: Source) -> dict[str, Any]:
         """Return the metadata of an event file, from which other recordings can be prepared equally."""
-        said = {"scale": self.scale, "prepared": self.options.chosen()}
+        said: dict[str, Any] = {"scale": self.scale, "prepared": self.options.chosen()}
+        said |= {"columns": list(self.columns)} if self.columns else {}
+        said |= {"start_s": self.starts_s[source.name]} if source.name in self.starts_s else {}
         return said | ({} if source.class_name is None else {"class": source.class_name})
 
 
@@ -212,6 +220,8 @@ def read_set(
         clipped=prepared.clipped,
         notes=(*notes, *prepared.notes),
         warnings=(*left_out, *prepared.warnings, *_unseen(config, prepared.codes)),
+        columns=tables[0].names if tables[0].named else (),
+        starts_s={s.name: t.start_s for s, t in zip(sources, tables, strict=True) if t.time_s is not None},
     )
 
 

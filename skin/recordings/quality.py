@@ -24,7 +24,7 @@ MUCH_LATE = 0.01
 LEAST_CLOCKS, MOST_CLOCKS = 64, 2**20
 """Clocks per sample that are chosen for a signal; the most are enough for every decision."""
 
-CLOCKS_PER_EVENT = {"stream": 1, "four_phase": 7, "four_phase_dual": 7}
+CLOCKS_PER_EVENT = {"stream": 1, "four_phase": 7}
 """Clocks that the link needs for an event at best (docs/design/microarchitecture.md)."""
 
 
@@ -150,6 +150,15 @@ def pooled(parts: list[Quality]) -> Quality:
         noise=math.fsum(p.noise * p.samples for p in parts) / samples,
         bound_holds=all(p.bound_holds for p in parts),
     )
+
+
+def names_and_start(recording: Recording) -> tuple[list[str], float | None]:
+    """Return the names of the taxels and the time of the first sample in seconds, where the recording has them."""
+    names, start_s = recording.metadata.get("columns"), recording.metadata.get("start_s")
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        names = []
+    known = isinstance(start_s, (int, float)) and math.isfinite(start_s)
+    return names, float(start_s) if known else None  # type: ignore[arg-type]
 
 
 def decode_recording(recording: Recording) -> NDArray[np.float64]:

@@ -60,6 +60,8 @@ class Table:
         Whether the names stand in the file.
     filled : int
         Cells without a number, which the samples before and after them fill, linearly.
+    start_s : float
+        First time stamp in seconds, where a column has them.
     """
 
     path: Path
@@ -71,6 +73,7 @@ class Table:
     notes: tuple[str, ...]
     named: bool = False
     filled: int = 0
+    start_s: float = 0.0
 
 
 def read_table(path: Path, options: Preparation) -> Table:
@@ -98,9 +101,9 @@ def read_table(path: Path, options: Preparation) -> Table:
         chosen = [number for number in chosen if number != time_column]
     if not chosen:
         raise InputError(f"{path} has no column but its time stamps; give one for each taxel")
-    time_s = None
+    time_s, start_s = None, 0.0
     if time_column is not None and "counter" not in " ".join(notes):
-        time_s, note = _seconds(path, values[:, time_column], names[time_column], options)
+        time_s, start_s, note = _seconds(path, values[:, time_column], names[time_column], options)
         notes = (*notes, note)
     return Table(
         path,
@@ -112,6 +115,7 @@ def read_table(path: Path, options: Preparation) -> Table:
         notes,
         _are_names(names),
         filled,
+        start_s,
     )
 
 
@@ -265,8 +269,8 @@ def _time_column(
     return 0, (f"column {names[0]!r} rises steadily: taken as time stamps; --time-column none keeps it as a taxel",)
 
 
-def _seconds(path: Path, stamps: Values, name: str, options: Preparation) -> tuple[Values, str]:
-    """Return time stamps in seconds from the first, and a note on their unit and rate."""
+def _seconds(path: Path, stamps: Values, name: str, options: Preparation) -> tuple[Values, float, str]:
+    """Return time stamps in seconds from the first, the first in seconds, and a note on their unit and rate."""
     steps = np.diff(stamps)
     if len(stamps) < 2:
         raise InputError(f"{path} has one sample only; a recording needs two at least")
@@ -288,4 +292,4 @@ def _seconds(path: Path, stamps: Values, name: str, options: Preparation) -> tup
     else:
         unit = "s" if step < 1 else "ms" if step < 1e3 else "us" if step < 1e6 else "ns"
     seconds = (stamps - stamps[0]) * UNITS_S[unit]
-    return seconds, f"time stamps are in {unit}"
+    return seconds, float(stamps[0]) * UNITS_S[unit], f"time stamps are in {unit}"

@@ -131,6 +131,8 @@ class Trained:
         That of the training, where it is known.
     own : OwnReadout or None
         How own recordings of the training were taken.
+    of_recordings : bool
+        Whether the training took event files, not textures.
     """
 
     weights: Weights
@@ -140,6 +142,7 @@ class Trained:
     unknown: str = ""
     readout: ReadoutConfig | None = None
     own: OwnReadout | None = None
+    of_recordings: bool = False
 
     def other_fields(self, config: ReadoutConfig) -> list[str]:
         """Return the fields, in words, in which a readout differs from that of the training."""
@@ -183,13 +186,29 @@ def load_trained(path: Path) -> Trained:
         names, labels, dataset = _images_of(experiment, result.class_names, own is not None)
     except InputError as error:
         unknown = f"the images of the training are not there ({error})"
-        return Trained(weights, experiment.bins, unknown=unknown, readout=readout, own=own)
+        return Trained(
+            weights,
+            experiment.bins,
+            unknown=unknown,
+            readout=readout,
+            own=own,
+            of_recordings=experiment.events is not None,
+        )
     try:
         tested = set(result.test_images(labels).tolist())
     except InputError as error:
-        return Trained(weights, experiment.bins, unknown=str(error), readout=readout, own=own)
+        return Trained(
+            weights,
+            experiment.bins,
+            unknown=str(error),
+            readout=readout,
+            own=own,
+            of_recordings=experiment.events is not None,
+        )
     parts = {name: TEST if number in tested else TRAINING for number, name in enumerate(names)}
-    return Trained(weights, experiment.bins, parts, dataset, readout=readout, own=own)
+    return Trained(
+        weights, experiment.bins, parts, dataset, readout=readout, own=own, of_recordings=experiment.events is not None
+    )
 
 
 def load_test_scans(

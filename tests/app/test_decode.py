@@ -63,6 +63,29 @@ def test_all_signal_files_hold_the_same(call: Any, folder: Path) -> None:
         assert call(f"compare npz.npz {suffix}.npz")[0] == 0
 
 
+def test_times_and_names_of_columns_come_back(call: Any, folder: Path) -> None:
+    values, rate = waves(100, 4), 50.0
+    time = 12.5 + np.arange(100) / rate
+    lines = [",".join(f"{number:.6f}" for number in row) for row in np.column_stack([time, values])]
+    (folder / "x.csv").write_text("\n".join(["time (s),thumb,index,middle,ring", *lines]) + "\n")
+    np.savetxt("bare.csv", values, delimiter=",", header="thumb,index,middle,ring", comments="")
+    assert call("encode x.csv -o e.npz --rows 1 --columns 4 --clocks-per-sample 4096")[0] == 0
+    assert call("encode bare.csv -o bare.npz --rows 1 --columns 4 --sample-rate 50 --clocks-per-sample 4096")[0] == 0
+    assert call("decode e.npz -o y.csv")[0] == 0
+    assert call("decode e.npz -o y.npz")[0] == 0
+    assert call("decode bare.npz -o bare_again.csv")[0] == 0
+    header, first, *_ = (folder / "y.csv").read_text().splitlines()
+    assert header == "time_s,thumb,index,middle,ring"
+    assert float(first.split(",")[0]) == pytest.approx(12.5)
+    with np.load("y.npz") as file:
+        assert file["time_s"] == pytest.approx(time)
+        assert file["columns"].tolist() == ["thumb", "index", "middle", "ring"]
+    assert (folder / "bare_again.csv").read_text().startswith("thumb,index,middle,ring\n")
+    assert call("encode y.csv -o again.npz --rows 1 --columns 4 --clocks-per-sample 4096")[0] == 0
+    again = Recording.load(folder / "again.npz")
+    assert (again.config.sample_rate_hz, again.metadata["start_s"]) == (50.0, 12.5)
+
+
 def test_a_recording_without_events_decodes_to_silence(call: Any, folder: Path) -> None:
     config = ReadoutConfig(rows=1, columns=2, clocks_per_sample=10)
     for duration, ticks in ((0, 0), (1, 1), (10, 1), (11, 2)):

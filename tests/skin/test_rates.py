@@ -221,6 +221,10 @@ def test_table_names_the_rate_and_follows_options(tmp_path, monkeypatch):
     assert "embedded, 2 images, 4 scans" in done.stdout
     assert "events/s" in done.stdout
     assert "tau" not in done.stdout
+    assert "not the paper's" not in done.stdout
+    done = run("--preset", "paper", *arguments, "--limit", "1")
+    words = " ".join(done.stdout.split())
+    assert "; of embedded images, not the paper's: give those with --dataset" in words
 
 
 @pytest.mark.parametrize(

@@ -130,12 +130,41 @@ def test_from_class_folders_to_classes(skin: Path, snn: Call) -> None:
     """With names merged over the folders of the classes, none of these was right."""
     code, out, error = snn("train", "--events", skin, *SMALL, "--folds", 2)
     assert code == 0, error
-    assert out.startswith(f"data: recordings in {skin}\n15 images to learn (15 scans), 15 to test, 3 classes;")
+    assert out.startswith(f"data: recordings in {skin}\n15 recordings to learn (15 scans), 15 to test, 3 classes;")
     result = json.loads(Path("out/train/result.json").read_text())
     assert result["accuracy"] >= 0.9
+    assert (
+        f"({sum(a == b for a, b in zip(result['labels'], result['predicted'], strict=True))} of 15 recordings)" in out
+    )
+    assert "picture and page: out/train/confusion.png, out/train/training.html" in out
+    page = Path("out/train/training.html").read_text()
+    assert [page.count(f"<h2>{kind}</h2>") for kind in CLASSES] == [1, 1, 1]
+    assert page.count('src="data:image/png;base64,') == 4
+    tested = [name for name in page.split("<p>") if ": classified as " in name]
+    assert all(text.split("/")[0] in CLASSES for text in tested)
+    # Another resolution gets a folder of its own; a folder that the user named is refused.
+    weights = Path("out/train/weights.npz").read_bytes()
+    other = ("train", "--events", skin, *SMALL, "--folds", 2, "--seed", 1)
+    code, out, error = snn(*other)
+    assert code == 0, error
+    own = next(line for line in error.splitlines() if line.startswith("out/train holds another training"))
+    folder = Path(own.rpartition(" ")[2])
+    assert folder.parent == Path("out")
+    assert folder.name.startswith("train-recordings-")
+    assert (folder / "weights.npz").exists()
+    assert Path("out/train/weights.npz").read_bytes() == weights
+    assert snn(*other)[2] == error, "called again, it goes on in the same folder"
+    code, _, error = snn(*other, "-o", "out/train")
+    assert (code, "is of another configuration" in error) == (2, True)
+    # The studies take textures only: they leave these out, and name the command that makes others.
+    for study in ("precision", "robustness", "noise-power"):
+        code, _, error = snn(study)
+        assert code == 2
+        assert error.startswith("error: no network in out/train suits (out/train")
+        assert "make one with eskin train" in error
     code, out, error = snn("predict", "out/train/weights.npz", "--events", skin)
     assert code == 0, error
-    assert f"test images of the fold: accuracy {result['accuracy']:.1%}" in out
+    assert f"test recordings of the fold: accuracy {result['accuracy']:.1%}" in out
     images = json.loads(Path("out/predictions.json").read_text())["images"]
     assert [image["part"] for image in images].count("test") == 15
     assert {image["name"].split("/")[0] == image["class"] for image in images} == {True}
@@ -150,13 +179,13 @@ def test_a_slow_skin_goes_from_csv_to_its_classes(folder: Path, call: Any, snn: 
     assert call("encode skin -o events")[0] == 0
     code, out, error = snn("train", "--events", "events", *SMALL, "--folds", 2)
     assert code == 0, error
-    assert "9 images to learn (9 scans), 9 to test, 3 classes; 80 steps of 32 channels" in out
+    assert "9 recordings to learn (9 scans), 9 to test, 3 classes; 80 steps of 32 channels" in out
     assert json.loads(Path("out/train/result.json").read_text())["accuracy"] >= 0.9
     code, out, error = snn("predict", "out/train/weights.npz", "--events", "events/tap")
     assert code == 0, error
     assert "events/tap" not in out
     assert "tap/0: tap (class: tap)" in out
-    assert "test images of the fold: accuracy " in out, "known by the same names from another folder"
+    assert "test recordings of the fold: accuracy " in out, "known by the same names from another folder"
 
 
 def test_crossval_and_sweep_take_them(skin: Path, snn: Call) -> None:
@@ -205,7 +234,7 @@ def test_own_recordings_are_predicted_as_those_of_the_training_were_taken(own: d
     assert own["accuracy"] >= 0.9
     code, out, error = snn("predict", "out/train/weights.npz", "--data", "skin")
     assert code == 0, error
-    assert f"test images of the fold: accuracy {own['accuracy']:.1%} (" in out
+    assert f"test recordings of the fold: accuracy {own['accuracy']:.1%} (" in out
     (Path("new") / "unheard").mkdir(parents=True)
     for kind in ("tap", "press"):  # at half the height, which a scale of their own would hide
         values = (counts(kind, taxels=4, seed=99) - 10_000) // 2

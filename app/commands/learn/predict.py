@@ -152,10 +152,11 @@ def _print_scores(scores: dict[str, Score], trained: Trained) -> None:
     """Print the accuracy of each group, and the confusion matrix of the test group."""
     from eskin.snn.experiments.trained import OTHER, TEST, TRAINING
 
+    noun = "recordings" if trained.of_recordings else "images"
     words = {
-        TEST: "test images of the fold",
-        TRAINING: "training images (the network has learned them: this is no result)",
-        OTHER: "images that are not of the training" if trained.parts else "all images",
+        TEST: f"test {noun} of the fold",
+        TRAINING: f"training {noun} (the network has learned them: this is no result)",
+        OTHER: f"{noun} that are not of the training" if trained.parts else f"all {noun}",
     }
     for part, score in scores.items():
         print(f"{words[part]}: accuracy {score.accuracy:.1%} ({score.correct} of {score.total})")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -17,9 +18,18 @@ from eskin.base.errors import InputError
 from eskin.base.files import origin, write_json
 from eskin.base.progress import bar
 
+if TYPE_CHECKING:
+    from eskin.snn.experiments.robustness import Subject
+
+OUT_TRAIN = Path("out/train")
+"""Where trainings are searched where a user names none: here, and in folders whose name begins so."""
+
 Trainings = Annotated[
     list[Path] | None,
-    typer.Argument(metavar="DIR...", help="folders NETWORK/TRAINING/ of snn train, one a fold and seed [out/train]"),
+    typer.Argument(
+        metavar="DIR...",
+        help="folders NETWORK/TRAINING/ of snn train, one a fold and seed [those in out/train that suit]",
+    ),
 ]
 
 
@@ -35,12 +45,12 @@ def robustness(
 ) -> None:
     """Test trained networks under noise, mismatch, faults and other movements; continues a stopped run."""
     from eskin.snn.data.disturb import DISTURBANCES
-    from eskin.snn.experiments.robustness import Subject, cases, run_cells, summarise
+    from eskin.snn.experiments.robustness import cases, run_cells, summarise
     from eskin.snn.figures.robustness import plot_robustness
 
     chosen = cases(list(DISTURBANCES) if only is None else [name.strip() for name in only.split(",")])
     check_device("cpu", 1)
-    subjects = [Subject.load(path) for path in trained_files(weights or [Path("out/train")])]
+    subjects = subjects_of(weights)
     places = [(subject.network, subject.fold, subject.seed) for subject in subjects]
     if twice := [place for place in places if places.count(place) > 1]:
         network, fold, seed = twice[0]
@@ -57,6 +67,42 @@ def robustness(
     plot_robustness(points, out / "robustness.png")
     _print_table(points)
     print(printable(f"result: {out / 'robustness.json'}, picture: {out / 'robustness.png'}"))
+
+
+def subjects_of(places: list[Path] | None, scenes: bool = True) -> list[Subject]:
+    """Return the trained networks of folders; without folders those of ``OUT_TRAIN`` that suit.
+
+    Parameters
+    ----------
+    places : list of Path or None
+        As the user gave them.
+    scenes : bool
+        Only networks on events of physical scans suit.
+
+    Raises
+    ------
+    InputError
+        If a network in a folder of the user does not suit, or none in the others does.
+    """
+    from eskin.snn.experiments.robustness import Subject
+
+    if places:
+        return [Subject.load(file, scenes) for file in trained_files(places)]
+    found, left_out = [], []
+    for file in sorted(OUT_TRAIN.parent.glob(f"{OUT_TRAIN.name}*/**/weights.npz")):
+        try:
+            subject = Subject.load(file, scenes)
+        except InputError as error:
+            left_out.append(str(error))
+        else:
+            alone = file.parent.parent == OUT_TRAIN.parent
+            found.append(dataclasses.replace(subject, network=file.parent.name) if alone else subject)
+    if not found:
+        why = f"no network in {OUT_TRAIN} suits ({left_out[0]})" if left_out else f"no trained network in {OUT_TRAIN}"
+        raise InputError(f"{why}; make one with eskin train{' --preset physical' * scenes}, or name its folder")
+    for text in left_out:
+        print(printable(f"left out: {text}"), file=sys.stderr)
+    return found
 
 
 def trained_files(places: list[Path]) -> list[Path]:

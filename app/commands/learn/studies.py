@@ -10,7 +10,7 @@ import typer
 
 from eskin.app.cli import printable
 from eskin.app.commands.learn.options import DatasetName, check_device
-from eskin.app.commands.learn.robustness import Trainings, trained_files
+from eskin.app.commands.learn.robustness import Trainings, subjects_of
 from eskin.app.commands.learn.sweep import command_line
 from eskin.app.options import WRITES_FOLDER
 from eskin.app.tables import new_table, show
@@ -36,14 +36,13 @@ def noise_power(
     ] = Path("out/noise-power"),
 ) -> None:
     """Measure accuracy, event rate and power of trained networks at each AFE noise, in both power modes."""
-    from eskin.snn.experiments.robustness import Subject
     from eskin.snn.figures.noise_power import plot_noise_power
     from eskin.snn.studies.noise import MODES, points_of, under_noise
     from eskin.snn.studies.paired import paired
 
     noises_v = [1e-3 * number for number in _numbers(noises)]
     check_device("cpu", 1)
-    subjects = [Subject.load(path, scenes=False) for path in trained_files(weights or [Path("out/train")])]
+    subjects = subjects_of(weights, scenes=False)
     names = two_of(pair, {subject.network for subject in subjects})
     out.mkdir(parents=True, exist_ok=True)
     with bar("scans", sum(len(subject.images) for subject in subjects)) as step:
@@ -136,12 +135,11 @@ def _latency(weights: list[Path], pair: str | None) -> tuple[list[dict[str, Any]
         if pair is not None:
             raise InputError("--pair compares trained networks; name their folders")
         return [], []
-    from eskin.snn.experiments.robustness import Subject
     from eskin.snn.studies.latency import latency_points
     from eskin.snn.studies.paired import paired
 
     check_device("cpu", 1)
-    subjects = [Subject.load(path, scenes=False) for path in trained_files(weights)]
+    subjects = subjects_of(weights, scenes=False)
     names = two_of(pair, {subject.network for subject in subjects})
     with bar("latency", len(subjects) * len(TIMES_MS)) as step:
         points = latency_points(subjects, [1e-3 * time for time in TIMES_MS], step)
@@ -174,13 +172,12 @@ def precision(
     ] = Path("out/precision"),
 ) -> None:
     """Measure the accuracy of trained networks as integers of few bits, with the hardware's integer model."""
-    from eskin.snn.experiments.robustness import Subject
     from eskin.snn.figures.precision import plot_precision
     from eskin.snn.studies.precision import in_precisions, parse_variants, points_of, tests_of
 
     asked = parse_variants(variants)
     check_device("cpu", 1)
-    subjects = [Subject.load(path, scenes=False) for path in trained_files(weights or [Path("out/train")])]
+    subjects = subjects_of(weights, scenes=False)
     out.mkdir(parents=True, exist_ok=True)
     with bar("networks", len(subjects)) as step:
         cells = in_precisions(subjects, asked, out, step)

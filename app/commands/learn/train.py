@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,7 +22,11 @@ from eskin.base.progress import bar
 if TYPE_CHECKING:
     from eskin.snn.data.scans import ScanData
     from eskin.snn.experiments.experiment import Experiment
-    from eskin.snn.training import Epoch
+    from eskin.snn.training import Epoch, Training
+
+
+OUT = Path("out/train")
+FILES = ("checkpoint.pt", "result.json", "weights.npz")
 
 
 @with_experiment
@@ -38,8 +45,12 @@ def train(
         bool, typer.Option("--watch-test", help="also store the test accuracy of every epoch; it selects nothing")
     ] = False,
     out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="DIR", help="checkpoint and result"), WRITES_FOLDER
-    ] = Path("out/train"),
+        Path | None,
+        typer.Option(
+            "-o", "--out", metavar="DIR", help="checkpoint and result [out/train; another training: named for the run]"
+        ),
+        WRITES_FOLDER,
+    ] = None,
 ) -> None:
     """Train one network on one fold; continues a stopped training from its checkpoint."""
     check_device(device, threads)
@@ -47,23 +58,46 @@ def train(
         raise InputError("train takes one setting; give it with --set, or the grid to crossval or sweep")
     if fold >= folds:
         raise InputError(f"fold must be in 0..{folds - 1}, not {fold}")
-    output_folder(out, "checkpoint.pt", "result.json", "weights.npz")
+    chosen_out, out = out, out or OUT
+    output_folder(out, *FILES)
     with bar("recording scans") as step:
         data = made.data(step)
+    from eskin.snn.checkpoint import OtherTraining
     from eskin.snn.experiments.single import Fold, train_fold
+    from eskin.snn.figures.training import draw_training
     from eskin.snn.kernels import cpu as kernel
 
     chosen = Fold.choose(data, fold, folds) if test is None else Fold.named(data, test)
     print(f"data: {printable(data.source)}")
+    noun = "images" if made.events is None else "recordings"
     print(
-        f"{len(chosen.images)} images to learn ({len(data.scans_of(chosen.images))} scans), {len(chosen.test)} to "
+        f"{len(chosen.images)} {noun} to learn ({len(data.scans_of(chosen.images))} scans), {len(chosen.test)} to "
         f"test, {len(data.class_names)} classes; {data.steps} steps of {data.channels} channels"
     )
     if not kernel.available():
         print("no C++ compiler was found: the dense torch path is used, about five times slower")
     options: dict[str, Any] = {"checkpoint_every": checkpoint_every, "device": device, "watch_test": watch_test}
     with _epochs(made, data) as progress:
-        training, result = train_fold(made, chosen, seed, out, progress=progress, **options)
+        try:
+            training, result = train_fold(made, chosen, seed, out, progress=progress, **options)
+        except OtherTraining:
+            if chosen_out is not None:
+                raise
+            out = OUT.with_name(_name_of(made, data, fold, seed))
+            print(printable(f"{OUT} holds another training; this one goes to {out}"), file=sys.stderr)
+            output_folder(out, *FILES)
+            training, result = train_fold(made, chosen, seed, out, progress=progress, **options)
+    _print_result(training, result, data, noun)
+    if watch_test:
+        best = max(training.history, key=lambda epoch: epoch.held_out or 0.0)
+        print(f"the best test epoch, no result as it is chosen by the test: {best.held_out:.1%}, epoch {best.number}")
+    pictures = draw_training(result, [data.names[number] for number in chosen.test], out)
+    print(printable(f"result: {out / 'result.json'}, weights: {out / 'weights.npz'}"))
+    print(printable(f"{'picture' if len(pictures) == 1 else 'picture and page'}: {', '.join(map(str, pictures))}"))
+
+
+def _print_result(training: Training, result: dict[str, Any], data: ScanData, noun: str) -> None:
+    """Print the accuracy of the test, beside references where the training has them."""
     from eskin.snn.reference import is_unbalanced, sentences
 
     last, labels = training.history[-1], result["labels"]
@@ -71,14 +105,18 @@ def train(
     print(f"after epoch {last.number}: loss {last.loss:.3f}, accuracy of the training scans {last.accuracy:.1%}")
     unbalanced = is_unbalanced(data.image_labels)
     more = f", balanced {result['balanced_accuracy']:.1%}" if unbalanced else ""
-    print(f"test accuracy {result['accuracy']:.1%} ({right} of {len(labels)} images{more}), last epoch")
+    print(f"test accuracy {result['accuracy']:.1%} ({right} of {len(labels)} {noun}{more}), last epoch")
     if "references" in result:
         for line in sentences(result, result["references"], len(labels), unbalanced):
             print(line)
-    if watch_test:
-        best = max(training.history, key=lambda epoch: epoch.held_out or 0.0)
-        print(f"the best test epoch, no result as it is chosen by the test: {best.held_out:.1%}, epoch {best.number}")
-    print(f"result: {out / 'result.json'}, weights: {out / 'weights.npz'}")
+
+
+def _name_of(made: Experiment, data: ScanData, fold: int, seed: int) -> str:
+    """Return the name of a training's own folder: its data and readout, and a digest of all that tells it apart."""
+    own = made.to_dict() | {"fold": fold, "seed": seed, "names": data.names}
+    digest = hashlib.sha256(json.dumps(own, sort_keys=True, default=str).encode()).hexdigest()[:6]
+    what = made.preset if made.events is None else "recordings"
+    return f"train-{what}-{made.readout.encoding}-{made.readout.resolution}b-{digest}"
 
 
 @contextmanager

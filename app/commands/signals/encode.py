@@ -154,7 +154,7 @@ def decode(
     ] = None,
 ) -> None:
     """Rebuild the signals of all taxels from an event file alone."""
-    from eskin.skin.recordings.quality import decode_recording
+    from eskin.skin.recordings.quality import decode_recording, names_and_start
 
     check_samples_path(out)
     if plot is not None:
@@ -165,7 +165,8 @@ def decode(
     recording = Recording.load(source)
     config = recording.config
     signals = decode_recording(recording)
-    write_samples(out, signals, config.sample_rate_hz)
+    names, start_s = names_and_start(recording)
+    write_samples(out, signals, config.sample_rate_hz, names, start_s)
     if plot is not None:
         title = f"{recording.metadata.get('name', source.stem)}: {config.encoding} {config.resolution} b"
         plot_signals(recording.events, signals, config, plot, title, "reconstruction", recording.duration_clocks)

@@ -89,6 +89,8 @@ def _print_table(report: dict[str, Any]) -> None:
         "clipped samples": f"{report['clipped_samples']:,}",
         "population rate": f"{rate:,.1f} events/s (standard deviation {report['rate_std_hz']:,.1f})",
     }
+    if report["preset"] == "paper" and report["dataset"] != "kylberg":
+        rows["population rate"] += f"; of {report['dataset']} images, not the paper's: give those with --dataset"
     if published is not None:
         rows["published"] = f"{published:,.1f} events/s (here {rate / published - 1:+.2%})"
     show_facts(rows)
