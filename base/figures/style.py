@@ -28,8 +28,8 @@ PALETTE = {
 GREY = "#555555"
 """Remarks, and what is no data."""
 
-PART_COLOURS = {"afe": PALETTE["blue"], "converter": PALETTE["orange"], "io": PALETTE["green"]}
-TAU_COLOURS = (PALETTE["vermilion"], PALETTE["orange"], PALETTE["purple"])
+PART_COLOURS = {"afe": PALETTE["sky"], "converter": PALETTE["orange"], "io": PALETTE["grey"]}
+"""Parts of a power; no readout has one of these colours."""
 ON_COLOUR, OFF_COLOUR, UNMATCHED_COLOUR = PALETTE["blue"], PALETTE["orange"], PALETTE["black"]
 
 FORMATS = (".png", ".pdf", ".svg")

@@ -64,37 +64,38 @@ def ports(block: type, direction: str) -> set[str]:
 
 
 def draw_signal_path() -> None:
-    """Draw the way of a signal from the texture to the class."""
-    figure, axis = plane("From signal to class", 25.5, 8.5)
+    """Draw the way of a signal from the texture to the class: above through the array, below to the left."""
+    figure, axis = plane("From signal to class", 16, 12.8)
     lines = ports(Arbiter, "In") - ports(FourPhaseLink, "Out")
     for row in range(3):
-        y = 6.4 - 1.8 * row
-        axis.plot([5.2, 11.5], [y - 0.45] * 2, color=ORANGE)
-        arrow(axis, (11.5, y - 0.45), (12.7, y - 0.45), color=ORANGE)
-        for column in range(4):
-            x = 5.2 + 1.4 * column
-            box(axis, x, y, 0.9, 0.9, f"{row},{column}")
+        y = 10.2 - 1.8 * row
+        axis.plot([4.6, 9.4], [y - 0.45] * 2, color=ORANGE)
+        arrow(axis, (9.4, y - 0.45), (12.4, y - 0.45), color=ORANGE)
+        for column in range(3):
+            x = 4.6 + 1.6 * column
+            box(axis, x, y, 1.0, 0.9, f"{row},{column}")
             axis.plot([x + 0.25] * 2, [y, y - 0.45], color=ORANGE)
-            axis.plot([x + 0.9, x + 1.05, x + 1.05], [y + 0.45, y + 0.45, 1.6], color=GREEN)
-    axis.plot([6.25, 14.1, 14.1], [1.6, 1.6, 1.7], color=GREEN)
-    arrow(axis, (14.1, 1.6), (14.1, 2.1), color=GREEN)
-    label(axis, 11.8, 6.05, "\n".join(n for n in lines if n.startswith("row")), color=ORANGE, fontsize=7)
-    label(axis, 10.0, 1.5, ", ".join(sorted(n for n in lines if n.startswith("column"))), color=GREEN, va="top")
-    label(axis, 7.9, 7.5, "each taxel: " + ", ".join(sorted(ports(Taxel, "Out"))))
-    label(axis, 14.1, 7.5, "back to the rows: " + ", ".join(sorted(ports(Arbiter, "Out") & ports(Row, "In"))))
+            axis.plot([x + 1.0, x + 1.2, x + 1.2], [y + 0.45, y + 0.45, 5.3], color=GREEN)
+    axis.plot([5.8, 12.9, 12.9], [5.3, 5.3, 5.4], color=GREEN)
+    arrow(axis, (12.9, 5.3), (12.9, 5.9), color=GREEN)
+    label(axis, 10.8, 9.85, "\n".join(n for n in lines if n.startswith("row")), color=ORANGE)
+    label(axis, 9.2, 5.15, ", ".join(sorted(n for n in lines if n.startswith("column"))), color=GREEN, va="top")
+    label(axis, 6.8, 11.35, "each taxel: " + ", ".join(sorted(ports(Taxel, "Out"))))
+    label(axis, 13.5, 11.75, "back to the rows: " + ", ".join(sorted(ports(Arbiter, "Out") & ports(Row, "In"))))
     box(
-        axis, 12.7, 2.1, 2.8, 5.2, "arbiter\n\na row is granted,\nits requests are\nlatched, one leaves\nin every clock"
+        axis, 12.4, 5.9, 3.4, 5.7, "arbiter\n\na row is granted,\nits requests are\nlatched, one leaves\nin every clock"
     )
-    box(axis, 0.2, 4.1, 2.6, 2, "textures or\nown samples", "grey")
-    box(axis, 18.2, 4.1, 2.2, 2, "link\n\nstream or\nfour_phase")
-    box(axis, 22.6, 4.1, 2.7, 2, "address events\n\nt, x, y, p", "purple")
-    box(axis, 22.6, 0.9, 2.7, 1.3, "classifier", "vermilion")
-    box(axis, 18.2, 0.9, 2.2, 1.3, "class", "grey")
-    arrow(axis, (2.8, 5.1), (5.2, 5.1), ports(Taxel, "In") & ports(Row, "In") - {"enable", "tick", "granted"})
-    arrow(axis, (15.5, 5.1), (18.2, 5.1), ports(Arbiter, "Out") & ports(FourPhaseLink, "In"))
-    arrow(axis, (20.4, 5.1), (22.6, 5.1), ports(FourPhaseLink, "Out") - ports(Arbiter, "In"))
-    arrow(axis, (23.95, 4.1), (23.95, 2.2))
-    arrow(axis, (22.6, 1.55), (20.4, 1.55))
+    box(axis, 0.1, 7.4, 2.5, 1.8, "textures or\nown samples", "grey")
+    arrow(axis, (2.6, 8.3), (4.5, 8.3), ports(Taxel, "In") & ports(Row, "In") - {"enable", "tick", "granted"})
+    arrow(axis, (15.1, 5.9), (15.1, 2.7))
+    label(axis, 14.9, 3.0, "\n".join(sorted(ports(Arbiter, "Out") & ports(FourPhaseLink, "In"))), ha="right")
+    box(axis, 12.9, 0.5, 2.9, 2.2, "link\n\nstream or\nfour_phase")
+    box(axis, 8.1, 0.5, 2.9, 2.2, "address events\n\nt, x, y, p", "purple")
+    box(axis, 3.9, 0.9, 2.6, 1.4, "classifier", "vermilion")
+    box(axis, 0.1, 0.9, 2.2, 1.4, "class", "grey")
+    arrow(axis, (12.9, 1.6), (11.0, 1.6), ports(FourPhaseLink, "Out") - ports(Arbiter, "In"))
+    arrow(axis, (8.1, 1.6), (6.5, 1.6))
+    arrow(axis, (3.9, 1.6), (2.3, 1.6))
     save_figure(figure, HERE / "signal_path.png")
 
 
@@ -108,7 +109,8 @@ def house() -> nx.DiGraph:
             start = f"{node.module}." if isinstance(node, ast.ImportFrom) else ""
             names = [start + alias.name for alias in getattr(node, "names", [])]
             graph.add_edges_from(
-                (room, other) for other in {part for name in names for part in name.split(".")[1:2]} & rooms - {room}
+                (room, other)
+                for other in {name.split(".")[1] for name in names if name.startswith("eskin.")} & rooms - {room}
             )
     return graph
 

@@ -7,12 +7,9 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
-import matplotlib
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
+from eskin.base.figures.style import PALETTE, dress, new_figure, save_figure
 
 HERE = Path(__file__)
 ARRAYS, TILES = (HERE.parents[1] / "data" / "asic" / f"scale-{name}lcs-digital-ihp.json" for name in ("", "tiles-"))
@@ -24,23 +21,34 @@ def main() -> None:
     found = {(r["tile_rows"], r["relays"]): r for r in json.loads(TILES.read_text())["results"]}
     skins = [found[4, 1], found[8, 2]]
     taxels = [array["taxels"] for array in arrays]
-    figure, (clock, area) = plt.subplots(1, 2, figsize=(8.0, 3.4), layout="constrained")
-    for name, label, mark in (("without_wires", "without wires", "o--"), ("with_wires", "with wires", "s-")):
-        clock.plot(taxels, [array[name]["fmax_hz"] / 1e6 for array in arrays], mark, label=label)
-    clock.set(ylabel="highest clock / MHz", ylim=(0, None))
-    area.plot(taxels, [array["cells_um2_per_taxel"] for array in arrays], "o--", label="cells")
-    with_lines = [array["with_wires"]["area_um2_per_taxel"] for array in arrays]
-    area.plot(taxels, with_lines, "s-", label="with the repeaters of the lines")
-    area.set(ylabel="area / (um2 per taxel)", ylim=(0, None))
+    figure = new_figure(9.0, 4.2, "LCS arrays of standard cells as they grow")
+    clock, area = figure.subplots(1, 2)
+    dress(clock, "highest clock")
+    dress(area, "area")
+    alone: dict[str, Any] = {"color": PALETTE["sky"], "marker": "o", "ls": "--", "label": "cells alone"}
+    wired: dict[str, Any] = {
+        "color": PALETTE["blue"],
+        "marker": "s",
+        "label": "with wires and the repeaters of the lines",
+    }
+    for name, style in (("without_wires", alone), ("with_wires", wired)):
+        clock.plot(taxels, [array[name]["fmax_hz"] / 1e6 for array in arrays], **style)
+    clock.set_ylabel("highest clock (MHz)", fontsize=8.5)
+    area.plot(taxels, [array["cells_um2_per_taxel"] for array in arrays], **alone)
+    area.plot(taxels, [array["with_wires"]["area_um2_per_taxel"] for array in arrays], **wired)
+    area.set_ylabel("area (um2 per taxel)", fontsize=8.5)
     for axis, name, unit in ((clock, "fmax_hz", 1e6), (area, "area_um2_per_taxel", 1.0)):
-        for skin, mark in zip(skins, ("*", "P"), strict=True):
+        for skin, mark, colour in zip(skins, ("*", "P"), ("black", "grey"), strict=True):
             label = f"tiles of {skin['rows'] // skin['tile_rows']} x {skin['columns'] // skin['tile_columns']}"
-            axis.plot([skin["taxels"]], [skin["with_wires"][name] / unit], mark, ms=9, label=label)
-        axis.set(xscale="log", xlabel="taxels")
-        axis.set_xticks(taxels, [str(number) for number in taxels], minor=False)
+            axis.plot([skin["taxels"]], [skin["with_wires"][name] / unit], mark, ms=9, color=PALETTE[colour],
+                      ls="", label=label)  # fmt: skip
+        axis.set_xscale("log")
+        axis.set_ylim(0, 1.05 * axis.get_ylim()[1])
+        axis.set_xlabel("taxels", fontsize=8.5)
+        axis.set_xticks(taxels, [str(number) if number != 192 else "" for number in taxels], minor=False)
         axis.minorticks_off()
-        axis.legend(frameon=False, fontsize="small")
-    figure.savefig(HERE.with_suffix(".png"), dpi=110, metadata={"Software": None})
+    figure.legend(*clock.get_legend_handles_labels(), loc="outside lower left", ncols=4, fontsize=8, frameon=False)
+    save_figure(figure, HERE.with_suffix(".png"))
 
 
 if __name__ == "__main__":

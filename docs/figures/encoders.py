@@ -7,13 +7,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
 import numpy as np
 
+from eskin.base.figures.style import GREY, OFF_COLOUR, ON_COLOUR, PALETTE, dress, new_figure, save_figure
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders.registry import ENCODERS
 from eskin.model.taxel import decode, encode_timed, uncontended_events
@@ -35,27 +31,37 @@ def main() -> None:
     plateau = 700 / (1 + np.exp(-(seconds - 0.075) / 0.003)) + 60 * np.sin(2 * np.pi * 25 * seconds)
     codes = np.rint(swing + plateau).astype(np.int16)[:, None]
 
-    figure, axes = plt.subplots(
-        len(ENCODERS), 1, sharex=True, squeeze=False, figsize=(8.0, 2.5 * len(ENCODERS)), layout="constrained"
-    )
+    figure = new_figure(8.0, 2.3 * len(ENCODERS) + 0.6, "One signal, and the events of every encoder")
+    axes = figure.subplots(len(ENCODERS), 1, sharex=True, squeeze=False)
     for axis, encoder in zip(axes[:, 0], ENCODERS, strict=True):
         config = CONFIG.replace(encoding=encoder.name)
         title = encoder.title + REMARKS.get(encoder.name, "")
         counts, late = encode_timed(config, codes)
         reference = decode(config, counts, late)[:, 0]
         events = uncontended_events(config, counts, late)
-        axis.plot(seconds * 1e3, codes[:, 0] / config.full_scale, color="0.6", label="signal x")
-        axis.step(seconds * 1e3, reference / config.full_scale, where="post", color="C0", lw=1, label="reference u")
-        for polarity, colour, name in ((True, "C2", "ON events"), (False, "C3", "OFF events")):
+        axis.plot(seconds * 1e3, codes[:, 0] / config.full_scale, color=PALETTE["grey"], label="signal x")
+        axis.step(
+            seconds * 1e3,
+            reference / config.full_scale,
+            where="post",
+            color=PALETTE["black"],
+            lw=1,
+            label="reference u",
+        )
+        for polarity, colour, name in ((True, ON_COLOUR, "ON events"), (False, OFF_COLOUR, "OFF events")):
             times = events["t"][events["p"] == polarity] / config.clock_hz * 1e3
             if config.has_polarity or polarity:
-                label = name if config.has_polarity else "events"
                 level = -0.75 if polarity else -0.9
-                axis.plot(times, np.full(len(times), level), "|", color=colour, ms=9, label=label)
-        axis.set(title=f"{title} ({len(events)} events)", ylabel="full scales", ylim=(-1, 0.75))
-        axis.legend(loc="upper left", ncols=4, fontsize="small", frameon=False)
-    axes[-1, 0].set_xlabel("time / ms")
-    figure.savefig(Path(__file__).with_suffix(".png"), dpi=110, metadata={"Software": None})
+                axis.plot(times, np.full(len(times), level), "|", color=colour, ms=9, label=name)
+        dress(axis, f"{title} ({len(events)} events)")
+        axis.set_ylabel("signal (full scales)", fontsize=8.5)
+        axis.set_ylim(-1, 0.55)
+    axes[-1, 0].set_xlabel("time (ms)", fontsize=8.5)
+    legend = figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower left", ncols=4, fontsize=8,
+                           frameon=False, alignment="left", title="N-LCS has ON events only",
+                           title_fontsize=8)  # fmt: skip
+    legend.get_title().set_color(GREY)
+    save_figure(figure, Path(__file__).with_suffix(".png"))
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ from eskin.base.figures.style import (
     GREY,
     PALETTE,
     PART_COLOURS,
-    TAU_COLOURS,
     dress,
     new_figure,
     save_figure,
@@ -58,7 +57,7 @@ def plot_fig6(data: Data, path: Path) -> None:
     panels[0].set_ylabel("power (W)", fontsize=8.5)
     handles, labels = panels[0].get_legend_handles_labels()
     shown = dict(zip(labels, handles, strict=True))
-    panels[-1].legend(list(shown.values()), list(shown), fontsize=8, frameon=False)
+    figure.legend(list(shown.values()), list(shown), loc="outside lower left", ncols=4, fontsize=8, frameon=False)
     save_figure(figure, path)
 
 
@@ -81,21 +80,23 @@ def plot_fig7(data: Data, path: Path) -> None:
             if found := _found(data, values):
                 panel.plot(*zip(*found, strict=True), label=label, **style)
         panel.set_yscale("log")
-        panel.legend(fontsize=8, frameon=False, loc="upper left")
-        panel.set_ylabel("AFE output noise (V rms)", fontsize=8.5)
+        panel.yaxis.set_major_formatter(lambda volts, _: f"{1e3 * volts:g}")
+        panel.set_ylabel("AFE output noise (mV rms)", fontsize=8.5)
     mode, entry = list(modes.items())[-1]
     dress(panels[-1], f"{mode} mode, {data['ratio_noise_v_rms'] * 1e3:.3g} mV")
     for (label, style), ratios in zip(_lines(entry["ratio"]), _values(entry["ratio"]), strict=True):
         panels[-1].plot(data["resolution"], ratios, label=label, **style)
     panels[-1].axhline(1.0, color=PALETTE["black"], lw=0.8)
     panels[-1].set_yscale("log")
-    panels[-1].set_ylabel("spiking / frame power", fontsize=8.5)
-    panels[-1].legend(fontsize=8, frameon=False, loc="upper left")
+    panels[-1].yaxis.set_major_formatter(lambda ratio, _: f"{ratio:g}")
+    panels[-1].set_ylabel("power of spikes / power of frames", fontsize=8.5)
     for panel in panels:
         panel.set_xticks(data["resolution"])
         panel.set_xlabel("resolution N (bit)", fontsize=8.5)
-    if notes:
-        figure.supxlabel("\n".join(notes), x=0.01, ha="left", fontsize=7.5, color=GREY)
+    legend = figure.legend(*panels[-1].get_legend_handles_labels(), loc="outside lower left", ncols=4, fontsize=8,
+                           frameon=False, handlelength=3, alignment="left", title="\n".join(notes),
+                           title_fontsize=7.5)  # fmt: skip
+    legend.get_title().set_color(GREY)
     save_figure(figure, path)
 
 
@@ -117,8 +118,16 @@ def _without_crossover(data: Data, mode: str, entry: Data) -> str:
 def _lines(entry: Data) -> list[tuple[str, dict[str, Any]]]:
     """Return label and style of the lines of Fig. 7: N-LCS by time constant, then LCS."""
     lines = []
-    for tau, colour, marker, size in zip(entry["nlcs"], TAU_COLOURS, "^sD", (9, 6, 4), strict=True):
-        style = {"color": colour, "marker": marker, "ms": size, "lw": 1.2}
+    nlcs = look("nlcs").colour
+    for tau, line, marker, size in zip(entry["nlcs"], ("-", "--", ":"), "^sD", (9, 6, 4), strict=True):
+        style = {
+            "color": nlcs,
+            "ls": line,
+            "marker": marker,
+            "ms": size,
+            "lw": 1.2,
+            "mfc": nlcs if size == 9 else "white",
+        }
         lines.append((f"N-LCS, tau {float(tau) * 1e3:g} ms", style))
     lines.append(("LCS", {"color": look("lcs").colour, "marker": look("lcs").marker, "ms": 4, "lw": 1.2}))
     return lines
@@ -162,11 +171,36 @@ def plot_sensitivity(data: Data, path: Path) -> None:
             if rows[y]["group"] != rows[y - 1]["group"]:
                 panel.axhline(y - 0.5, color="#999999", lw=0.6, ls=":")
         panel.set_xscale("log")
-        panel.set_xlabel("spikes cost less  |  frames cost less", fontsize=8)
-    panels[0].set_yticks(heights, [row["case"] for row in rows], fontsize=8)
+        panel.xaxis.set_major_formatter(lambda ratio, _: f"{ratio:g}")
+        panel.set_xlabel("power of spikes / power of frames\nleft of 1: spikes cost less", fontsize=8)
+    panels[0].set_yticks(heights, [in_words(row["case"]) for row in rows], fontsize=8)
     panels[0].invert_yaxis()
-    panels[0].legend(fontsize=8, frameon=False, loc="upper right")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower left", ncols=2, fontsize=8, frameon=False)
     save_figure(figure, path)
+
+
+CORRECTIONS_IN_WORDS = {
+    "afe_settling": "settling of the AFE",
+    "event_rates": "measured event rates",
+    "comparators": "comparators at their own rate",
+    "bandwidth": "bandwidth of the textures",
+    "pads": "1.8 V pads",
+    "afe_nef": "noise efficiency of the AFE",
+    "digital": "synthesised logic",
+}
+"""Corrections of the power model in figures, by their names."""
+
+
+def in_words(case: str) -> str:
+    """Return what a case of the sensitivity study is called in its figure.
+
+    Examples
+    --------
+    >>> in_words("all but afe_nef")
+    'all but noise efficiency of the AFE'
+    """
+    before, _, last = case.rpartition(" ")
+    return f"{before} {CORRECTIONS_IN_WORDS.get(last, last)}".strip()
 
 
 def plot_explore(data: Data, path: Path) -> None:

@@ -1,27 +1,76 @@
-"""Choose the style of trained networks in figures by their readout, if the points name it."""
+"""Choose label and style of trained networks in figures, by the readout that their points or names give."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 from eskin.base.figures.style import PALETTE
-from eskin.skin.figures.readouts import look
+from eskin.model.encoders import registry
+from eskin.skin.figures.readouts import FRAME, look
 
-COLOURS = tuple(PALETTE[name] for name in ("blue", "vermilion", "green", "orange", "purple", "black"))
+COLOURS = tuple(PALETTE[name] for name in ("blue", "sky", "grey", "black"))
 """Colours of networks whose readout is not known, in turn."""
 MARKERS = "osD^vP"
 LINES = ("-", "--", ":", "-.")
 """Lines of the networks of one readout, in turn."""
 
+ENCODERS = "|".join(sorted(registry.NAMES, key=len, reverse=True))
+RECIPES = {"paper": "the paper's network", "hardware": "leaky network"}
+"""Recipes of the project's trainings in words."""
+TRAINED = {"clean": "trained on undisturbed scans", "robust": "trained on disturbed scans"}
+FRAMES = {"onoff": "ON/OFF of differences", "diff": "differences"}
+
+
+def label(name: str) -> str:
+    """Return what a readout or network of the project is called in figures; other names stay as a user gave them.
+
+    Examples
+    --------
+    >>> label("cw-lcs-4"), label("lcs:3"), label("frame:500:6"), label("frame-onoff"), label("mine")
+    ('CW-LCS 4 b', 'LCS 3 b', 'frames, 500 Hz, 6 b', 'frames, ON/OFF of differences', 'mine')
+    """
+    if parts := re.fullmatch(rf"({ENCODERS})[-:](\d+)", name):
+        return f"{look(parts[1]).title} {parts[2]} b"
+    if parts := re.fullmatch(r"frame:([\d.]+):(\d+)", name):
+        return f"frames, {parts[1]} Hz, {parts[2]} b"
+    if (parts := re.fullmatch(r"frame-(\w+)", name)) and parts[1] in FRAMES:
+        return f"frames, {FRAMES[parts[1]]}"
+    return TRAINED.get(name, name)
+
+
+def family(name: str) -> tuple[str, str]:
+    """Return the panel that a network belongs to, and its label there.
+
+    Examples
+    --------
+    >>> family("hardware-paper-64-qat4")
+    ('leaky network, paper scan', '64 neurons, trained with weights of 4 b')
+    >>> family("mine-32")
+    ('mine', '32 neurons')
+    """
+    parts = re.fullmatch(r"(.+?)-(\d+)(?:-qat(\d))?", name)
+    if parts is None:
+        return "networks", name
+    own = re.fullmatch(rf"({'|'.join(RECIPES)})-(paper|physical)", parts[1])
+    words = parts[1] if own is None else f"{RECIPES[own[1]]}, {own[2]} scan"
+    return words, f"{parts[2]} neurons" + (f", trained with weights of {parts[3]} b" if parts[3] else "")
+
+
+def readout_of(name: str) -> str | None:
+    """Return the readout that the name of a network begins with; None where it begins with none."""
+    parts = re.match(rf"({ENCODERS}|{FRAME})[-:]", name)
+    return parts[1] if parts else None
+
 
 def network_styles(points: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
     """Return colour, marker and line by network name, in the order of the points."""
-    readouts = {point["network"]: point.get("readout") for point in points}
+    readouts = {point["network"]: point.get("readout") or readout_of(point["network"]) for point in points}
     styles: dict[str, dict[str, Any]] = {}
     for number, (network, readout) in enumerate(readouts.items()):
         if readout is None:
-            style = COLOURS[number % len(COLOURS)], MARKERS[number % len(MARKERS)], LINES[0]
+            style = COLOURS[number % len(COLOURS)], MARKERS[number % len(MARKERS)], LINES[number % len(LINES)]
         else:
             before = [readouts[name] for name in styles].count(readout)
             style = look(readout).colour, look(readout).marker, LINES[before % len(LINES)]

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from eskin.base.figures.style import GREY, new_figure, save_figure
-from eskin.snn.figures.networks import network_styles
+from eskin.base.figures.style import GREY, dress, new_figure, save_figure
+from eskin.snn.figures.networks import label, network_styles
 
 TITLES = {
     "paper": "published equations, noise up to 10 kHz",
@@ -17,28 +17,29 @@ TITLES = {
 
 def plot_noise_power(points: Sequence[dict[str, Any]], path: Path) -> None:
     """Draw a panel for each mode; labels along a line give the noise."""
-    figure = new_figure(
-        11, 4.6, "Accuracy over total power of the readout, both at the AFE noise that is written in mV"
-    )
+    figure = new_figure(11, 5.0, "Accuracy over total power of the readout; numbers: AFE noise in mV rms of both")
     axes = figure.subplots(1, len(TITLES), sharey=True)
     for axis, (mode, title) in zip(axes, TITLES.items(), strict=True):
-        axis.set_title(f"{mode}: {title}", fontsize=9, loc="left")
+        dress(axis, f"{mode} mode: {title}")
         for network, style in network_styles(points).items():
             own = [point for point in points if (point["network"], point["mode"]) == (network, mode)]
-            power = [point["power_w"]["total"] for point in own]
+            power = [1e6 * point["power_w"]["total"] for point in own]
             accuracy = [100 * point["accuracy"] for point in own]
             ends = [[100 * abs(p["accuracy"] - p["bootstrap_95"][end]) for p in own] for end in (0, 1)]
             colour = style["color"]
             axis.errorbar(power, accuracy, ends, color=colour, alpha=0.25, linestyle="none", capsize=2)
-            axis.plot(power, accuracy, **style, markersize=4.5, label=network)
+            axis.plot(power, accuracy, **style, markersize=4.5, label=label(network))
             for point, x, y in zip(own, power, accuracy, strict=True):
                 text = f"{1e3 * point['noise_v']:g}"
                 axis.annotate(text, (x, y), (3, 4), textcoords="offset points", fontsize=6, color=colour)
         axis.set_xscale("log")
-        axis.set_xlabel("total power, W", fontsize=8)
+        axis.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
+        axis.set_xlabel("total power (uW)", fontsize=8.5)
         axis.set_ylim(0, 104)
-        axis.tick_params(labelsize=8)
         axis.axhline(100 / 6, color=GREY, linestyle=":", linewidth=0.8)
-    axes[0].set_ylabel("accuracy, %", fontsize=8)
-    axes[0].legend(fontsize=7, frameon=False, loc="lower left")
+    axes[0].set_ylabel("accuracy (%)", fontsize=8.5)
+    words = "bars: 95 % interval over images and seeds; dotted: guessing among six classes"
+    legend = figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=6, fontsize=8,
+                           frameon=False, title=words, title_fontsize=8, alignment="left", handlelength=3)  # fmt: skip
+    legend.get_title().set_color(GREY)
     save_figure(figure, path)

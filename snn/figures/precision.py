@@ -2,61 +2,103 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eskin.base.figures.style import GREY, PALETTE, dress, new_figure, save_figure
+from eskin.base.figures.style import GREY, dress, new_figure, save_figure
+from eskin.snn.figures.networks import MARKERS, family
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-COLOURS = tuple(PALETTE[name] for name in ("blue", "vermilion", "green", "orange", "purple", "sky", "black"))
-MARKERS = "osD^vPX"
 LEAST = 50.0
 """Per cent of accuracy where the panels begin: two bits are often below."""
 
 
 def plot_precision(points: Sequence[dict[str, Any]], path: Path) -> None:
-    """Draw every network as a line over the bits of its weights, with the bits beside its points.
+    """Draw every network as a line over the bits of its weights, with the bits beside its points in the upper row.
 
-    Networks whose names differ only behind the first number, that of their neurons, share a column of panels.
+    Networks whose names differ only from the number of their neurons on share a column of panels. The more neurons,
+    the darker the line; lines of networks that were trained with few bits are dashed.
     """
     families: dict[str, list[str]] = {}
     for point in points:
-        own = families.setdefault(re.split(r"-\d", point["network"])[0], [])
+        own = families.setdefault(family(point["network"])[0], [])
         if point["network"] not in own:
             own.append(point["network"])
+    labels = sorted(
+        {family(p["network"])[1] for p in points},
+        key=lambda text: (int("0" + text.split()[0]) if text[0].isdigit() else 0, text),
+    )
+    styles = _styles(labels)
     figure = new_figure(
-        max(4 * len(families), 7), 7, "Networks of whole numbers: accuracy, with the bits of their weights"
+        max(3.6 * len(families), 7), 7, "Networks of whole numbers: accuracy by the bits of their weights"
     )
     axes = figure.subplots(2, len(families), sharey=True, sharex="row", squeeze=False)
-    for column, (family, networks) in enumerate(families.items()):
-        for number, network in enumerate(networks):
+    for column, (title, networks) in enumerate(families.items()):
+        dress(axes[0, column], title)
+        dress(axes[1, column])
+        for network in networks:
             own_points = [p for p in points if p["network"] == network and p["variant"].isdigit()]
-            _line(axes[0, column], own_points, "memory_bits", 1 / 8000, number, network)
-            _line(axes[1, column], own_points, "operations_hz", 1e-6, number, network)
-        dress(axes[0, column], family)
-        axes[1, column].legend(fontsize=6, frameon=False, loc="lower right")
-        for axis, text in zip(axes[:, column], ("memory, kB", "additions a second, millions"), strict=True):
+            label = family(network)[1]
+            _line(axes[0, column], own_points, "memory_bits", 1 / 8000, styles[label], label)
+            _line(axes[1, column], own_points, "operations_hz", 1e-6, styles[label], label)
+            _bits(axes[0, column], own_points, styles[label]["color"])
+        for axis, text in zip(
+            axes[:, column], ("memory of the network (kB)", "additions (millions per second)"), strict=True
+        ):
             axis.set_xscale("log")
-            axis.set_xlabel(text, fontsize=8)
+            axis.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
+            axis.set_xlabel(text, fontsize=8.5)
             axis.set_ylim(LEAST, 100)
-            axis.tick_params(labelsize=8)
             axis.axhline(90, color=GREY, linestyle=":", linewidth=0.8)
     for axis in axes[:, 0]:
-        axis.set_ylabel("accuracy, %", fontsize=8)
+        axis.set_ylabel("accuracy (%)", fontsize=8.5)
+    known: dict[str, Any] = {}
+    for axis in axes[0]:
+        known |= dict(zip(*reversed(axis.get_legend_handles_labels()), strict=True))
+    shown = [label for label in labels if label in known]
+    words = "numbers: bits of the weights; bars: 95 % interval over images; dotted: 90 %"
+    legend = figure.legend([known[label] for label in shown], shown, loc="outside lower left", ncols=3, fontsize=8,
+                           frameon=False, title=words, title_fontsize=8, alignment="left")  # fmt: skip
+    legend.get_title().set_color(GREY)
     save_figure(figure, path)
 
 
-def _line(axis: Axes, points: Sequence[dict[str, Any]], key: str, unit: float, number: int, network: str) -> None:
+def _styles(labels: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Return colour, marker and line by label: shades of one colour by size, dashed where trained with few bits."""
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    sizes = list(dict.fromkeys(label.partition(",")[0] for label in labels))
+    found = {}
+    for label in labels:
+        number = sizes.index(label.partition(",")[0])
+        colour = to_hex(colormaps["Blues"](0.45 + 0.5 * number / max(len(sizes) - 1, 1)))
+        few = "," in label
+        found[label] = {
+            "color": colour,
+            "marker": MARKERS[number % len(MARKERS)],
+            "linestyle": "--" if few else "-",
+            "markerfacecolor": "white" if few else colour,
+        }
+    return found
+
+
+def _line(
+    axis: Axes, points: Sequence[dict[str, Any]], key: str, unit: float, style: dict[str, Any], label: str
+) -> None:
     x = [point[key] * unit for point in points]
     accuracy = [100 * point["accuracy"] for point in points]
     ends = [[100 * abs(p["accuracy"] - p["bootstrap_95"][end]) for p in points] for end in (0, 1)]
-    colour, marker = COLOURS[number % len(COLOURS)], MARKERS[number % len(MARKERS)]
-    axis.errorbar(x, accuracy, ends, color=colour, alpha=0.2, linestyle="none", capsize=2)
-    axis.plot(x, accuracy, color=colour, marker=marker, markersize=3.5, linewidth=1, label=network)
-    for point, at, y in zip(points, x, accuracy, strict=True):
-        if y >= LEAST:
-            axis.annotate(point["variant"], (at, y), (3, 3), textcoords="offset points", fontsize=6, color=colour)
+    axis.errorbar(x, accuracy, ends, color=style["color"], alpha=0.25, linestyle="none", capsize=2)
+    axis.plot(x, accuracy, **style, markersize=4, linewidth=1, label=label)
+
+
+def _bits(axis: Axes, points: Sequence[dict[str, Any]], colour: str) -> None:
+    """Write the bits beside the points."""
+    for point in points:
+        if (y := 100 * point["accuracy"]) >= LEAST:
+            at = point["memory_bits"] / 8000, y
+            axis.annotate(point["variant"], at, (3, 3), textcoords="offset points", fontsize=6, color=colour)

@@ -1,44 +1,109 @@
-"""Draw the accuracy of trained networks under every disturbance, one panel each."""
+"""Draw the accuracy of trained networks under every disturbance."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from eskin.base.figures.style import GREY, new_figure, save_figure
+from eskin.base.figures.style import GREY, dress, new_figure, save_figure
 from eskin.snn.data.disturb import DISTURBANCES
-from eskin.snn.figures.networks import COLOURS
+from eskin.snn.figures.networks import label, network_styles
 
-COLUMNS = 4
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+COLUMNS = 3
+
+Points = Sequence[dict[str, Any]]
 
 
-def plot_robustness(points: Sequence[dict[str, Any]], path: Path) -> None:
-    """Draw accuracy over strength with its interval; a dotted line marks the clean scans."""
-    names = [name for name in DISTURBANCES if any(point["disturbance"] == name for point in points)]
-    networks = sorted({point["network"] for point in points})
-    rows = max(1, -(-len(names) // COLUMNS))
-    figure = new_figure(12, 0.8 + 2.4 * rows, "Trained networks under disturbances: accuracy in %")
-    axes = figure.subplots(rows, COLUMNS, sharey=True, squeeze=False).ravel()
-    for axis in axes[len(names) :]:
-        axis.set_visible(False)
-    for axis, name in zip(axes, names, strict=False):
-        disturbance = DISTURBANCES[name]
-        axis.set_title(f"{name}{f', {disturbance.unit}' if disturbance.unit else ''}", fontsize=9, loc="left")
-        axis.text(0.02, 0.04, disturbance.help, transform=axis.transAxes, fontsize=6.5, color=GREY)
-        for colour, network in zip(COLOURS * len(networks), networks, strict=False):
-            own = sorted(
-                (p for p in points if (p["network"], p["disturbance"]) == (network, name)), key=lambda p: p["strength"]
-            )
-            at = [f"{point['strength']:g}" for point in own]
-            middle = [100 * point["accuracy"] for point in own]
-            ends = [[100 * abs(p["accuracy"] - p["bootstrap_95"][end]) for p in own] for end in (0, 1)]
-            axis.errorbar(at, middle, ends, color=colour, marker="o", markersize=3.5, capsize=2, label=network)
-            for point in points:
-                if (point["network"], point["disturbance"]) == (network, "clean"):
-                    axis.axhline(100 * point["accuracy"], color=colour, linestyle=":", linewidth=1)
-        axis.set_ylim(0, 103)
-        axis.tick_params(labelsize=8)
-    if names:
-        axes[0].legend(fontsize=7, loc="center left", frameon=False)
+def plot_robustness(points: Points, path: Path) -> None:
+    """Draw accuracy over strength with its interval; dotted lines are undisturbed scans.
+
+    Disturbances of one strength share the last panel, one row for each.
+    """
+    strengths = {
+        name: sorted({point["strength"] for point in points if point["disturbance"] == name}) for name in DISTURBANCES
+    }
+    curves = [name for name, found in strengths.items() if len(found) > 1]
+    single = [name for name, found in strengths.items() if len(found) == 1]
+    styles = network_styles(sorted(points, key=lambda point: str(point["network"])))
+    rows = max(1, -(-len(curves) // COLUMNS))
+    height = 2.3 * rows + (0.7 + 0.36 * len(single)) * bool(single)
+    figure = new_figure(11, 1.2 + height, "Trained networks under disturbances")
+    parts = figure.subfigures(2, 1, squeeze=False, height_ratios=[2.3 * rows, max(height - 2.3 * rows, 0.01)])
+    upper, lower = parts[:, 0]
+    panels = upper.subplots(rows, COLUMNS, sharey=True, squeeze=False)
+    for number, panel in enumerate(panels.ravel()):
+        if number < len(curves):
+            _draw_curve(panel, curves[number], strengths[curves[number]], points, styles)
+        else:
+            panel.set_visible(False)
+    for panel in panels[:, 0]:
+        panel.set_ylabel("accuracy (%)", fontsize=8.5)
+    shown = panels[0, 0]
+    if single:
+        last = lower.subplots()
+        _draw_rows(last, single, points, styles)
+        shown = shown if curves else last
+    words = "bars: 95 % interval over images and seeds; dotted: undisturbed scans"
+    legend = figure.legend(*shown.get_legend_handles_labels(), loc="outside lower left", ncols=4, fontsize=8,
+                           frameon=False, handlelength=3, title=words, title_fontsize=8,
+                           alignment="left")  # fmt: skip
+    legend.get_title().set_color(GREY)
     save_figure(figure, path)
+
+
+def _words(name: str) -> str:
+    """Return name and unit of a disturbance."""
+    unit = DISTURBANCES[name].unit
+    return f"{name.replace('-', ' ')}{f' ({unit})' if unit else ''}"
+
+
+def _of(points: Points, network: str, name: str) -> Points:
+    """Return the points of a network under a disturbance, by rising strength."""
+    own = [point for point in points if (point["network"], point["disturbance"]) == (network, name)]
+    return sorted(own, key=lambda point: float(point["strength"]))
+
+
+def _bars(own: Points) -> tuple[list[float], list[list[float]]]:
+    """Return accuracies and the lengths of their bars, in %."""
+    ends = [[100 * abs(point["accuracy"] - point["bootstrap_95"][end]) for point in own] for end in (0, 1)]
+    return [100 * point["accuracy"] for point in own], ends
+
+
+def _draw_curve(
+    panel: Axes, name: str, strengths: Sequence[float], points: Points, styles: Mapping[str, dict[str, Any]]
+) -> None:
+    """Draw accuracy over the strengths of one disturbance."""
+    dress(panel, _words(name))
+    for network, style in styles.items():
+        own = _of(points, network, name)
+        middle, ends = _bars(own)
+        at = [strengths.index(point["strength"]) for point in own]
+        panel.errorbar(at, middle, ends, **style, markersize=4, capsize=2, label=label(network))
+        for point in _of(points, network, "clean"):
+            panel.axhline(100 * point["accuracy"], color=style["color"], linestyle=":", linewidth=1)
+    panel.set_xticks(range(len(strengths)), [f"{strength:g}" for strength in strengths])
+    panel.set_xlabel(DISTURBANCES[name].help, fontsize=8)
+    panel.set_ylim(0, 103)
+
+
+def _draw_rows(panel: Axes, names: Sequence[str], points: Points, styles: Mapping[str, dict[str, Any]]) -> None:
+    """Draw the accuracy under disturbances of one strength each."""
+    dress(panel, "disturbances at one strength")
+    for number, (network, style) in enumerate(styles.items()):
+        own = [point for name in names for point in _of(points, network, name)]
+        middle, ends = _bars(own)
+        move = 0.3 * (number / max(len(styles) - 1, 1) - 0.5)
+        at = [names.index(point["disturbance"]) + move for point in own]
+        panel.errorbar(middle, at, xerr=ends, **style | {"linestyle": "none"}, markersize=4, capsize=2,
+                       label=label(network))  # fmt: skip
+    rows = {point["disturbance"]: point["strength"] for point in points}
+    units = {name: DISTURBANCES[name].unit for name in names}
+    ticks = [f"{name.replace('-', ' ')} {rows[name]:g} {units[name]}".rstrip() for name in names]
+    panel.set_yticks(range(len(names)), ticks)
+    panel.set_ylim(len(names) - 0.5, -0.5)
+    panel.set_xlim(0, 103)
+    panel.set_xlabel("accuracy (%)", fontsize=8.5)
