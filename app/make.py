@@ -215,7 +215,9 @@ def _make(name: str, variables: dict[str, str], dry: bool) -> None:
     install(wanted)
     if target in APART:
         install_apart(target)
-    for line in lines:
+    for number, line in enumerate(lines, 1):
+        if len(lines) > 1:
+            print(f"[{number}/{len(lines)}] {shlex.join(line[1:])}", file=sys.stderr, flush=True)
         _call(line)
 
 

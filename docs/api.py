@@ -1,5 +1,5 @@
-"""Hook of the site: the pages that have no file in docs/. A reference page for every room of the packages,
-from the docstrings of its modules; the files at the top that a reader of the site needs; the tutorial as a notebook.
+"""Hook of the site: the pages that have no file in docs/. A reference page for every module of the packages, from its
+docstrings, and a list of them; the files at the top that a reader of the site needs; the tutorial as a notebook.
 
 The pages are made from the folders, so a file that moves or comes anew is on the site without an entry here.
 Command lines have no page: docs/reference/commands.md is theirs.
@@ -7,6 +7,8 @@ Command lines have no page: docs/reference/commands.md is theirs.
 
 from __future__ import annotations
 
+import ast
+import sys
 from pathlib import Path
 
 import jupytext
@@ -15,40 +17,84 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).parents[1]
+CALLED = {"eskin/api.py": "eskin"}
+"""Files that users import first, each with the name they import, where that file exists."""
+
+FIRST = (
+    "model/config.py",
+    "rtl/readout.py",
+    "rtl/verilog.py",
+    "model/readout.py",
+    "model/taxel.py",
+    "model/events/recording.py",
+    "skin/recordings/folder.py",
+    "snn/data/record.py",
+    "snn/train.py",
+    "power/equations.py",
+)
+"""Modules that users of a part call, in the order of the list."""
+
 PACKAGES = ("model", "rtl", "skin", "power", "cocotb_tests", "snn", "board", "flow", "verify", "base")
 COMMANDS = ("commands",)
-TOP = "eskin"
-"""The package itself: what a user calls."""
 AT_THE_TOP = ("CONTRIBUTING.md", "CHANGELOG.md")
+API = "reference/api"
+PAGES_A_LINE = 100
 
 
-def rooms() -> dict[str, list[str]]:
-    """Return the public modules of every room, by the room's dotted name: ``model.events`` and so on."""
-    found: dict[str, list[str]] = {TOP: ["api"]}
+def rooms() -> dict[str, list[Path]]:
+    """Return the public modules of every folder, by its dotted name: ``model.events`` and so on."""
+    found: dict[str, list[Path]] = {}
     for package in PACKAGES:
         for path in sorted((ROOT / package).rglob("*.py")):
             room = path.parent.relative_to(ROOT).parts
             if not path.name.startswith(("_", "test_", "conftest")) and not set(room) & set(COMMANDS):
-                found.setdefault(".".join(room), []).append(path.stem)
+                found.setdefault(".".join(room), []).append(path)
     return found
 
 
+def imported_as(path: Path) -> str:
+    """Return the name by which a module is imported."""
+    place = path.relative_to(ROOT)
+    return CALLED.get(place.as_posix(), ".".join(("eskin", *place.with_suffix("").parts)))
+
+
+def row_of(path: Path) -> str:
+    """Return a row of the list: the module with a link to its page, its classes, and its first sentence."""
+    tree, name = ast.parse(path.read_text()), imported_as(path)
+    classes = [node.name for node in tree.body if isinstance(node, ast.ClassDef) and not node.name.startswith("_")]
+    shown = ", ".join(f"`{found}`" for found in classes[:4]) + (", ..." if len(classes) > 4 else "")
+    sentence = " ".join((ast.get_docstring(tree) or "").split("\n\n")[0].split()).replace("|", "\\|")
+    return f"| [{name}]({name}.md) | {shown} | {sentence} |"
+
+
+def list_of_modules() -> str:
+    """Return the page that lists all modules: first those that users call, then the others by their folders."""
+    head = "| module | classes | what it is |\n|---|---|---|\n"
+    called = [ROOT / place for place in (*CALLED, *FIRST) if (ROOT / place).exists()]
+    parts = ["# Python modules", "## What users call", head + "\n".join(map(row_of, called))]
+    for room, paths in rooms().items():
+        rest = [path for path in paths if path not in called]
+        if rest:
+            parts += [f"## {room}", head + "\n".join(map(row_of, rest))]
+    return "\n\n".join(parts) + "\n"
+
+
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Add the pages to the navigation, below Reference."""
-    pages: dict[str, list[dict[str, str]]] = {}
-    for room in rooms():
-        pages.setdefault(room.partition(".")[0], []).append({room: f"reference/api/{room}.md"})
+    """Add the list to the navigation, at the end of Reference; the pages of modules hang on it."""
     (reference,) = (entry["Reference"] for entry in config.nav or [] if "Reference" in entry)
-    reference += [{package: entries} for package, entries in pages.items()]
+    reference.append({"Python modules": f"{API}/index.md"})
     return config
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages themselves."""
-    for room, modules in rooms().items():
-        folder, package = "/".join(room.split(".")), TOP if room == TOP else f"{TOP}.{room}"
-        text = f"# {room}\n\nFiles of `{folder}/`.\n\n" + "\n\n".join(f"::: {package}.{module}" for module in modules)
-        files.append(File.generated(config, f"reference/api/{room}.md", content=text + "\n"))
+    files.append(File.generated(config, f"{API}/index.md", content=list_of_modules()))
+    called = [ROOT / place for place in CALLED if (ROOT / place).exists()]
+    for path in [*called, *(path for paths in rooms().values() for path in paths)]:
+        name = imported_as(path)
+        source = "eskin." + ".".join(path.relative_to(ROOT / "eskin" if path in called else ROOT).with_suffix("").parts)
+        text = f"# {name}\n\n`{path.relative_to(ROOT)}`\n\n::: {source}\n"
+        files.append(File.generated(config, f"{API}/{name}.md", content=text))
     for name in AT_THE_TOP:
         text = (ROOT / name).read_text().replace("](docs/", "](")
         for other in AT_THE_TOP:
@@ -65,3 +111,16 @@ def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
         return markdown
     title, _, rest = markdown.partition("\n")
     return f"{title}\n\n[This page as a notebook](tutorial.ipynb)\n{rest}"
+
+
+READ: list[str] = []
+"""Pages that have been read so far; reading a module takes most of the time."""
+
+
+def on_page_content(html: str, page: Page, files: Files, **_: object) -> str:
+    """Report how many pages have been read, on standard error."""
+    READ.append(page.url)
+    total = len(files.documentation_pages())
+    if len(READ) % PAGES_A_LINE == 0 or len(READ) == total:
+        print(f"{len(READ)} of {total} pages", file=sys.stderr, flush=True)
+    return html

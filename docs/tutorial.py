@@ -4,6 +4,10 @@
 #     text_representation:
 #       extension: .py
 #       format_name: percent
+#   kernelspec:
+#     display_name: Python 3
+#     language: python
+#     name: python3
 # ---
 
 # %% [markdown]
@@ -55,23 +59,27 @@ for t, x, y, p in events[:3].tolist():
 # the signal is too steep. `error_bound` returns the guaranteed limits of the difference.
 
 # %%
+from eskin.base.figures.style import OFF_COLOUR, ON_COLOUR, PALETTE
+
 rebuilt = decode(config, counts, late)[:, 0]
 low, high = error_bound(config)
 error = signal - rebuilt
 print(f"error from {error.min():.0f} to {error.max():.0f} codes; promised from {low:.0f} to {high:.0f}")
 
 figure, (above, below) = plt.subplots(2, 1, figsize=(8, 4.5), sharex=True, height_ratios=[3, 1], layout="constrained")
-above.plot(seconds * 1e3, signal / config.full_scale, color="0.5", label="signal")
-above.step(seconds * 1e3, rebuilt / config.full_scale, where="post", color="C0", lw=1, label="rebuilt from the events")
-for on, colour in ((True, "C2"), (False, "C3")):
+above.plot(seconds * 1e3, signal / config.full_scale, color=PALETTE["grey"], label="signal")
+above.step(
+    seconds * 1e3, rebuilt / config.full_scale, where="post", color="black", lw=1, label="rebuilt from the events"
+)
+for on, colour in ((True, ON_COLOUR), (False, OFF_COLOUR)):
     times = events["t"][events["p"] == on] / config.clock_hz * 1e3
     above.plot(times, np.full(len(times), -1.0), "|", color=colour, label="ON" if on else "OFF")
-above.legend(loc="upper right", ncols=2, fontsize="small")
-above.set(ylabel="full scales")
-below.plot(seconds * 1e3, error, color="0.3", lw=1)
-below.axhline(low, color="C3", lw=0.8)
-below.axhline(high, color="C3", lw=0.8)
-_ = below.set(xlabel="time / ms", ylabel="error, codes")
+figure.legend(loc="outside upper left", ncols=4, fontsize="small", frameon=False)
+above.set(ylabel="signal (full scales)")
+below.plot(seconds * 1e3, error, color="black", lw=1)
+for bound in (low, high):
+    below.axhline(bound, color=PALETTE["vermilion"], lw=0.8, ls="--")
+_ = below.set(xlabel="time (ms)", ylabel="error (codes)")
 
 # %% [markdown]
 # To use another encoder, change one word of the configuration. CW-LCS closes its window while the taxel sends no event,
@@ -151,7 +159,7 @@ first = event_clocks[0][0]
 window = np.arange(first - 6, first + 6)
 figure, axes = plt.subplots(3, 1, figsize=(8, 2.4), sharex=True, layout="constrained")
 for axis, name, column in zip(axes, ("sample_valid", "event_valid", "event_polarity"), range(3), strict=True):
-    axis.step(window, np.array(trace)[window, column], where="post", color="C0")
+    axis.step(window, np.array(trace)[window, column], where="post", color=PALETTE["blue"])
     axis.set(ylim=(-0.2, 1.2), yticks=[])
     axis.set_ylabel(name, rotation=0, ha="right", va="center", family="monospace")
     axis.spines[["top", "right", "left"]].set_visible(False)
@@ -197,9 +205,9 @@ image.imshow(textures[0].load(), cmap="gray")
 image.set(xticks=[], yticks=[], title=textures[0].class_name)
 taxel = recording.events["y"] * array.columns + recording.events["x"]
 raster.scatter(
-    recording.events["t"] / array.clock_hz * 1e3, taxel, s=0.2, c=np.where(recording.events["p"], "C2", "C3")
+    recording.events["t"] / array.clock_hz * 1e3, taxel, s=0.2, c=np.where(recording.events["p"], ON_COLOUR, OFF_COLOUR)
 )
-_ = raster.set(xlabel="time / ms", ylabel="taxel", title="address events, ON green, OFF red")
+_ = raster.set(xlabel="time (ms)", ylabel="taxel", title="address events, ON blue, OFF orange")
 
 # %% [markdown]
 # The network takes event counts in bins, here of 2 ms, not single events. It has 128 input channels: one for each taxel
@@ -236,10 +244,11 @@ counts = data.batch([number])
 with torch.no_grad():
     heard = [training.network.eval()(counts[: bins + 1]).logits.softmax(1)[0] for bins in range(data.steps)]
 figure, axis = plt.subplots(figsize=(8, 2.4), layout="constrained")
-for name, evidence in zip(data.class_names, torch.stack(heard).T, strict=True):
-    axis.plot(np.arange(data.steps) * data.step_s * 1e3, evidence, label=name)
-axis.legend(loc="center right", fontsize="small")
-_ = axis.set(xlabel="time / ms", ylabel="SoftMax", ylim=(-0.05, 1.05), title=data.names[number])
+for name, evidence, line in zip(data.class_names, torch.stack(heard).T, ("-", "--", ":"), strict=True):
+    axis.plot(np.arange(data.steps) * data.step_s * 1e3, evidence, line, color="black", label=name)
+figure.legend(loc="outside upper right", ncols=3, fontsize="small", frameon=False)
+axis.set_title(data.names[number], loc="left")
+_ = axis.set(xlabel="time (ms)", ylabel="SoftMax (0 to 1)", ylim=(-0.05, 1.05))
 
 # %% [markdown]
 # ## Your own sensor
@@ -249,7 +258,6 @@ _ = axis.set(xlabel="time / ms", ylabel="SoftMax", ylim=(-0.05, 1.05), title=dat
 # may have decimal commas, other columns and irregular time stamps.
 
 # %%
-import os
 from pathlib import Path
 
 generator = np.random.default_rng(0)
@@ -276,13 +284,12 @@ for kind, starts in {"press": (1.0,), "tap": (0.5, 1.5, 2.5, 3.5), "rub": (0.8, 
 
 # %%
 def run(*words):
-    environment = os.environ | {"PYTHONPATH": os.getcwd()}
     command = [sys.executable, "-m", "eskin", *words]
-    return subprocess.run(command, cwd=skin.parent, env=environment, capture_output=True, text=True, check=True)
+    return subprocess.run(command, cwd=skin.parent, capture_output=True, text=True, check=True)
 
 
 trained = run("train", "--data", "my_skin", "--epochs", "40", "--set", "hidden=64")
-print("\n".join(trained.stdout.splitlines()[-3:]))
+print("\n".join(trained.stdout.splitlines()[-7:]))
 played = run("sim", "--data", "my_skin", "--encoding", "lcs", "--sim", "icarus", "--ticks", "60")
 print(played.stdout)
 

@@ -1,12 +1,15 @@
 """Write docs/tutorial.md from docs/tutorial.py: every cell is run, and what it prints and draws stands below it.
 
-``python docs/tutorial_page.py`` from the top of the project. The notebook of the site is made from the same source.
+``python docs/tutorial_page.py`` from the top of the project; does nothing where the page was made from this source,
+and makes the page all the same with ``--again``. The notebook of the site is made from the same source.
 """
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import io
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,6 +21,11 @@ HERE = Path(__file__).parent
 SOURCE = HERE / "tutorial.py"
 PAGE = HERE / "tutorial.md"
 PICTURES = HERE / "figures" / "tutorial"
+
+
+def mark() -> str:
+    """Return the last line of a page that was made from the source as it is."""
+    return f"<!-- made from tutorial.py, SHA-256 {hashlib.sha256(SOURCE.read_bytes()).hexdigest()[:16]} -->\n"
 
 
 def cells() -> Iterator[tuple[bool, str]]:
@@ -41,7 +49,9 @@ def run(pictures: Path) -> str:
     names: dict[str, Any] = {"__name__": "tutorial"}
     parts = []
     count = 0
-    for code, text in cells():
+    found = list(cells())
+    for number, (code, text) in enumerate(found, 1):
+        print(f"tutorial: cell {number} of {len(found)}", file=sys.stderr, flush=True)
         if not code:
             parts.append(text)
             continue
@@ -51,13 +61,16 @@ def run(pictures: Path) -> str:
         parts.append(f"```python\n{text}\n```")
         if printed.getvalue():
             parts.append(f"```text\n{printed.getvalue().rstrip()}\n```")
-        for number in plt.get_fignums():
+        for figure in plt.get_fignums():
             count += 1
-            plt.figure(number).savefig(pictures / f"{count}.png", dpi=110, metadata={"Software": None})
+            plt.figure(figure).savefig(pictures / f"{count}.png", dpi=110, metadata={"Software": None})
             parts.append(f"![Picture {count} of the tutorial](figures/tutorial/{count}.png)")
         plt.close("all")
-    return "\n\n".join(parts) + "\n"
+    return "\n\n".join(parts) + "\n\n" + mark()
 
 
 if __name__ == "__main__":
-    PAGE.write_text(run(PICTURES))
+    if PAGE.exists() and PAGE.read_text().endswith(mark()) and "--again" not in sys.argv:
+        print("tutorial: unchanged", file=sys.stderr)
+    else:
+        PAGE.write_text(run(PICTURES))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import os
 import re
 import subprocess
@@ -52,6 +53,18 @@ def test_the_site_has_every_room_search_and_the_notebook_and_loads_nothing_from_
         assert name in index
     assert (site / "tutorial.ipynb").is_file()
     assert not loaded_from_elsewhere(site)
+    # Search: "csv" finds file names, and a page of file:// gets the index and a stand-in for the worker as scripts.
+    separator = json.loads(index)["config"]["separator"]
+    assert "csv" in re.split(separator, "my_skin/press/0.csv")
+    assert "arbiter" in re.split(separator, "eskin.rtl.arbiter")
+    assert (site / "search" / "search_index.js").read_text().startswith("var __index = {")
+    assert 'src="assets/iframe-worker.js"' in (site / "index.html").read_text()
+    assert (site / "assets" / "iframe-worker.js").is_file()
+    # Reference: a page for each module, behind one list that begins with what users import.
+    listed = re.findall(r'href="(eskin[\w.]*)\.html"', (site / "reference" / "api" / "index.html").read_text())
+    assert listed[:2] == ["eskin", "eskin.model.config"]
+    assert {"eskin.rtl.arbiter", "eskin.model.arbiter"} <= set(listed)
+    assert all((site / "reference" / "api" / f"{name}.html").is_file() for name in listed)
 
 
 def test_a_picture_of_another_host_is_found(tmp_path: Path) -> None:

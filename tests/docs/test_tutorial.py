@@ -55,3 +55,21 @@ def test_the_notebook_has_the_same_cells() -> None:
     notebook = json.loads(jupytext.writes(source, fmt="ipynb"))
     assert len(notebook["cells"]) == len(source.cells) > 15
     assert {cell["cell_type"] for cell in notebook["cells"]} == {"code", "markdown"}
+    assert notebook["metadata"]["kernelspec"]["name"] == "python3"
+
+
+def test_an_unchanged_tutorial_is_not_run_again(tmp_path: Path) -> None:
+    (tmp_path / "tutorial.py").write_text("# %%\nprint(6 * 7)\n")
+    program = tmp_path / "tutorial_page.py"
+    program.write_text((ROOT / "docs" / "tutorial_page.py").read_text())
+
+    def made() -> tuple[str, str]:
+        done = subprocess.run([sys.executable, str(program)], capture_output=True, text=True, check=True)
+        return done.stderr, (tmp_path / "tutorial.md").read_text()
+
+    first, again = made(), made()
+    assert first[0] == "tutorial: cell 1 of 1\n"
+    assert "42" in first[1]
+    assert again == ("tutorial: unchanged\n", first[1])
+    (tmp_path / "tutorial.py").write_text("# %%\nprint(7 * 7)\n")
+    assert "49" in made()[1]
