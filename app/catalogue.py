@@ -1,7 +1,7 @@
 """List the commands of ``eskin``, with the standard library alone, because make reads this file before any
 installation.
 
-To add a command: write its function in a module of ``app/commands``, and list it here under what users want to do.
+To add a command: write its function in a module of ``app/commands``, and list it here under the user's task.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def sections(listed: Mapping[str, Mapping[str, str]], width: int | None = None) 
     listed : mapping of str to (mapping of str to str)
         Texts by name, by heading.
     width : int, optional
-        Of the page in characters; by default that of the terminal.
+        Width of the page in characters; by default that of the terminal.
     """
     width = width or max(shutil.get_terminal_size().columns, 60)
     indent = max(len(name) for texts in listed.values() for name in texts) + 4

@@ -137,11 +137,11 @@ def run(app: typer.Typer, prog_name: str, args: Sequence[str] | None = None) -> 
     Parameters
     ----------
     app : typer.Typer
-        From :func:`make_app`.
+        App from :func:`make_app`.
     prog_name : str
-        What the user typed: ``eskin``.
+        Program name as typed: ``eskin``.
     args : sequence of str, optional
-        Arguments behind it; those of the process by default.
+        Arguments; by default those of the process.
     """
     if args is None:
         collect_seldom()

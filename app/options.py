@@ -41,7 +41,7 @@ class Writes:
     Attributes
     ----------
     folder : bool or callable
-        Whether it is a folder; a callable takes the arguments of the command by name.
+        Whether the output is a folder; a callable receives the arguments of the command by name.
     """
 
     folder: bool | Callable[[Mapping[str, Any]], bool] = False
@@ -52,7 +52,7 @@ class Writes:
         Raises
         ------
         InputError
-            If it cannot be written, is one of the inputs, or lies inside one.
+            If the output cannot be written, is an input, or is inside an input.
         """
         if self.folder(given) if callable(self.folder) else self.folder:
             outputs.check_folder(path)
@@ -120,9 +120,9 @@ def field_options(
     names : iterable of str, optional
         Fields that become options; all by default.
     defaults : mapping of str to object, optional
-        Default in the help, by field, where a command has another than the class.
+        Default in the help by field, if the command's default differs from the class.
     heading : str, optional
-        Of the options in the help.
+        Heading of the options in the help.
     """
     hints, fields = get_type_hints(cls), {field.name: field for field in dataclasses.fields(cls)}
     options = []
@@ -258,7 +258,7 @@ def with_config(command: Command | None = None, *, fields: Sequence[str] | None 
     Parameters
     ----------
     command : callable, optional
-        Left out where the decorator is called with the others.
+        Omitted if the decorator is called with the others.
     fields : sequence of str, optional
         The fields that become options, all by default.
     file : bool

@@ -19,9 +19,9 @@ def new_table(headings: Iterable[str], title: str = "", left: Iterable[int] = (0
     title : str
         Line above the table.
     left : iterable of int
-        Numbers of the columns that stand on the left; the others, numbers, stand on the right.
+        Indices of left-aligned columns; the others contain numbers and are right-aligned.
     **columns
-        What rich's ``add_column`` takes, for all columns.
+        Arguments of rich's ``add_column`` for all columns.
     """
     from rich import box
     from rich.table import Table

@@ -31,7 +31,7 @@ def open_pool(
     scheduler : str or None
         Address of a Dask scheduler.
     needs : Needs, optional
-        What its workers must have the same of; the model by default.
+        Versions that its workers must share; those of the model by default.
     threads : bool
         On this machine: threads and not processes, for work that lets go of the interpreter.
     """

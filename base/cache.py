@@ -1,7 +1,7 @@
 """Find the cache folder for programs, kernels and recorded scans; it must belong to the user alone.
 
-What lies there is run as code (a kernel, a simulation) or believed (scans), so a folder that another user owns or can
-write to is never used, and nor is a predictable place that any user could have made first, such as one under /tmp.
+Cache entries are executed (kernels, simulations) or trusted (scans). Therefore a folder that another user owns or can
+write to is never used, nor a predictable path that any user could have created first, such as one under /tmp.
 """
 
 from __future__ import annotations

@@ -31,10 +31,10 @@ PROBE_BYTES = 2**17
 def atomic_write(path: Path) -> Iterator[IO[bytes]]:
     """Open a binary file that appears under ``path`` only when it has been written completely.
 
-    The bytes go to a temporary file in the same folder, which replaces ``path`` at the end and is removed if
-    anything fails, so an interrupted command leaves the old file, or none. A device or FIFO gets all bytes at the end.
-    A link is replaced: commands resolve those that a user named (``base.outputs.file_of``), and whoever
-    planted one in a folder of the program's own does not choose what is overwritten.
+    The bytes go to a temporary file in the same folder, which replaces ``path`` at the end and is removed on any error.
+    An interrupted command therefore leaves the old file, or none. A device or FIFO receives all bytes at the end. A
+    link is replaced: commands resolve the user's links first (``base.outputs.file_of``), and a link planted in a folder
+    of the program must not select the overwritten file.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def make_folder(root: Path, inside: str | Path, empty: bool = False) -> Path:
     inside : str or Path
         The way from there. A link on it is not followed, since whoever planted it would choose what is overwritten.
     empty : bool
-        Remove what the folder holds.
+        Remove the content of the folder.
 
     Raises
     ------
@@ -151,9 +151,9 @@ class Pieces:
     Parameters
     ----------
     out : Path or None
-        File of the whole result, beside which they are kept; None keeps nothing.
+        File of the whole result, beside which pieces are stored; None stores nothing.
     code : str
-        Of what computes: pieces of another one are computed anew.
+        Digest of the computation: pieces with another digest are computed again.
     """
 
     def __init__(self, out: Path | None, code: str) -> None:
@@ -225,9 +225,9 @@ def read_json(path: Path, what: str, kind: type | None = None) -> Any:
     ----------
     path : Path
     what : str
-        What the file is to the user, as in "the sweep".
+        Name of the file for the user, such as "the sweep".
     kind : type, optional
-        ``dict`` or ``list``: what it must be.
+        Required type, ``dict`` or ``list``.
 
     Raises
     ------
@@ -243,7 +243,7 @@ def read_json(path: Path, what: str, kind: type | None = None) -> Any:
     except ValueError as error:  # a character that is no text is one too
         raise InputError(f"{what} {path} is not JSON: {error}") from None
     except RecursionError:
-        raise InputError(f"{what} {path} is not JSON that can be read: it is nested too deeply") from None
+        raise InputError(f"{what} {path} cannot be read as JSON: it is nested too deeply") from None
     if kind is not None and not isinstance(content, kind):
         noun = "object" if kind is dict else "list"
         raise InputError(f"{what} {path} must be a JSON {noun}, not {type(content).__name__}")
@@ -253,7 +253,7 @@ def read_json(path: Path, what: str, kind: type | None = None) -> Any:
 def _whole(text: str) -> int:
     """Return an integer that fits into a float; refuse larger ones."""
     if len(text) > 308:
-        raise ValueError(f"a number of {len(text)} digits stands in it")
+        raise ValueError(f"it contains a number of {len(text)} digits")
     return int(text)
 
 
@@ -265,7 +265,7 @@ def check_unpacked(archive: zipfile.ZipFile) -> None:
     """Refuse an archive that claims to unpack to more than ``MOST_UNPACKED`` bytes."""
     size = sum(member.file_size for member in archive.infolist())
     if size > MOST_UNPACKED:
-        raise InputError(f"claims {size / 2**20:.0f} MiB of data, more than {MOST_UNPACKED // 2**20}; it is not read")
+        raise InputError(f"claims {size / 2**20:.0f} MiB of data, more than {MOST_UNPACKED // 2**20}, and is refused")
 
 
 def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], compressed: bool = False) -> None:
@@ -288,9 +288,9 @@ def read_arrays(path: Path, kind: str, remedy: str) -> dict[str, NDArray[Any]]:
     ----------
     path : Path
     kind : str
-        What the file should be, as in "a weight file".
+        Expected kind of file, such as "a weight file".
     remedy : str
-        What to do about a damaged one, as in "train again".
+        Remedy for a damaged file, such as "train again".
 
     Raises
     ------

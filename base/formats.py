@@ -13,9 +13,9 @@ class Format(NamedTuple):
     Attributes
     ----------
     name : str
-        What the file says under ``format``.
+        Value of ``format`` in the file.
     noun : str
-        What it is to a user.
+        Name of the format for a user.
     made : str
         How a user gets one.
     version : int
@@ -39,9 +39,9 @@ class Format(NamedTuple):
         if not isinstance(header, dict) or (found := KINDS.get(str(header.get("format")))) is None:
             raise KeyError("format")
         if found != self:
-            raise InputError(f"it is {found.noun}, where {self.noun} belongs; {self.made}")
+            raise InputError(f"it is {found.noun} instead of {self.noun}; {self.made}")
         if (version := header.get("format_version")) != self.version:
-            raise InputError(f"it has format version {version!r}, this program reads {self.version}")
+            raise InputError(f"it has format version {version!r}; this program reads version {self.version}")
 
 
 EVENTS = Format("spiking-eskin-readout events", "an event file", "make one with eskin encode")

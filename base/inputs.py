@@ -53,7 +53,7 @@ def not_a_file(path: Path) -> str:
     try:
         mode = path.stat().st_mode
     except OSError:
-        return "a link to nothing" if path.is_symlink() else "nothing"
+        return "a broken link" if path.is_symlink() else "nothing"
     if stat.S_ISREG(mode):
         return ""
     return next((noun for is_kind, noun in _KINDS.items() if is_kind(mode)), "a device")

@@ -109,7 +109,7 @@ def _behind_links(path: Path) -> Path:
 def new_part(path: Path) -> tuple[int, str]:
     """Return handle and name of a new file beside ``path``, locked while the handle is open.
 
-    Those that killed processes left of the same file are removed.
+    Files left by killed processes for the same path are removed.
     """
     prefix = f".{path.name[:_PREFIX]}."
     for name in _parts_in(str(path.parent.absolute())):

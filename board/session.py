@@ -255,7 +255,7 @@ def chip_of(weights: IntegerWeights, path: Path | None = None) -> ChipConfig:
     training = weights.notes.get("training")
     if not training:
         raise InputError(
-            f"{path or 'the network'} does not say which readout it was trained for; quantise again, with result.json "
+            f"{path or 'the network'} does not name the readout of its training; quantise again, with result.json "
             f"of the training beside its weights"
         )
     return ChipConfig(readout=ReadoutConfig.from_dict(training["readout"]), classifier=weights.network.config)

@@ -1,4 +1,4 @@
-"""Comparators with offset, noise, hysteresis and overdrive: the RTL equals a model that is given what they found."""
+"""Test comparators with offset, noise, hysteresis and overdrive: the RTL equals a model with their decisions."""
 
 from __future__ import annotations
 

@@ -76,8 +76,8 @@ class RowsAgent:
 class ArbiterContract:
     """What must hold whatever the microarchitecture, seen from the ports alone: one method a property.
 
-    Assumptions on the environment: a request stays until its row is granted or it is withdrawn, and a row drives
-    the column lines when it is selected, in the same clock.
+    Assumptions on the environment: a request stays until its row is granted or it is withdrawn, and a selected row
+    drives the column lines in the same clock.
     """
 
     def __init__(self, config: ReadoutConfig, check: Checker) -> None:

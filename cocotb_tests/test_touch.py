@@ -96,10 +96,13 @@ def test_mistakes_are_one_sentence(tmp_path: Path) -> None:
     foreign = next(name for name in names if name not in loaded.notes["training"]["tested"])
     for arguments, sentence in (
         (["--weights", tmp_path / "none.npz"], "none.npz does not exist; make one with eskin quantise"),
-        (["--weights", tmp_path / "silent.npz"], "silent.npz does not say which readout it was trained for; quantise "),
-        (["--weights", tmp_path / "torn.npz"], "torn.npz says of its training is damaged; quantise again"),
-        (["--weights", tmp_path / "other.npz"], "takes 128 channels, 4 x 8 taxels of lcs have 32 or 64; give the "),
-        (["--weights", tmp_path / "one.npz", "--only", foreign], f"every network here has learned {foreign}; give"),
+        (["--weights", tmp_path / "silent.npz"], "silent.npz does not name the readout of its training; quantise "),
+        (["--weights", tmp_path / "torn.npz"], "torn.npz are damaged; quantise again"),
+        (
+            ["--weights", tmp_path / "other.npz"],
+            "has 128 input channels, but 4 x 8 taxels of lcs have 32 or 64; give the ",
+        ),
+        (["--weights", tmp_path / "one.npz", "--only", foreign], f"every network here was trained on {foreign}; give"),
         (["--only", "sky"], "dataset embedded has no texture 'sky'; one of them is brick/brick-00"),
         (["--data", tmp_path], "--data needs --weights, from eskin quantise"),
         (["--data", tmp_path, "--weights", tmp_path / "one.npz"], "was trained on textures; leave --data out"),

@@ -295,12 +295,12 @@ def test_ports_are_those_of_the_contract() -> None:
             "error: --relays belongs to the lines of a whole skin; add --tiles RxC without --merge, or leave it out",
         ),
         (["--tiles", "2x2", "--relays", "17"], "error: relays must be in 0..16, not 17"),
-        (["--tiles", "4"], "error: tiles must be rows and columns, as 4x4, not '4'"),
+        (["--tiles", "4"], "error: tiles must be rows and columns such as 4x4, not '4'"),
         (["--tiles", "9x9"], "error: a merge takes at most 64 tiles, not 9 x 9"),
         (["--tiles", "0x2"], "error: tile_rows must be in 1..64, not 0"),
         (
             ["--tiles", "1x2", "--link", "four_phase"],
-            "error: tiles talk to their merge by the link stream, not four_phase; leave --link out",
+            "error: tiles need the link stream to their merge, not four_phase; leave --link out",
         ),
         (
             ["--tiles", "2x1", "--rows", "64", "--columns", "64"],

@@ -44,7 +44,7 @@ def encode(config: ReadoutConfig, signal: ArrayLike) -> Events:
     Returns
     -------
     Events, shape (events,)
-        In the order in which they leave, with the waits of arbiter and link.
+        Events in order of transfer, with the delays of arbiter and link.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def decode(config: ReadoutConfig, events: Events, ticks: int) -> NDArray[np.floa
     config : ReadoutConfig
         The readout that sent the events.
     events : Events, shape (events,)
-        From ``encode``, ``run_rtl`` or a ``Recording``.
+        Events from ``encode``, ``run_rtl`` or a ``Recording``.
     ticks : int
         Length of the signals in sample ticks.
 
@@ -78,7 +78,7 @@ def decode(config: ReadoutConfig, events: Events, ticks: int) -> NDArray[np.floa
     Raises
     ------
     InputError
-        If the events are not of this array or encoder, or lie behind the last tick.
+        If the events belong to another array or encoder, or are after the last tick.
     """
     from eskin.model import taxel
 
@@ -94,13 +94,13 @@ def run_rtl(
 ) -> Events:
     """Return the events that the RTL sends while a signal lasts, and compare them with those of the model.
 
-    The Verilog of the configuration is built for the simulator at the first call, which takes from seconds to minutes
-    as the array grows; later calls use that program again.
+    The first call builds the Verilog of the configuration for the simulator, which takes seconds to minutes, depending
+    on the array; later calls reuse the program.
 
     Parameters
     ----------
     config, signal
-        As for ``encode``.
+        Same as for ``encode``.
     simulator : "verilator" or "icarus"
         Verilator needs g++, make and perl; Icarus Verilog needs iverilog.
 
@@ -137,9 +137,9 @@ def plot(
     config : ReadoutConfig
     events : Events, shape (events,)
     signal : integer or float array, as for ``encode``, optional
-        What was encoded.
+        Encoded signal.
     rebuilt : float array, shape (ticks, taxels), optional
-        From ``decode``.
+        Signal from ``decode``.
     title : str
     path : str or Path, optional
         File to write too: .png, .pdf or .svg.
@@ -176,7 +176,7 @@ def dataset(
     ----------
     config : ReadoutConfig
     signals : sequence of arrays, or one array of shape (recordings, ticks, taxels)
-        Each as for ``encode``. Lengths may differ; shorter ones end with empty bins.
+        Signals as for ``encode``. Lengths may differ; shorter signals end with empty bins.
     classes : sequence of str, optional
         Class of each signal. Not needed to predict.
     bin_s : float
@@ -223,13 +223,13 @@ def train(
     Parameters
     ----------
     data : ScanData
-        From ``dataset``.
+        Data from ``dataset``.
     recordings : sequence of int, optional
-        Numbers of those to learn from; the others are left for a test. All by default.
+        Indices of the training recordings; the others remain for a test. All by default.
     recipe : str
         Settings to start from, as ``eskin train --recipe``.
     seed : int
-        Of weights, order and augmentation.
+        Seed of weights, order and augmentation.
     progress : callable, optional
         Called with the ``Epoch`` after each one: its number, loss and accuracy.
     **settings
@@ -238,7 +238,7 @@ def train(
     Returns
     -------
     Weights
-        For ``predict`` and ``save_weights``.
+        Network for ``predict`` and ``save_weights``.
 
     Raises
     ------
@@ -277,9 +277,9 @@ def predict(weights: Weights, data: ScanData, recordings: Sequence[int] | None =
     Parameters
     ----------
     weights : Weights
-        From ``train`` or ``load_weights``.
+        Network from ``train`` or ``load_weights``.
     data : ScanData
-        From ``dataset``, with the readout and the time bin of the training.
+        Data from ``dataset``, with the readout and the time bin of the training.
     recordings : sequence of int, optional
         Numbers of some recordings; all by default.
 

@@ -53,11 +53,11 @@ def parameter(default: Any, unit: str, source: str, meaning: str, option: str = 
     unit : str
         Empty for a pure number and a choice.
     source : str
-        Where the parameter, or its default, is from.
+        Source of the parameter or its default.
     meaning : str
         One line, as ``--help`` prints it.
     option : str
-        Name of the command-line option, if not that of the field without its unit.
+        Name of the command-line option, by default the field's name without its unit.
     """
     return field(default=default, metadata={"unit": unit, "source": source, "meaning": meaning, "option": option})
 
@@ -102,7 +102,7 @@ class ReadoutConfig:
     clocks_per_sample : int
         Clocks per sample tick; the clock is ``sample_rate_hz * clocks_per_sample``.
     registers : "none" or "spi"
-        Whether resolution, leak, window, mask and more can be set at run time, up to what is built.
+        Whether resolution, leak, window, mask and more can be set at run time, up to the built values.
 
     Raises
     ------
@@ -293,9 +293,9 @@ class ReadoutConfig:
     def from_tau(cls, tau_s: float, ts_s: float, encoding: Encoding = "nlcs", **parameters: Any) -> ReadoutConfig:
         """Return the configuration of a leaking encoder whose leak is closest to a time constant.
 
-        A coarse leak (small leak_shift) takes events away, about a quarter of its step, and a short period meets tau
-        badly: the leak_shift of 1..6 with the smallest sum of both errors is taken. ``tau_s`` of the result is the
-        time constant that its integers give.
+        A coarse leak (small leak_shift) removes events, by about a quarter of its step, and a short period approximates
+        tau badly. The method takes the leak_shift from 1 to 6 with the smallest sum of both errors. ``tau_s`` of the
+        result is the exact time constant of its integers.
 
         Parameters
         ----------
@@ -353,7 +353,7 @@ class ReadoutConfig:
             If the field has a value that is not among the names; whoever asked does not know it yet.
         """
         if (value := getattr(self, field)) not in values:
-            raise InputError(f"{field} {value!r} is not known here; known are {', '.join(values)}")
+            raise InputError(f"{field} {value!r} is unknown here; known values are {', '.join(values)}")
         return values[value]
 
     def to_dict(self) -> dict[str, Any]:
@@ -379,7 +379,7 @@ class ReadoutConfig:
     def _check_names(cls, fields: dict[str, Any]) -> None:
         known = {field.name for field in dataclasses.fields(cls)}
         if unknown := sorted(set(fields) - known):
-            raise InputError(f"unknown configuration field {unknown[0]!r}; known are {', '.join(sorted(known))}")
+            raise InputError(f"unknown configuration field {unknown[0]!r}; known fields are {', '.join(sorted(known))}")
 
     @classmethod
     def from_json(cls, text: str) -> ReadoutConfig:
@@ -404,7 +404,7 @@ class ReadoutConfig:
         Raises
         ------
         InputError
-            If the file cannot be read or holds no configuration; the sentence names it.
+            If the file cannot be read or contains no configuration; the sentence names the file.
         """
         content = read_json(path, "the configuration", dict)
         fields = content["configuration"] if {"configuration", "ports"} <= set(content) else content

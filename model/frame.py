@@ -1,6 +1,6 @@
 """Simulate the frame readout, clock by clock: one ADC converts all taxels in turn (docs/reference/frame.md).
 
-This is the golden model that ``rtl/frame.py`` is held to; it knows no bit slices, only numbers.
+This is the golden model of ``rtl/frame.py``, without bit slices.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class FrameModel:
     countdown : int
         Clocks that the multiplexer still needs to settle.
     converting : bool
-        A conversion is under way.
+        True during a conversion.
     held : tuple of int, or None
         The sample on its way to the packer: (taxel, code).
     bits, fill : int
@@ -157,7 +157,7 @@ class FrameStimulus:
     samples : ndarray of int, shape (ticks, taxels)
         W-bit codes of all taxels; the ADC sees the newest of the selected taxel when it starts.
     sample_clock : ndarray of int64, shape (ticks,)
-        Clock from which on each holds, rising from 0.
+        Clock from which each entry is valid, rising from 0.
     frame_clock : ndarray of int64, shape (frames,)
         Clocks with ``frame_start``, rising.
     clocks : int
@@ -205,9 +205,9 @@ class FrameStimulus:
             )
         rising = (np.diff(self.sample_clock) > 0).all() and (np.diff(self.frame_clock) > 0).all()
         if self.sample_clock.shape != self.samples.shape[:1] or not rising or self.sample_clock[:1].any():
-            raise InputError("sample_clock must rise from 0, one clock for every row of samples; frame_clock too")
+            raise InputError("sample_clock and frame_clock must rise from 0, with one clock for every row of samples")
         if not self.conversion.size or (self.conversion < 1).any() or not self.ready.size:
-            raise InputError("conversion must be 1 clock or more, and neither conversion nor ready empty")
+            raise InputError("conversion must be at least 1 clock; conversion and ready must not be empty")
 
 
 @dataclass(frozen=True)
@@ -222,7 +222,7 @@ class FrameRun:
     overruns : ndarray of int64, shape (missed,)
         Clocks of every frame_start that was missed (one before ``frame_overrun``).
     idle : bool
-        Whether nothing was under way at the end.
+        Whether the readout was idle at the end.
     """
 
     words: NDArray[np.void]

@@ -31,8 +31,8 @@ SHARED_FIELDS = (
 class FrameConfig:
     """All parameters of one frame readout. Immutable, validated on construction.
 
-    What it has in common with the spiking readout is set in ``readout`` and nowhere else: array, W, N, reset,
-    and the sample rate, which is the frame rate: every taxel is sampled once a frame.
+    ``readout`` contains all fields shared with the spiking readout: array, W, N, reset, and the sample rate. The sample
+    rate is the frame rate, because every taxel is sampled once per frame.
 
     Parameters
     ----------
@@ -43,8 +43,8 @@ class FrameConfig:
     settle_clocks : int
         Clocks from a new multiplexer setting to the start of the conversion, 1..1024.
     conversion_clocks : int or None
-        Clocks from ``adc_start`` to ``adc_done``, 1..1024, for which the clock frequency is laid out; the hardware
-        takes any. None stands for N + 1: one decision a clock, then the code.
+        Clocks from ``adc_start`` to ``adc_done``, 1..1024, assumed for the clock frequency; the hardware accepts any
+        number. None means N + 1: one decision per clock, then the code.
 
     Raises
     ------

@@ -88,7 +88,7 @@ def unpack(config: FrameConfig, words: NDArray[np.integer], sync: NDArray[Any] |
             raise InputError(f"words and sync must have one shape (words,), not {values.shape} and {np.shape(sync)}")
         wrong = np.flatnonzero(np.asarray(sync, bool) != (np.arange(len(values)) % length == 0))
         if len(wrong):
-            raise InputError(f"word {wrong[0]}: a frame of {length} words does not begin here, or sync is missing")
+            raise InputError(f"word {wrong[0]}: a frame of {length} words must not begin here, or sync is missing")
         values = values[: len(values) // length * length].reshape(-1, length)
     if values.ndim != 2 or values.shape[1] != length:
         raise InputError(f"words must have shape (frames, {length}), not {values.shape}")
@@ -96,7 +96,7 @@ def unpack(config: FrameConfig, words: NDArray[np.integer], sync: NDArray[Any] |
     bits = bits.reshape(len(values), length * config.word_bits)
     used = config.taxels * config.resolution
     if bits[:, used:].any():
-        raise InputError("a frame does not end in zeros; is it of another configuration?")
+        raise InputError("a frame does not end in zeros; check the configuration")
     codes = _from_bits(bits[:, :used].reshape(len(values), config.taxels, config.resolution)).astype(np.int64)
     return codes - (codes >> (config.resolution - 1) << config.resolution)
 

@@ -30,7 +30,7 @@ class HostRun(NamedTuple):
     miso, miso_enable : ndarray of uint8, shape (clocks,)
         The pins before every rising edge.
     stimulus : Stimulus
-        What the array saw: the masks and settings that came of the registers.
+        Inputs of the array: masks and settings from the registers.
     """
 
     events: Events
@@ -47,7 +47,7 @@ def play(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins]) -> Hos
     config : ReadoutConfig
         With ``registers="spi"``.
     stimulus : Stimulus
-        Its masks are those of ``taxel_enable``; without settings.
+        Stimulus with the masks of ``taxel_enable``, without settings.
     pins : sequence of Pins, one for every clock
 
     Raises

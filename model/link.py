@@ -41,8 +41,8 @@ def advance(state: NDArray[np.int64], clock: int, taken: bool, ack_delay: NDArra
     taken : bool
         An event is taken in this clock.
     ack_delay : ndarray of int64, shape (delays,)
-        From each edge of REQ to that of ACK, in quanta of 1/8 clock, used in turn; never a multiple of 8, so
-        ACK does not change at a clock edge.
+        Delays from each edge of REQ to the edge of ACK, in units of 1/8 clock, used cyclically. They are never a
+        multiple of 8, so ACK does not change at a clock edge.
     """
     if state[ACK_AT] == clock:
         state[ACK] = state[REQ]

@@ -45,19 +45,19 @@ class Stimulus:
     sample_clock : ndarray of int64, shape (ticks,)
         Clock of every sample tick, rising.
     clocks : int
-        Length of the run; what happens at this clock or later is not seen (a REQ that rises at an edge is seen
-        in the clock after it).
+        Length of the run. Actions in this clock or later are ignored (a REQ that rises at an edge is seen in the next
+        clock).
     enable_clock, enable : ndarray of int64, shape (changes,), and of bool, shape (changes, taxels)
-        Masks and the clocks from which on they hold; the first at clock 0.
+        Masks, and the clocks from which they are valid; the first at clock 0.
     ready : ndarray of uint8, shape (pattern,)
         ``event_ready`` per clock, repeated (stream link).
     ack_delay : ndarray of int64, shape (delays,)
         From each edge of REQ to that of ACK in 1/8 clock, repeated, never a multiple of 8 (four-phase link).
     decisions : ndarray of uint8, shape (clocks, taxels), optional
-        What the comparators found in every clock, 1 for above and 2 for below (analog front end): for comparators
-        whose offset, noise or hysteresis the samples do not tell. Without, they are those of the samples.
+        Decisions of the comparators in every clock, 1 for above and 2 for below (analog front end), for comparators
+        with offset, noise or hysteresis. By default they follow from the samples.
     settings : ndarray of SETTING_DTYPE, shape (changes,)
-        What a host sets, and the clocks from which on it holds; the first, if any, at clock 0 (``registers="spi"``).
+        Settings of a host, and the clocks from which they are valid; the first at clock 0 (``registers="spi"``).
     """
 
     samples: NDArray[np.int32]
@@ -88,7 +88,7 @@ class Stimulus:
         config : ReadoutConfig
         samples : integer ndarray, shape (ticks, taxels)
         clocks_per_sample : int, optional
-            By default that of the configuration.
+            Value of the configuration by default.
         clocks : int, optional
             Length of the run; by default one sample period for every sample.
         ready, ack_delay : ndarray, optional
@@ -124,7 +124,7 @@ class Stimulus:
             raise InputError("enable_clock must rise from 0")
         if self.decisions is not None:
             if config.frontend != "analog":
-                raise InputError("decisions are those of analog comparators; set frontend to analog")
+                raise InputError("decisions need the analog front end; set frontend to analog")
             if self.decisions.shape != (self.clocks, config.taxels):
                 raise InputError(f"decisions must have shape ({self.clocks}, {config.taxels}), a row for every clock")
         settings.check(config, self.settings)
@@ -249,7 +249,7 @@ class Parameters(NamedTuple):
     reset, top, bottom : int
         The reference after reset, and the ends of the scale, in 2**-fraction_bits codes.
     rule : NamedTuple
-        Of the encoder, with what a host has set.
+        Rule of the encoder, with a host's settings.
     """
 
     leaks: bool
@@ -285,7 +285,7 @@ class Parameters(NamedTuple):
 class Inputs(NamedTuple):
     """A stimulus for the compiled loop: the attributes of ``Stimulus``, and the phase of every row's leak.
 
-    ``decisions`` has no row where there are none.
+    ``decisions`` has no rows without decisions.
     """
 
     samples: NDArray[np.int32]
@@ -466,7 +466,7 @@ def decide(p: Any, y: int, todo: Any, tick: bool, leaks: bool, taxels: Any, rows
     todo : uint64
         Its taxels, those that have no request or whose request is taken in this clock count.
     tick, leaks : bool
-        The clock is that of a sample tick, and of a leak of the row.
+        True in the clock of a sample tick; true in the clock of a leak of the row.
     taxels, rows, latch : ndarray
         The registers.
     """

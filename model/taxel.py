@@ -1,18 +1,17 @@
 """Encode and decode taxel signals, integer-exact and without contention (docs/reference/encoders.md).
 
-A request is taken in the clock after it was raised, as with one taxel and a sink that is always ready. The
-model starts with the first sample: should the reference reset so far from 0 that it fires at the silent
-input before the first sample, those events are not seen here.
+A request is taken in the clock after it was raised, as with one taxel and a sink that is always ready. The model starts
+with the first sample. If the reset value of the reference is far enough from 0 to cause events before the first sample,
+these events are not modelled.
 
-A tick is a sample tick; its first decision falls in the clock after ``sample_valid``. The kernels take all
-decisions of a tick at once, in closed form.
+A tick is a sample tick; its first decision is in the clock after ``sample_valid``. The kernels compute all decisions of
+a tick at once, in closed form.
 
-All events of one tick have the same sign, and follow each other clock by clock. An event moves the reference
-to a level between itself and the sample, never beyond: ON needs x - u >= h and leaves x - u >= 0, which no
-later OFF (x - u < -h) follows; OFF needs x - u < -h and leaves x - u < 0, which no later ON (x - u >= h > 0)
-follows. So a sample, which lies on the scale, never takes the reference off it either. Only the
-first event may come late, in the second decision of the tick: where a window closed, or a reference leaked, in the
-first. ``encode_timed`` tells these ticks apart.
+All events of one tick have the same sign, and follow each other clock by clock. An event moves the reference to a level
+between itself and the sample, never beyond. ON needs x - u >= h and leaves x - u >= 0, so no OFF (x - u < -h) can
+follow. OFF needs x - u < -h and leaves x - u < 0, so no ON (x - u >= h > 0) can follow. A sample on the scale therefore
+never moves the reference off the scale. Only the first event may come late, in the second decision of the tick, if a
+window closed or a reference leaked in the first decision. ``encode_timed`` marks these ticks.
 """
 
 from __future__ import annotations
@@ -56,10 +55,10 @@ def encode(config: ReadoutConfig, samples: Samples, out: Counts | None = None) -
     config : ReadoutConfig
         Encoder and its parameters.
     samples : integer array, shape (ticks, taxels)
-        Codes of W bits. int16 in C order (W <= 16) is read in place; other types are converted.
-        LCS and CW-LCS take any number of taxels; N-LCS, whose leak depends on the row, ``config.taxels``.
+        Codes of W bits. int16 in C order (W <= 16) is read in place; other types are converted. LCS and CW-LCS accept
+        any number of taxels. N-LCS needs ``config.taxels``, because its leak depends on the row.
     out : array of the result's shape and type, optional
-        Where to write the result, to spare a new array.
+        Array for the result, to avoid a new one.
 
     Returns
     -------
@@ -101,14 +100,14 @@ def encode_timed(config: ReadoutConfig, samples: Samples) -> tuple[Counts, Flags
     Parameters
     ----------
     config, samples
-        As for ``encode``.
+        Same as for ``encode``.
 
     Returns
     -------
     counts : int16 or int32 array, shape (ticks, taxels)
-        As from ``encode``.
+        Same as from ``encode``.
     late : bool array, shape (ticks, taxels)
-        True where the first event falls in the second decision of the tick, since the window closed or the
+        True if the first event is in the second decision of the tick, because the window closed or the
         reference leaked in the first. Never true for LCS, nor with one decision per tick.
     """
     samples = _check_samples(config, samples)
@@ -124,7 +123,7 @@ def count_events(config: ReadoutConfig, samples: Samples) -> NDArray[np.int64]:
     Parameters
     ----------
     config, samples
-        As for ``encode``.
+        Same as for ``encode``.
     """
     samples = _check_samples(config, samples)
     ticks, taxels = samples.shape
@@ -152,7 +151,7 @@ def uncontended_events(config: ReadoutConfig, counts: Counts, late: Flags | None
     config : ReadoutConfig
         Gives the addresses and the clocks per sample.
     counts, late : arrays, shape (ticks, config.taxels)
-        From ``encode_timed``. ``late`` may be left out where it is never true.
+        Result of ``encode_timed``. ``late`` may be omitted if it is never true.
 
     Returns
     -------
@@ -186,7 +185,7 @@ def counts_of_events(config: ReadoutConfig, events: Events, ticks: int) -> tuple
     config : ReadoutConfig
         Gives the addresses and the clocks per sample.
     events : ndarray of EVENT_DTYPE, shape (events,)
-        In the order of their transfers.
+        Events in order of transfer.
     ticks : int
         Number of sample ticks.
 
@@ -212,19 +211,19 @@ def counts_of_events(config: ReadoutConfig, events: Events, ticks: int) -> tuple
 def decode(config: ReadoutConfig, counts: Counts, late: Flags | None = None) -> NDArray[np.float64]:
     """Return the reconstruction: the reference of the encoder at the end of every tick, exactly.
 
-    No event moves the reference off the scale: one that seems to, since it came late, does nothing here either.
+    No event moves the reference off the scale: a late event that would do so has no effect.
 
     Parameters
     ----------
     config : ReadoutConfig
         The encoder.
     counts, late : arrays, shape (ticks, taxels)
-        From ``encode_timed`` or ``counts_of_events``. ``late`` matters to CW-LCS deciding every clock only.
+        Result of ``encode_timed`` or ``counts_of_events``. ``late`` only matters for CW-LCS that decides every clock.
 
     Returns
     -------
     float64 array, shape (ticks, taxels)
-        In codes; every value is exact. ``error_bound`` says how far the samples can be.
+        Exact values in codes. ``error_bound`` limits the distance to the samples.
     """
     encoder = config.encoder
     counts, delay = _check_counts(config, counts, late, needed=encoder.timed)
@@ -239,8 +238,8 @@ def decode(config: ReadoutConfig, counts: Counts, late: Flags | None = None) -> 
 def error_bound(config: ReadoutConfig) -> tuple[float, float]:
     """Return (low, high): low <= x - u <= high at the end of every tick, in codes, for inputs within a limit.
 
-    The limit is ``slope_limit``, also for the step from the reference after reset to the first sample. The bounds of
-    every encoder stand in its ``error_bound`` (``model.encoders``).
+    The limit is ``slope_limit``, which also applies to the step from the reset value of the reference to the first
+    sample. ``error_bound`` of each encoder (``model.encoders``) defines its bound.
     """
     return config.encoder.error_bound(config)
 
@@ -262,7 +261,7 @@ class _Bank:
     Attributes
     ----------
     state : tuple of arrays, shape (taxels,)
-        As ``Encoder.ticks`` takes it.
+        State of all taxels, as for ``Encoder.ticks``.
     tick : int
         Ticks since reset.
     """

@@ -1,6 +1,6 @@
 """Compiled loops of ``model.taxel``, and the taxel's part of the loop of ``model.readout``, for every encoder.
 
-The rules themselves stand in ``model.encoders``.
+``model.encoders`` contains the rules.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ forget_stale_kernels(Path(__file__), compiled.sources())
 def taxel_dtype(config: ReadoutConfig) -> np.dtype[np.void]:
     """Return the type of a taxel's record: sample x, reference u, encoder state, and given.
 
-    u is in 2**-fraction_bits codes. ``given`` is what the comparators find in this clock: -1 where x says it, else 1
-    for above and 2 for below.
+    u is in 2**-fraction_bits codes. ``given`` is the comparators' decision in this clock: 1 for above and 2 for below,
+    or -1 to decide by x.
     """
     return np.dtype([(name, np.int64) for name in ("x", "u", *config.encoder.state, "given")])
 
@@ -37,11 +37,11 @@ def decide(p: Any, taxel: Any, tick: bool, leaks: bool) -> tuple[bool, bool, boo
     Parameters
     ----------
     p : Parameters
-        Of ``model.readout``.
+        Parameters of ``model.readout``.
     taxel : record of ``taxel_dtype``
         Changed in place.
     tick, leaks : bool
-        The clock is that of a sample tick, and of a leak of this taxel.
+        True in the clock of a sample tick; true in the clock of a leak of this taxel.
     """
     on, off = steps(p, taxel) if tick or not p.per_sample else (False, False)
     moved = compiled.move(p.rule, taxel, on, off, tick, leaks)

@@ -130,7 +130,7 @@ def encode_samples(
     samples = read_samples(path)
     if "sample_rate_hz" not in given:
         if samples.rate_hz is None:
-            raise InputError(f"{path} does not say its sampling rate; add --sample-rate HZ")
+            raise InputError(f"{path} contains no sampling rate; add --sample-rate HZ")
         config = config.replace(sample_rate_hz=samples.rate_hz)
     size_given = bool({"rows", "columns"} & set(given))
     values, rows, columns = fit_array(samples.values, config.rows, config.columns, size_given)
@@ -163,7 +163,7 @@ def _encode_prepared(
     found = read_set(path, options, config, given)
     if found.clipped and "scale" not in prepared and options.baseline == "none":
         raise InputError(
-            f"{path} has {found.clipped} values beyond full scale; take the baseline off with --baseline first, or "
+            f"{path} has {found.clipped} values beyond full scale; subtract the baseline with --baseline first, or "
             f"add --scale max"
         )
     metadata = {"input": "recording", "scale": found.scale, "baseline": options.baseline}
@@ -218,7 +218,7 @@ def read_image(path: Path) -> NDArray[Any]:
 
 def _gray(image: Image) -> NDArray[Any]:
     if image.mode == "F":
-        raise InputError("holds floats, whose scale no file states; save it with 8 or 16 bits")
+        raise InputError("contains floats of unknown scale; save it with 8 or 16 bits")
     if image.mode.startswith("I"):  # 16 bits, which a conversion to 8 would cut off instead of scaling
         return np.asarray(image, dtype=np.float64) / 257.0
     return np.asarray(image.convert("L"))
@@ -258,5 +258,5 @@ def _scale_factor(scale: str | None, values: NDArray[Any], config: ReadoutConfig
     except ValueError:
         factor = math.nan
     if not (math.isfinite(factor) and factor != 0):
-        raise InputError(f"--scale takes a number other than 0, or max, not {scale!r}")
+        raise InputError(f"--scale needs a number other than 0, or max, not {scale!r}")
     return factor

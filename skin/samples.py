@@ -38,9 +38,9 @@ class Samples:
     values : integer or float array, shape (ticks, taxels) or (ticks, rows, columns)
         Integers are codes, floats are in full scale (+-1.0).
     rate_hz : float or None
-        Sampling rate, where the file states one.
+        Sampling rate, if the file contains one.
     names : tuple of str
-        Names of the taxels, where a header has them.
+        Names of the taxels, if a header has them.
     """
 
     values: NDArray[Any]
@@ -51,9 +51,9 @@ class Samples:
 def read_samples(path: Path) -> Samples:
     """Return the samples of a .npy, .npz or .csv file.
 
-    A .npz holds one array, or one named ``samples`` among others; a scalar ``sample_rate_hz`` gives the rate.
-    A .csv has one line per sample tick, values separated by commas, optionally under one header line; it
-    holds codes if no number in it has a point or an exponent.
+    A .npz contains one array, or several with one named ``samples``; a scalar ``sample_rate_hz`` gives the rate. A .csv
+    has one line per sample tick with values separated by commas, and optionally a header line. It contains codes if no
+    number has a decimal point or an exponent.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def read_samples(path: Path) -> Samples:
     """
     read = {".npy": _read_npy, ".npz": _read_npz, ".csv": _read_csv}.get(path.suffix.lower())
     if read is None:
-        raise InputError(f"{path} is no array file; samples come as {', '.join(ARRAY_SUFFIXES)}")
+        raise InputError(f"{path} is not an array file; accepted are {', '.join(ARRAY_SUFFIXES)}")
     try:
         data = read_bytes(path, "the file of samples", MOST_TEXT_BYTES if read is _read_csv else MOST_UNPACKED)
     except OSError as error:
@@ -99,7 +99,7 @@ def _read_npz(path: Path, data: bytes) -> Samples:
     names = [_ARRAY] if _ARRAY in found else sorted(found)
     if len(names) != 1:
         held = ", ".join(names) if names else "nothing"
-        raise InputError(f"{path} holds {held}; name the array of samples {_ARRAY!r}")
+        raise InputError(f"{path} contains {held}; name the array of samples {_ARRAY!r}")
     return Samples(found[names[0]], None if rate is None else float(rate.reshape(())))
 
 
@@ -166,7 +166,7 @@ def fit_array(values: NDArray[Any], rows: int, columns: int, size_given: bool) -
     Raises
     ------
     InputError
-        If the values do not fit the array; its text says which size would do.
+        If the values do not fit the array; the text suggests a size.
     """
     shape = values.shape[1:]
     flat = values.reshape(len(values), -1)
@@ -175,11 +175,11 @@ def fit_array(values: NDArray[Any], rows: int, columns: int, size_given: bool) -
     elif shape not in ((rows, columns), (rows * columns,)):
         if len(shape) == 2:
             raise InputError(
-                f"the samples are of {shape[0]} x {shape[1]} taxels, the array has {rows} x {columns}; "
+                f"the samples have {shape[0]} x {shape[1]} taxels, but the array has {rows} x {columns}; "
                 f"use --rows {shape[0]} --columns {shape[1]}"
             )
         raise InputError(
-            f"the samples have {shape[0]} columns, the array has {rows} x {columns} = {rows * columns} "
+            f"the samples have {shape[0]} columns, but the array has {rows} x {columns} = {rows * columns} "
             f"taxels; {_suggest_size(shape[0])}"
         )
     return flat, rows, columns

@@ -1,7 +1,7 @@
 """Adam with decoupled weight decay (Kingma and Ba 2015; Loshchilov and Hutter 2019).
 
-The steps, the bits and the checkpoints are those of ``torch.optim.AdamW``; that one loads torch's compiler before its
-first step, which takes as long as all of torch, or as some 20 epochs.
+Steps, bits and checkpoints equal those of ``torch.optim.AdamW``. That class loads torch's compiler before its first
+step, which takes as long as loading torch, or as some 20 epochs.
 """
 
 from __future__ import annotations
@@ -65,6 +65,6 @@ class Adam:
             parameter = self.parameters[number]
             moments = {name: state[name].to(parameter, copy=True) for name in ("exp_avg", "exp_avg_sq")}
             if any(moment.shape != parameter.shape for moment in moments.values()):
-                raise ValueError("the optimizer's moments are of other weights")
+                raise ValueError("the optimizer's moments belong to other weights")
             found[number] = {"step": torch.tensor(float(state["step"])), **moments}
         self.state = found

@@ -1,9 +1,9 @@
 """Calibrate a network on its training scans before training: input scale and initial biases.
 
-Integrate-and-fire neurons without a leak whose input has a negative mean stay at the floor, where they never fire and
-no gradient reaches them. With the biases set here each neuron starts at a given mean rate, as a data-dependent
-initialisation does for deep networks (D. Mishkin, J. Matas, "All you need is a good init", ICLR 2016). The network is
-the same; only its starting point differs.
+Integrate-and-fire neurons without a leak whose input has a negative mean stay at the floor: they never fire and receive
+no gradient. With the biases set here each neuron starts at a given mean rate, similar to data-dependent initialisation
+of deep networks (D. Mishkin, J. Matas, "All you need is a good init", ICLR 2016). Only the starting point of the
+network differs.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def calibrate(network: nn.Module, scans: Tensor) -> None:
     Parameters
     ----------
     network : nn.Module
-        As ``build`` returns it. ``network.config`` gets the numbers found.
+        Network from ``build``. ``network.config`` receives the resulting numbers.
     scans : shape (steps, scans, inputs)
         Training scans; the same scans give the same numbers.
     """

@@ -88,14 +88,14 @@ def load_checkpoint(path: Path, training: Training, key: str) -> None:
     try:
         content = torch.load(path, map_location="cpu", weights_only=True)
         if content["format"] != CHECKPOINT_FORMAT:
-            raise InputError(f"checkpoint {path} has another format; remove it to start anew")
+            raise InputError(f"checkpoint {path} has another format; remove it to start again")
         if content["key"] != key:
             there = json.loads(content["key"])
             if not isinstance(there, dict):
                 raise ValueError
             found = "; ".join(_differences(there, json.loads(key)))
             raise OtherTraining(
-                f"checkpoint {path} is of another configuration ({found}); "
+                f"checkpoint {path} belongs to another configuration ({found}); "
                 f"remove it or choose another folder with --out"
             )
         training.network.load_state_dict(content["network"])
@@ -109,7 +109,7 @@ def load_checkpoint(path: Path, training: Training, key: str) -> None:
         raise
     except (OSError, RuntimeError, EOFError, LookupError, TypeError, ValueError, AttributeError, RecursionError,
             pickle.UnpicklingError, zipfile.BadZipFile):  # fmt: skip
-        raise InputError(f"checkpoint {path} is damaged; remove it to start anew") from None
+        raise InputError(f"checkpoint {path} is damaged; remove it to start again") from None
 
 
 def _check_sound(training: Training) -> None:
@@ -118,7 +118,7 @@ def _check_sound(training: Training) -> None:
     for state in training.optimizer.state_dict()["state"].values():
         tensors += [value for value in state.values() if isinstance(value, torch.Tensor)]
     if not all(torch.isfinite(tensor).all() for tensor in tensors):
-        raise ValueError("a weight or what the optimizer keeps is no finite number")
+        raise ValueError("a weight or a moment of the optimizer is not finite")
     if [epoch.number for epoch in training.history] != list(range(1, len(training.history) + 1)):
         raise ValueError("its epochs are not numbered")
     for epoch in training.history:

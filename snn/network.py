@@ -27,7 +27,7 @@ class Output(NamedTuple):
     logits : shape (scans, classes)
         Go into the SoftMax.
     penalty : shape ()
-        To be added to the loss.
+        Penalty, added to the loss.
     rate : float
         Mean spikes per step and hidden neuron; of the baselines 0.
     """
@@ -52,7 +52,7 @@ def build(config: NetworkConfig, seed: int, backend: Backend = "auto") -> nn.Mod
                 return SpikingNetwork(config, backend)
             return ConvolutionalNetwork(config) if config.kind == "cnn" else RecurrentBaseline(config)
         except RuntimeError:  # torch cannot hold its tensors
-            raise MemoryError(f"a network with hidden={config.hidden} is too large; take fewer") from None
+            raise MemoryError(f"a network with hidden={config.hidden} is too large; use fewer") from None
 
 
 class SpikingNetwork(nn.Module):
@@ -192,8 +192,8 @@ def _scaled(config: NetworkConfig, x: Tensor) -> Tensor:
     """Return the scaled input, or raise InputError if it has another number of channels."""
     if x.ndim != 3 or x.shape[2] != config.inputs:
         raise InputError(
-            f"the network takes {config.inputs} channels, the scans have {x.shape[-1]}; "
-            f"they come from another array, encoding or time step"
+            f"the network has {config.inputs} input channels, but the scans have {x.shape[-1]}; "
+            f"use scans with the same array, encoding and time step"
         )
     if isinstance(config.units, BaselineConfig) and config.units.input_offset:
         x = x - config.units.input_offset

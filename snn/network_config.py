@@ -26,8 +26,8 @@ class SpikingConfig:
     Parameters
     ----------
     hidden_rate, output_rate : float
-        Where not 0, training starts from biases with which every hidden neuron fires this often per step, and every
-        output neuron is driven by this much of its threshold (``snn.calibration``).
+        If not 0, training starts from biases with which every hidden neuron fires this often per step, and the mean
+        input of every output neuron is this fraction of its threshold (``snn.calibration``).
     decay, output_decay : float
         Part of the membrane potential left after one step; 1 is the paper's neuron without leak.
     learn_decay : bool
@@ -36,8 +36,8 @@ class SpikingConfig:
     readout : "spikes" or "membrane"
         The outputs fire and their spikes are added up; or their membranes do not fire and are averaged over time.
     weight_bits : int
-        Where not 0, the network computes with weights rounded to so many bits, as ``eskin quantise`` does
-        it, and learns through the rounding (straight-through).
+        If not 0, the network computes with weights rounded to this many bits, like ``eskin quantise``, and gradients
+        pass through the rounding (straight-through).
     rate_weight, rate_limit : float
         Penalty: weight times the mean over hidden neurons of the square by which their mean spikes per step
         exceed the limit.
@@ -110,15 +110,15 @@ class NetworkConfig:
     hidden : int
         Neurons or units of the hidden layer.
     input_scale : float
-        What comes in is multiplied by it.
+        Factor of the input.
     input_rms : float
-        Where not 0, training sets the scale such that its scans come in with this root mean square.
+        If not 0, training scales the input of its scans to this root mean square.
     output_scale : float
-        What enters the SoftMax is multiplied by it.
+        Factor of the input of the SoftMax.
     dropout : float
         Probability with which a hidden neuron does not reach the outputs, during a whole training scan.
     units : SpikingConfig or BaselineConfig
-        What the network is made of.
+        Configuration of the network's kind.
     """
 
     inputs: int
@@ -165,7 +165,7 @@ class NetworkConfig:
         Raises
         ------
         InputError
-            If there is an unknown field, or one of the wrong type or out of range.
+            If a field is unknown, has the wrong type, or is out of range.
         """
         refuse_unknown(fields, FIELDS, "network")
         if missing := [name for name in ("inputs", "classes") if name not in fields]:

@@ -20,7 +20,7 @@ class Grid(NamedTuple):
     Attributes
     ----------
     step : float
-        What a weight of 1 stands for.
+        Value of an integer weight of 1.
     largest : int
         The largest multiple, to both sides.
     """

@@ -1,7 +1,8 @@
 """Train a network, with checkpoints from which a training continues with the same result.
 
-All that is random in an epoch (order, augmentation, dropout) is drawn from the seed and the number of the epoch, so
-that a checkpoint needs no generator state, and an interrupted training ends in the same bits as one in one piece.
+All random numbers of an epoch (order, augmentation, dropout) derive from the seed and the number of the epoch. A
+checkpoint therefore needs no generator state, and an interrupted training ends with the same bits as an uninterrupted
+one.
 """
 
 from __future__ import annotations
@@ -52,9 +53,9 @@ def train(
     network_config, train_config, seed
         With the split they fix the result.
     checkpoint : Checkpoint, optional
-        Where to go on from, and what to write.
+        Checkpoint to load and to write.
     device : str
-        As torch names it.
+        Device name of torch.
     progress : callable, optional
         Called with every Epoch of this run.
 
@@ -145,7 +146,7 @@ def _epoch(
         largest = max(largest, norm)
     if not all(torch.isfinite(parameter).all() for parameter in network.parameters()):
         raise DivergedError(
-            f"the training diverged in epoch {number + 1}: a weight is no number; lower the learning rate"
+            f"the training diverged in epoch {number + 1}: a weight is not a number; lower the learning rate"
         )
     count = len(order)
     silent = int((seen == 0).sum())
@@ -205,8 +206,8 @@ def check_fits(config: NetworkConfig, data: ScanData) -> None:
     """Refuse a network whose inputs or classes differ from those of the data."""
     if config.inputs != data.channels:
         raise InputError(
-            f"the network takes {config.inputs} channels, the scans have {data.channels} ({data.taxels} taxels); "
-            f"they come from another array, encoding or time step"
+            f"the network has {config.inputs} input channels, but the scans have {data.channels} "
+            f"({data.taxels} taxels); use scans with the same array, encoding and time step"
         )
     if config.classes != len(data.class_names):
-        raise InputError(f"the network knows {config.classes} classes, the data have {len(data.class_names)}")
+        raise InputError(f"the network has {config.classes} classes, but the data have {len(data.class_names)}")

@@ -49,7 +49,7 @@ class TrainConfig:
     balanced : bool
         Every class weighs the same in the loss, however many scans it has.
     augment : AugmentConfig
-        What is changed at random in every scan.
+        Random changes of every scan.
     """
 
     epochs: int = 100
@@ -103,11 +103,11 @@ class Epoch:
     Attributes
     ----------
     number : int
-        From 1.
+        Number, from 1.
     loss : float
         Mean cross-entropy over the training scans, penalty included.
     accuracy : float
-        Of the training scans while they were learned.
+        Accuracy on the training scans during the epoch.
     held_out : float or None
         Accuracy on the images that were held out for selection or display.
     rate : float

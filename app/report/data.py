@@ -39,7 +39,7 @@ class Run:
     verdict : str
         Result of the comparison, one sentence.
     equal : bool or None
-        None where nothing is compared.
+        Whether RTL and model are equal; None without comparison.
     model : Recording
     rtl : Recording, optional
     samples : float array, shape (ticks, taxels), optional
@@ -71,7 +71,7 @@ class Run:
 def load_runs(folder: Path) -> tuple[list[Run], list[str]]:
     """Return all runs of ``make sim`` in a folder, and sentences on missing files.
 
-    Without any run, the model alone encodes the beginning of an embedded texture.
+    Without runs, the model encodes the beginning of an embedded texture.
 
     Raises
     ------
@@ -234,14 +234,14 @@ def report_data(
 ) -> tuple[Data, list[Run]]:
     """Return all data of the page, and the recordings of its pictures.
 
-    ``missing`` of the data says, by section, what is not there and how to make it.
+    ``missing`` lists, by section, missing files and the commands that make them.
 
     Parameters
     ----------
     sim, replay, benchmarks : Path
-        Folders; what is not in them is left out.
+        Folders; missing files are omitted.
     accuracy : Path
-        File of Fig. 9; left out where there is none.
+        File of Fig. 9; omitted if missing.
     synthesis : sequence of Path
         Synthesis reports, which ``consistent`` mode then uses.
     """

@@ -35,7 +35,7 @@ SYNTHESIS_UNITS = {"leakage_w": "W", "clock_power_w_per_hz": "W/Hz", "energy_per
 def runs_in(folder: Path) -> tuple[Path, Path]:
     """Return the folders of ``make sim`` and ``make replay`` runs with this folder as OUT.
 
-    They lie in it, or in ``sim`` and ``replay`` in it as in ``out``.
+    They are in this folder, or in its folders ``sim`` and ``replay``, as in ``out``.
     """
     inner = (folder / "sim", folder / "replay")
     return tuple(place if place.is_dir() else folder for place in inner)  # type: ignore[return-value]

@@ -27,12 +27,12 @@ def write_results(
     out, data_out : Path
         Folders of the picture and of the data; made if they are not there.
     command : str
-        What was typed; the data say it, with commit and date.
+        The typed command, stored in the data with commit and date.
 
     Returns
     -------
     str
-        What was written, for the user.
+        Sentence on the written files, for the user.
     """
     data_out = data_out or out
     for folder in (out, data_out):

@@ -1,7 +1,7 @@
 """Place marks side by side instead of over each other, and labels where they cover nothing.
 
-All in the points of a page (1/72 inch), so that the data themselves are drawn as they are. Call it when the layout
-stands: the axes must not change their size afterwards.
+All coordinates are points of the page (1/72 inch), so that the data are drawn unchanged. Call it when the layout is
+final: the axes must not change their size afterwards.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def place_label(panel: Axes, label: Annotation, own: Box, taken: Taken, sides: s
     own : Box
         The mark with its bar.
     sides : str
-        Of "above", "below", "right" and "left" in the order in which they are tried, separated by blanks.
+        Some of "above", "below", "right" and "left", in the order of trial, separated by blanks.
     """
     scale = 72 / panel.figure.dpi
     size = label.get_window_extent()

@@ -31,9 +31,9 @@ class Needs:
     Attributes
     ----------
     packages : tuple of str
-        Of this project, by the files in them.
+        Packages of this project, compared by their source files.
     libraries : tuple of str
-        By their versions.
+        Libraries, compared by version.
     """
 
     packages: tuple[str, ...] = ("base", "model", "skin", "power")
@@ -60,7 +60,7 @@ class Cluster:
     Parameters
     ----------
     address : str
-        As ``distributed.Client`` takes it: tcp://HOST:PORT.
+        Address for ``distributed.Client``: tcp://HOST:PORT.
     needs : Needs
 
     Raises
@@ -154,7 +154,9 @@ class Cluster:
     def check(self) -> None:
         """Raise an error if the scheduler is gone."""
         if self._client.status != "running":
-            raise InputError(f"the scheduler {self.address} went away; the same command goes on with what is left")
+            raise InputError(
+                f"the scheduler {self.address} disappeared; the same command continues with the remaining work"
+            )
 
     def __enter__(self) -> Cluster:
         return self
@@ -186,7 +188,7 @@ async def _find_scheduler(address: str) -> None:
 def _check_version(found: str, wanted: str, where: str) -> None:
     if found != wanted:
         raise InputError(
-            f"{where} has another version of this project or its libraries ({found}; here {wanted}); "
+            f"{where} has a different version of this project or its libraries ({found}; here {wanted}); "
             f"install the same on both and start the worker again"
         )
 

@@ -1,7 +1,7 @@
 """Do work in this process, in local threads or processes, or on a Dask cluster (``cluster``).
 
-A piece of work is one call of a function that a process can find by its module and name. Results depend on its
-arguments alone, so all pools give the same. A process that dies costs nothing but time: its work is done again.
+A piece of work is one call of a function that a process can find by module and name. Results depend only on the
+arguments, so all pools give equal results. If a process dies, its work is repeated.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Shared:
     Attributes
     ----------
     name : str
-        Under which a pool keeps it.
+        Name under which a pool stores the value.
     packed : bytes
     """
 
@@ -235,7 +235,7 @@ def each(
     ----------
     pool : WorkerPool
     work : callable
-        As ``WorkerPool.submit`` takes it.
+        Function, as for ``WorkerPool.submit``.
     jobs : iterable of tuple
         The arguments of each call, made when it is due.
     shared : Shared, optional
@@ -282,9 +282,9 @@ def sentence(error: BaseException) -> str | None:
     if isinstance(error, InputError):
         return str(error)
     if isinstance(error, BrokenProcessPool):
-        return "a worker process died, perhaps for want of memory; take fewer --workers"
+        return "a worker process died, perhaps from lack of memory; use fewer --workers"
     if type(error).__name__ == "KilledWorker":
-        return "the workers that ran it died, one after the other, perhaps for want of memory"
+        return "the workers that ran it died, one after the other, perhaps from lack of memory"
     if type(error).__name__ == "FutureCancelledError":
-        return "the scheduler lost it; the same command runs it again"
+        return "the scheduler lost the work; the same command repeats it"
     return None

@@ -1,1 +1,1 @@
-"""What runs inside the simulator: pins, drivers, receivers, scoreboards, references, stimuli."""
+"""Code that runs inside the simulator: pins, drivers, receivers, scoreboards, references, stimuli."""

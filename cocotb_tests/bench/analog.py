@@ -1,4 +1,4 @@
-"""The comparators of the analog front end in the harness: what is not ideal about them, and what they found."""
+"""Model the comparators of the analog front end in the harness: their faults and their decisions."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ FRACTION_BITS, SIGNAL_BITS_MORE = 4, 6
 
 @dataclass(frozen=True)
 class Comparators:
-    """Comparators with faults, all in 1/16 code; by default ideal ones.
+    """Comparators with faults, all in 1/16 code; ideal by default.
 
     Attributes
     ----------
     offset : ndarray of int64, shape (2, taxels), optional
-        Of the comparators above, and of those below.
+        Offsets of the comparators above, and of those below.
     noise : int
         Largest value of a noise that is even, and new in every clock.
     hysteresis : int
-        By which a signal must come back until a comparator that is high falls.
+        Distance by which a signal must return before a high comparator falls.
     seed : int
-        Of the noise, not 0.
+        Seed of the noise, not 0.
     """
 
     offset: NDArray[np.int64] | None = None
@@ -36,20 +36,20 @@ class Comparators:
     seed: int = 1
 
     def write(self, config: ReadoutConfig, folder: Path, record: bool) -> None:
-        """Write comparators.bin (see harness.v); with ``record`` the harness writes what they find."""
+        """Write comparators.bin (see harness.v); with ``record`` the harness writes their decisions."""
         offset = np.zeros((2, config.taxels), np.int64) if self.offset is None else self.offset
         words = np.concatenate([[self.noise, self.hysteresis, self.seed, record], offset.ravel()])
         (folder / "comparators.bin").write_bytes(words.astype(">i4").tobytes())
 
 
 def signal_of(samples: NDArray[np.integer]) -> NDArray[np.int64]:
-    """Return analog signals that lie by chance between each sample's code and the next, in 1/16 code."""
+    """Return analog signals at random positions between each sample's code and the next, in 1/16 code."""
     fraction = np.random.default_rng(samples.size).integers(0, 1 << FRACTION_BITS, samples.shape)
     return (samples.astype(np.int64) << FRACTION_BITS) + fraction
 
 
 def read_decisions(config: ReadoutConfig, folder: Path) -> NDArray[np.uint8]:
-    """Return what the comparators found in every clock, shape (clocks, taxels), as ``Stimulus.decisions``."""
+    """Return the comparators' decisions in every clock, shape (clocks, taxels), as ``Stimulus.decisions``."""
     words = (folder / "decisions.txt").read_text().split()
     digits = -(-config.taxels // 4)
     nibbles = np.array([[int(digit, 16) for digit in word.zfill(digits)] for word in words], np.uint8)

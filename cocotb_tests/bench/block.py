@@ -1,4 +1,4 @@
-"""What the block-level tests share: pins and clock of a block, a checker, and how a test reaches the simulator."""
+"""Common parts of block-level tests: pins and clock, a checker, and the connection to the simulator."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ JOB = "ESKIN_BLOCK_JOB"
 
 
 class BlockMismatch(AssertionError):
-    """A block differs from its reference, or breaks its contract; the text says when, where and how."""
+    """A block differs from its reference or violates its contract; the text gives time, place and cause."""
 
 
 class Block:
-    """A block under test: its pins, and the clock, which the bench makes itself.
+    """A block under test: its pins, and the clock made by the bench.
 
-    Within a clock everything has its fixed place, so that all simulators see the same: inputs change after the
+    Everything has a fixed place within a clock, so that all simulators behave equally: inputs change after the
     falling edge, settle, are checked, and only then comes the rising edge.
 
     Attributes
@@ -45,19 +45,19 @@ class Block:
         self.dut.clk.value = 0
 
     def pin(self, name: str) -> Any:
-        """Return the handle of a port, None if this configuration does not have it."""
+        """Return the handle of a port, or None if this configuration lacks it."""
         if name not in self.pins:  # looked for once: the simulator takes long to answer, above all to say no
             self.pins[name] = getattr(self.dut, name, None)
         return self.pins[name]
 
     def drive(self, **values: int) -> None:
-        """Set inputs; those that this configuration does not have are left out."""
+        """Set inputs; ignore inputs that this configuration lacks."""
         for name, value in values.items():
             if (pin := self.pin(name)) is not None:
                 pin.value = int(value) & (1 << len(pin)) - 1
 
     def read(self, name: str) -> int:
-        """Return an output as an unsigned number; 0 for one that this configuration does not have."""
+        """Return an output as an unsigned number; 0 if this configuration lacks it."""
         if (pin := self.pin(name)) is None:
             return 0
         value = str(pin.value)  # a text costs nothing, an array of logic values most of the run
@@ -94,7 +94,7 @@ class Block:
 
 
 class Checker:
-    """Holds what a block does to what it shall do, and counts every check by its name."""
+    """Compare a block with its expected behaviour, and count every check by name."""
 
     def __init__(self, block: Block) -> None:
         self.block = block
@@ -154,5 +154,5 @@ def job() -> tuple[ReadoutConfig, random.Random]:
 
 
 def report(counts: Counter[str]) -> None:
-    """Leave the counts for pytest."""
+    """Write the counts for pytest."""
     Path("counts.json").write_text(json.dumps(counts))

@@ -1,4 +1,4 @@
-"""What comes out of a chip in the harness, and the two models that it is held to, with the events between them."""
+"""Compare a chip in the harness with the models of readout and classifier."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ OF_A_BIN = "clock, class, overrun, stalls, sum of hidden potentials and spikes, 
 
 @dataclass(frozen=True)
 class ChipRun:
-    """What came out of a chip during a scan.
+    """The outputs of a chip during a scan.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class ChipRun:
 
     @classmethod
     def read(cls, config: ClassifierConfig, folder: Path, left: int) -> ChipRun:
-        """Return what the harness recorded in a folder; ``left`` is its signal."""
+        """Return the harness's records in a folder; ``left`` is its signal."""
         events = np.fromfile(folder / "events.txt", np.int64, sep=" ").reshape(-1, 3)
         spikes = np.fromfile(folder / "spikes.txt", np.int64, sep=" ").reshape(-1, 2)
         classes = []
@@ -75,12 +75,12 @@ class ChipRun:
         return (change.cumsum()[:clocks] == 0).astype(np.uint8)
 
     def events(self, config: ChipConfig) -> Events:
-        """Return the events with the addresses that their channels stand for."""
+        """Return the events with the addresses of their channels."""
         return events_of(config, self.taken, self.channel)
 
 
 class ChipBench:
-    """A chip in its harness, one scan after the other, held to the models of readout and classifier."""
+    """A chip in its harness, compared with the models of readout and classifier in every scan."""
 
     def __init__(self, dut: Any, config: ChipConfig, network: IntegerNetwork, folder: Path) -> None:
         self.dut, self.config, self.folder = dut, config, folder
@@ -89,13 +89,13 @@ class ChipBench:
         write_weights(self.network, folder)
 
     async def check(self, samples: NDArray[Any], again: str) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """Play samples, shape (ticks, taxels), and hold all that comes out to the models.
+        """Play samples, shape (ticks, taxels), and compare all outputs with the models.
 
         Returns
         -------
         found : dict
-            The class after the last whole bin, ``ideal``, which the network gives where no event waits and
-            a bin's events are exactly those of its time, and what was counted on the way.
+            The class after the last complete bin; ``ideal``, the class without waiting events and with exact bins; and
+            the counts of the run.
         recorded : dict of arrays
             Events (``taken``, ``channel``), hidden ``spikes`` (bin, neuron), clocks of the classes (``valid``) and
             their ``evidence``.
@@ -114,10 +114,10 @@ class ChipBench:
         if errors:
             raise Mismatch(f"{errors} breaches of the protocol between readout and classifier; reproduce: {again}")
         if not len(run.taken):
-            raise Mismatch(f"no event at all, so nothing was compared; reproduce: {again}")
+            raise Mismatch(f"there was no event, so nothing was compared; reproduce: {again}")
         model = hold(self.config, self.network, stimulus, run, again)
         if len(run.classes) != whole:
-            raise Mismatch(f"{len(run.classes)} classes came of {whole} bins; reproduce: {again}")
+            raise Mismatch(f"{len(run.classes)} classes came from {whole} bins; reproduce: {again}")
         evidence, _ = self.network.run_counts(
             counts_of(self.config, simulate(self.config.readout, stimulus), whole)[None]
         )
@@ -149,7 +149,7 @@ def counts_of(config: ChipConfig, events: Events, whole: int) -> NDArray[np.int6
 
 
 def network_of(chip: ChipConfig) -> IntegerNetwork:
-    """Return a network of random weights under which neurons and classes come and go."""
+    """Return a network of random weights for which neurons and classes change often."""
     rng, config = np.random.default_rng(1), chip.classifier
     return IntegerNetwork(
         config,
@@ -168,10 +168,10 @@ def write_weights(network: IntegerNetwork, folder: Path) -> None:
 
 
 def hold(config: ChipConfig, network: IntegerNetwork, stimulus: Stimulus, run: ChipRun, again: str) -> ClassifierRun:
-    """Hold a run to both models and return the classifier's; raise Mismatch at the first difference.
+    """Compare a run with both models and return the classifier's run; raise Mismatch at the first difference.
 
-    The readout's model is given the clocks in which the classifier was not ready; these in turn are held to the
-    classifier's model, which is given the clocks in which the readout offered its events.
+    The readout's model receives the clocks in which the classifier was not ready. These clocks are compared with the
+    classifier's model, which receives the clocks in which the readout offered its events.
     """
     from eskin.model.events.compare import first_difference
     from eskin.model.readout import simulate
@@ -197,7 +197,7 @@ def hold(config: ChipConfig, network: IntegerNetwork, stimulus: Stimulus, run: C
 
 
 def mixed(potentials: NDArray[np.int64], spikes: NDArray[np.int64]) -> int:
-    """Return the sum over neurons in which the place of each counts, as the harness makes it."""
+    """Return a position-weighted sum over neurons, as computed by the harness."""
     total = 0
     for value in (2 * potentials + spikes).tolist():
         total = (total * FACTOR + value + ADDED) & MASK
@@ -205,7 +205,7 @@ def mixed(potentials: NDArray[np.int64], spikes: NDArray[np.int64]) -> int:
 
 
 def _same(what: str, expected: list[Any], got: list[Any], again: str) -> None:
-    """Raise Mismatch where two lists first differ."""
+    """Raise Mismatch at the first difference of two lists."""
     if expected == got:
         return
     at = next((n for n, (a, b) in enumerate(zip(expected, got, strict=False)) if a != b), min(len(expected), len(got)))

@@ -1,4 +1,4 @@
-"""What drives and watches the classifier in the simulator: a source of events, ends of bins, and the model beside."""
+"""Drive and watch the classifier in the simulator: a source of events, ends of bins, and the model."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ STALL_END = 2**24 - 1
 
 @dataclass
 class Stimulus:
-    """A scan: events (clock from which each is offered, channel), clocks of ``bin_end``, and how long it lasts."""
+    """A scan: events (clock from which each is offered, channel), clocks of ``bin_end``, and length."""
 
     events: list[tuple[int, int]]
     ends: list[int]
@@ -28,14 +28,14 @@ class Stimulus:
 
 @dataclass
 class Seen:
-    """What came out of the classifier during a scan.
+    """The outputs of the classifier during a scan.
 
     Attributes
     ----------
     accepted : list of int
         Clocks in which an event was taken.
     hidden, outputs : list of (index, potential, spike)
-        In the order in which they came.
+        Neurons in order of arrival.
     classes : list of (clock, class, evidence)
         At every ``class_valid``.
     overrun : list of int
@@ -53,7 +53,7 @@ class Seen:
 
 
 class ClassifierBench:
-    """A classifier between a source of events and a clock of bins; every scan is held to the model when it is over."""
+    """A classifier with a source of events and bin ends; every scan is compared with the model."""
 
     def __init__(self, dut: Any, config: ClassifierConfig, rng: random.Random) -> None:
         self.config, self.rng = config, rng
@@ -68,7 +68,7 @@ class ClassifierBench:
         await load_words(self.block, network, self.rng)
 
     async def play(self, stimulus: Stimulus, reset: bool) -> None:
-        """Play a scan, begun by a reset or by ``scan_start``, and hold all that came out to the model."""
+        """Play a scan after a reset or ``scan_start``, and compare all outputs with the model."""
         if reset:
             await self.block.reset(self.rng.randint(1, 3))
             self.check.counts["resets"] += 1
@@ -144,7 +144,7 @@ class ClassifierBench:
 
     @staticmethod
     def _stalls(stimulus: Stimulus, run: ClassifierRun) -> list[int]:
-        """Return the count of stalls in every clock: of the waits that lie before it."""
+        """Return the stall count in every clock, from the waits before it."""
         waits = np.zeros(stimulus.clocks + 1, np.int64)
         begin = 0
         for (offered, _), taken in zip(stimulus.events, [*run.accepted, stimulus.clocks], strict=False):

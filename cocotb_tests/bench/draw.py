@@ -1,7 +1,7 @@
-"""Configurations and stimuli drawn at random: the same seed gives the same run, and any part of it may be set.
+"""Draw configurations and stimuli from a seed; every part can also be set.
 
-Every part has a stream of numbers of its own, so that a part that is set, as when a failure is made small, leaves the
-others as they are.
+Every part has its own stream of random numbers, so that setting a part, for example to simplify a failure, does not
+change the others.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ Set = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Draw:
-    """A run drawn at random; a shorter one is the beginning of a longer one.
+    """A random run; a shorter run is the beginning of a longer one.
 
     Attributes
     ----------
     seed : int
     clocks : int
     run : int
-        Of the runs of one configuration.
+        Number of the run of one configuration.
     set : mapping
         Parts that are not drawn: fields of the configuration, ``signal``, ``gap``, ``sink``, ``masks`` (how often
         the mask changes in a thousand clocks), ``share`` (of the taxels that a mask enables, 0.7 if not set).
@@ -59,11 +59,11 @@ class Draw:
     most_taxels: int = MOST_TAXELS
 
     def rng(self, part: str) -> np.random.Generator:
-        """Return the random numbers of a part of the stimulus."""
+        """Return the random numbers for a part of the stimulus."""
         return np.random.default_rng([self.seed, self.run, zlib.crc32(part.encode())])
 
     def _drawn(self, part: str, values: Any) -> Any:
-        """Return what is set for a part, or one of some values: of the configuration for all runs, or of this one."""
+        """Return the set value of a part, or a random one of some values, for all runs or for this one."""
         if part in self.set:
             return self.set[part]
         rng = np.random.default_rng([self.seed, zlib.crc32(part.encode())]) if part in FIELDS else self.rng(part)
@@ -113,7 +113,7 @@ class Draw:
 
     @property
     def stimulus(self) -> Stimulus:
-        """What happens at the inputs."""
+        """The inputs."""
         config, clocks = self.config, self.clocks
         gap = self._drawn("gap", GAPS)
         signal = self._drawn("signal", SIGNALS)
@@ -144,7 +144,7 @@ class Draw:
         )
 
     def _samples(self, config: ReadoutConfig, signal: str, ticks: int) -> NDArray[np.int32]:
-        """Return codes of all ticks and taxels; an analog signal may leave the scale, and lies off it by an offset."""
+        """Return codes of all ticks and taxels; an analog signal may leave the scale by an offset."""
         scale = config.full_scale * (ANALOG_RANGE if config.frontend == "analog" else 1)
         samples = _MAKERS[signal](config, ticks, self.rng("samples"))
         if config.frontend == "analog":
@@ -181,7 +181,7 @@ def _near(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> NDArra
 
 
 def _rare(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> NDArray[np.integer]:
-    """Return a skin at rest, of which now and then one taxel moves."""
+    """Return a skin at rest on which a single taxel moves now and then."""
     moves = np.where(rng.random((ticks, config.taxels)) < 0.3 / config.taxels, 1, 0)
     return np.cumsum(moves, axis=0) * 3 * config.step % config.full_scale
 

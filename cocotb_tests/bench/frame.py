@@ -1,4 +1,4 @@
-"""What drives and watches the frame readout in the simulator: a behavioural ADC, a receiver, and the model beside."""
+"""Drive and watch the frame readout in the simulator: a behavioural ADC, a receiver, and the model."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class SarAdc:
     timing : "fixed", "random" or "level"
         N + 1 clocks; 1 to 2 N clocks; or N + 1 clocks with ``adc_done`` and the code held until the next start.
     rng : random.Random
-        Also for the code while it means nothing.
+        Source of randomness, also of the code while it is invalid.
     """
 
     TIMINGS = ("fixed", "random", "level")
@@ -67,7 +67,7 @@ class SarAdc:
 
 
 class FrameBench:
-    """A frame readout between an array, an ADC and a receiver, held to the model in every clock.
+    """A frame readout with array, ADC and receiver, compared with the model in every clock.
 
     Independent of the model, the samples that the ADC took are collected, and in the end the received words must
     unpack to their codes: every one once and in order.
@@ -75,9 +75,9 @@ class FrameBench:
     Attributes
     ----------
     words : list of (sync, data)
-        What the receiver took since the last reset.
+        Words taken by the receiver since the last reset.
     taken : list of (taxel, sample)
-        What the ADC sampled since the last reset.
+        Values sampled by the ADC since the last reset.
     """
 
     def __init__(self, dut: Any, config: FrameConfig, rng: random.Random) -> None:
@@ -91,7 +91,7 @@ class FrameBench:
         self.block.drive(frame_start=0, adc_done=0, adc_code=0, word_ready=0, rst=1)
 
     def begin(self, timing: str, sink: str) -> None:
-        """Take another ADC and another receiver, with nothing under way."""
+        """Take another ADC and another receiver in an idle state."""
         self.adc = SarAdc(self.config, timing, self.rng)
         self.sink = Sink(sink, self.rng)
         self.words: list[tuple[int, int]] = []
@@ -120,7 +120,7 @@ class FrameBench:
             self.model.clock(inputs)
 
     def compare(self, outputs: Outputs) -> None:
-        """Hold all outputs to the model."""
+        """Compare all outputs with the model."""
         self.check.counts["checks"] += 1
         expected = self.model.outputs
         if outputs == expected:
@@ -136,7 +136,7 @@ class FrameBench:
         )
 
     def watch(self, outputs: Outputs, inputs: Inputs) -> int:
-        """Hold the wires to their contracts; return the signal at the multiplexer's output."""
+        """Check the contracts of the wires; return the signal at the multiplexer's output."""
         row, column = outputs.row_select, outputs.column_select
         one_hot = row & (row - 1) == 0 and column & (column - 1) == 0 and bool(row) == bool(column)
         self.check.holds("OneTaxelSelected", one_hot, f"row {row:#x}, column {column:#x}")
@@ -162,7 +162,7 @@ class FrameBench:
         return sample
 
     async def reset(self, clocks: int = 2) -> None:
-        """Reset readout and ADC for some clocks; what was under way is gone."""
+        """Reset readout and ADC for some clocks; drop unfinished work."""
         self.begin(self.adc.timing, self.sink.name)
         for _ in range(clocks):
             await self.clock(start=True, rst=True)
@@ -170,7 +170,7 @@ class FrameBench:
         self.check.counts["resets"] += 1
 
     async def finish(self) -> None:
-        """Let everything leave, and see that every sample of every frame did, once and in order."""
+        """Let all words leave, and check that every sample of every frame left once and in order."""
         config = self.config
         limit = self.block.time + 40 * config.frame_clocks + 500
         while not self.model.idle:

@@ -1,4 +1,4 @@
-"""A board's serial line, bit by bit, and a pseudo-terminal at whose other end a real host program runs."""
+"""Connect a board's serial line, bit by bit, to a pseudo-terminal with a real host program."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Spoil = Callable[[int, int], int | None]
 
 
 def as_it_is(number: int, byte: int) -> int | None:
-    """Leave a byte as it is."""
+    """Return a byte unchanged."""
     return byte
 
 
@@ -44,7 +44,7 @@ class Line:
     dut : cocotb handle
     clocks_per_bit : int
     to_board, to_host : Spoil
-        What the line does to the bytes on their way.
+        Changes of the bytes on the line.
     """
 
     def __init__(self, dut: Any, clocks_per_bit: int, to_board: Spoil = as_it_is, to_host: Spoil = as_it_is) -> None:
@@ -60,13 +60,13 @@ class Line:
     async def run(
         self, host: subprocess.Popen[str], pull_after: int | None = None, sender: Any = None, wait_bits: int = 0
     ) -> None:
-        """Carry bytes until the host has ended.
+        """Carry bytes until the host ends.
 
         Parameters
         ----------
         host : Popen
         pull_after : int, optional
-            Pull the cable out after so many bytes from the board.
+            Number of bytes from the board after which the cable is unplugged.
         sender : coroutine, optional
             Begins when the host has begun to record; the host gets a Ctrl-C ``wait_bits`` bit times after its end.
         wait_bits : int

@@ -1,4 +1,4 @@
-"""What runs inside the simulator: driver, monitor and scoreboard of the readout harness."""
+"""Driver, monitor and scoreboard of the readout harness, inside the simulator."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ RECORDS = 64
 
 @dataclass
 class StimulusDriver:
-    """Writes a stimulus in the form that the harness plays (see harness.v)."""
+    """Write a stimulus in the format of the harness (see harness.v)."""
 
     FILES = ("stimulus.bin", "ready.bin", "ack.bin", "comparators.bin")
 
@@ -37,7 +37,7 @@ class StimulusDriver:
     folder: Path
 
     def write(self, stimulus: Stimulus, comparators: Comparators | None = None) -> None:
-        """Write ``FILES``; comparators, where they are not ideal, have their decisions recorded."""
+        """Write ``FILES``; record the decisions of non-ideal comparators."""
         stimulus.check(self.config)
         clocks = np.unique(np.concatenate([stimulus.sample_clock, stimulus.enable_clock, [0]]))
         clocks = clocks[clocks < stimulus.clocks]
@@ -94,7 +94,7 @@ def _repeat(pattern: NDArray[Any], length: int) -> NDArray[Any]:
 
 @dataclass
 class EventMonitor:
-    """Reads the events that the harness recorded."""
+    """Read the events recorded by the harness."""
 
     config: ReadoutConfig
     folder: Path
@@ -116,17 +116,17 @@ class EventMonitor:
 
 
 class Mismatch(AssertionError):
-    """RTL and model differ; the text says where, how, and how to see it again."""
+    """RTL and model differ; the text gives the place, the difference, and the command to repeat it."""
 
 
 @dataclass
 class Scoreboard:
-    """Holds the events of the RTL to those of the model and counts what agreed.
+    """Compare the events of RTL and model, and count the equal ones.
 
     Attributes
     ----------
     runs, clocks, events : int
-        What has been compared so far.
+        Totals of the comparison so far.
     """
 
     config: ReadoutConfig
@@ -152,7 +152,7 @@ class Scoreboard:
         self.events += len(rtl)
 
     def _describe(self, name: str, stimulus: Stimulus, difference: Difference) -> str:
-        """Return where RTL and model part, the model's state there, and the command that shows it again."""
+        """Return the first difference, the model's state there, and the command to repeat it."""
         from eskin.model.readout import state_at
 
         clock, row, column, _ = min(event for event in (difference.a, difference.b) if event is not None)
@@ -171,7 +171,7 @@ class Scoreboard:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A run whose stimulus and events have been computed outside, so that the simulator needs no model.
+    """A run with stimulus and events computed outside, so that the simulator needs no model.
 
     Attributes
     ----------
@@ -179,11 +179,11 @@ class Prepared:
     clocks, outstanding : int
         Its length, and the requests that wait at its end.
     folder : str
-        Where its files lie.
+        Folder of its files.
     draw : dict, optional
         The fields of the ``Draw`` that it is of; no scenario then, and nothing need happen in it.
     reproduce : str
-        The command that shows its mismatch again, where it has one of its own.
+        Command that repeats its mismatch, if it has its own.
     """
 
     name: str
@@ -201,7 +201,7 @@ class Prepared:
 
 
 class Bench:
-    """A readout in its harness, one run after the other."""
+    """A readout in its harness, for one run after the other."""
 
     def __init__(self, dut: Any, config: ReadoutConfig, folder: Path) -> None:
         self.dut = dut
@@ -211,7 +211,7 @@ class Bench:
         self.scoreboard = Scoreboard(config)
 
     async def play(self, stimulus: Stimulus) -> tuple[Events, int]:
-        """Play a stimulus from reset on; return the RTL's events and the breaches of its protocol."""
+        """Play a stimulus from reset on; return the RTL's events and the protocol violations."""
         self.driver.write(stimulus)
         return await self._go()
 
@@ -225,12 +225,12 @@ class Bench:
         return int(self.dut.errors.value)
 
     async def play_chip(self, stimulus: Stimulus) -> int:
-        """Play a stimulus to a chip; return the breaches of the protocol between readout and classifier."""
+        """Play a stimulus to a chip; return the protocol violations between readout and classifier."""
         self.driver.write(stimulus)
         return await self._done()
 
     async def check(self, name: str, stimulus: Stimulus) -> Events:
-        """Play a stimulus and hold the RTL to the model; return the events."""
+        """Play a stimulus and compare RTL and model; return the events."""
         from eskin.model.readout import simulate
 
         events, errors = await self.play(stimulus)
@@ -239,7 +239,7 @@ class Bench:
         return events
 
     async def check_given(self, name: str, stimulus: Stimulus, comparators: Comparators) -> tuple[Events, Stimulus]:
-        """Hold the RTL to the model that is given what the comparators found; return the events, and that stimulus."""
+        """Compare the RTL with the model for the comparators' decisions; return the events and that stimulus."""
         from eskin.model.readout import simulate
 
         self.driver.write(stimulus, comparators)
@@ -250,7 +250,7 @@ class Bench:
         return events, given
 
     async def check_prepared(self, run: Prepared, again: Callable[[], Stimulus]) -> Events:
-        """Play what has been prepared and hold the RTL to the model; return the events."""
+        """Play a prepared run and compare RTL and model."""
         for name in StimulusDriver.FILES:
             (self.folder / name).write_bytes((Path(run.folder) / name).read_bytes())
         events, errors = await self._go()

@@ -1,8 +1,8 @@
 """The readout in plain Python, one clock at a time: obviously right rather than fast.
 
-Written from docs/specification.md and docs/design/microarchitecture.md alone, to hold both the clock-skipping
-model and the RTL to. What a block shows just before a rising edge are its properties and methods, and
-``clock`` is that edge.
+Written only from docs/specification.md and docs/design/microarchitecture.md, as a reference for the clock-skipping
+model and the RTL. Properties and methods give the outputs of a block just before a rising edge, and ``clock`` applies
+the edge.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # importing it would compile the fast model in every simulato
 
 
 class AddressEvent(NamedTuple):
-    """Where an event comes from; the events of a unipolar encoder are ON."""
+    """The address of an event; events of a unipolar encoder are ON."""
 
     row: int
     column: int
@@ -69,12 +69,12 @@ class TaxelReference:
         self.quiet_ticks = 0
 
     def request(self, enable: bool) -> bool:
-        """Return the request line; a disabled taxel's is low in that very clock."""
+        """Return the request line; the line of a disabled taxel is low in the same clock."""
         return self.pending and enable
 
     @property
     def half_width(self) -> int:
-        """h in codes: D, less the closing steps taken (CW-LCS)."""
+        """h in codes: D minus the closing steps taken (CW-LCS)."""
         return self.step - self.closed * self.closing_step
 
     @property
@@ -99,7 +99,7 @@ class TaxelReference:
         return above, self.config.has_polarity and difference < -h
 
     def comparators(self, x: int) -> tuple[bool, bool]:
-        """Return what the analog comparators find: x >= upper, and x < lower where there is polarity."""
+        """Return the decisions of the analog comparators: x >= upper, and with polarity x < lower."""
         return x >= self.upper, self.config.has_polarity and x < self.lower
 
     def clock(
@@ -121,7 +121,7 @@ class TaxelReference:
         decay : bool
             The sample tick is a decay tick of this row (N-LCS).
         sample : int, optional
-            The new sample, where ``sample_valid`` is high (digital front end).
+            New sample, if ``sample_valid`` is high (digital front end).
         decision : (bool, bool), optional
             Whether the comparators find x >= upper and x < lower (analog front end).
         """
@@ -142,7 +142,7 @@ class TaxelReference:
             self.sample = sample
 
     def _move(self, on: bool, off: bool, tick: bool, decay: bool) -> None:
-        """Move reference and window by a decision."""
+        """Move reference and window according to a decision."""
         if self.config.encoder.leaks:
             divisor = 2**self.config.leak_shift
             inward = off if self.reference >= 0 else on  # a step towards zero takes the place of the leak
@@ -189,7 +189,7 @@ class ArbiterReference:
         return self.latch[0] if self.latch else None
 
     def selected(self, requests: Requests) -> int | None:
-        """Return the row to grant next: the first requesting one behind the last granted, or from the top."""
+        """Return the next row to grant: the first requesting row after the last granted one, cyclically."""
         rows = self.config.rows
         start = 0 if self.last is None else self.last + 1
         for row in [*range(start, rows), *range(min(start, rows))]:
@@ -198,7 +198,7 @@ class ArbiterReference:
         return None
 
     def granted(self, requests: Requests, ready: bool) -> int | None:
-        """Return the row granted in this clock: only when the latch is empty or gives its last event."""
+        """Return the row granted in this clock; only if the latch is empty or sends its last event."""
         if not self.latch or (len(self.latch) == 1 and ready):
             return self.selected(requests)
         return None
@@ -263,7 +263,7 @@ class ReceiverReference:
     Parameters
     ----------
     delays : sequence of int
-        In 1/8 clock, used in turn and over again; never a multiple of 8.
+        Delays in 1/8 clock, used cyclically; never a multiple of 8.
     """
 
     def __init__(self, delays: Sequence[int]) -> None:
@@ -279,7 +279,7 @@ class ReceiverReference:
         return self.ack
 
     def see(self, req: bool, clock: int) -> None:
-        """See REQ just after the edge of a clock."""
+        """Sample REQ just after the edge of a clock."""
         if req != self.req:
             self.req = req
             self.at = 8 * clock + self.delays[self.edges % len(self.delays)]
@@ -294,7 +294,7 @@ class ReadoutReference:
     taxels : list of lists of TaxelReference
         Rows of columns.
     signal : list of lists of int
-        What the comparators look at: the sample of the last tick, whatever the masks (analog front end).
+        Input of the comparators: the sample of the last tick, for any mask (analog front end).
     time, ticks : int
         Clocks and sample ticks since reset.
     raised, accepted : list of TimedEvent
@@ -344,13 +344,13 @@ class ReadoutReference:
         Parameters
         ----------
         sample : sequence of int, rows * columns long, or None
-            The codes of all taxels where ``sample_valid`` is high.
+            Codes of all taxels, if ``sample_valid`` is high.
         enable : sequence of bool, rows * columns long
             The mask.
         ready : bool
             ``event_ready``; a four-phase link has its own.
         decisions : sequence of (bool, bool), rows * columns long, optional
-            What the comparators find, above and below, where the signal does not tell (analog front end).
+            Decisions of the comparators, above and below, if the signal does not determine them (analog front end).
         """
         four_phase = self.config.chosen("link", stream=False, four_phase=True)
         if four_phase:
@@ -392,10 +392,10 @@ class ReadoutReference:
 def play(
     config: ReadoutConfig, stimulus: Stimulus, clocks: int | None = None
 ) -> tuple[ReadoutReference, list[TimedEvent]]:
-    """Play a stimulus, or its first clocks; return the readout as it then stands, and its events.
+    """Play a stimulus, or its first clocks; return the final readout and its events.
 
-    An event's clock is that of its transfer (stream), or that of the edge which raises REQ (four-phase); the
-    latter is seen in the clock after it.
+    An event's clock is the clock of its transfer (stream), or the clock whose edge raises REQ (four-phase); REQ is
+    visible in the next clock.
     """
     readout = ReadoutReference(config, stimulus.ack_delay.tolist())
     samples: dict[int, list[int]] = dict(zip(stimulus.sample_clock.tolist(), stimulus.samples.tolist(), strict=True))

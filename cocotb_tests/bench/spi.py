@@ -1,4 +1,4 @@
-"""A host on SPI: its pins clock by clock, well behaved and not."""
+"""Generate the pins of an SPI host clock by clock, for correct and faulty transfers."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from eskin.model.registers.spi import GAP_CLOCKS, LAG_CLOCKS, LEAD_CLOCKS, Pins,
 
 @dataclass(frozen=True)
 class Timing:
-    """How long a host takes, in clocks of the readout.
+    """The delays of a host, in clocks of the readout.
 
     Attributes
     ----------
     high, low : int
         SCK high and low.
     lead, lag, gap : int
-        From the fall of CS to SCK, from SCK to the rise of CS, with CS high.
+        Delays from the fall of CS to SCK, from SCK to the rise of CS, and with CS high.
     """
 
     high: int
@@ -30,7 +30,7 @@ class Timing:
 
 
 def waveform(bits: Iterable[int], timing: Timing) -> Iterator[Pins]:
-    """Yield the pins of a transfer, clock by clock, and of the gap behind it."""
+    """Yield the pins of a transfer, and of the gap after it, clock by clock."""
     yield from [Pins(cs_n=0)] * timing.lead
     for bit in bits:
         yield from [Pins(1, 0, bit)] * timing.high
@@ -40,29 +40,29 @@ def waveform(bits: Iterable[int], timing: Timing) -> Iterator[Pins]:
 
 
 def glitched(pins: Sequence[Pins], rng: random.Random) -> list[Pins]:
-    """Return a transfer in which CS is high for one clock, somewhere."""
+    """Return a transfer with CS high for one clock at a random place."""
     place = rng.randrange(len(pins) - 1)
     return [*pins[:place], pins[place]._replace(cs_n=1), *pins[place + 1 :]]
 
 
 def cut(pins: Sequence[Pins], rng: random.Random) -> list[Pins]:
-    """Return a transfer that the host breaks off, somewhere; SCK may be high then."""
+    """Return a transfer aborted at a random place; SCK may be high then."""
     place = rng.randrange(len(pins))
     return [*pins[:place], *[Pins(pins[max(place - 1, 0)].sck)] * (GAP_CLOCKS + 2), *[Pins()] * 2]
 
 
 def noise(clocks: int, rng: random.Random) -> list[Pins]:
-    """Return pins that do anything."""
+    """Return random pins."""
     return [Pins(rng.randrange(2), int(rng.random() < 0.1), rng.randrange(2)) for _ in range(clocks)]
 
 
 def traffic(addresses: Sequence[int], words: Sequence[int], rng: random.Random, calm: bool = False) -> Iterator[Pins]:
-    """Yield what hosts of all kinds do, without end.
+    """Yield the pins of hosts of all kinds, without end.
 
     Parameters
     ----------
     addresses, words : sequence of int
-        What transfers go to and carry, mostly.
+        Usual addresses and words of the transfers.
     rng : Random
     calm : bool
         Only whole transfers within the stated times.
@@ -85,10 +85,10 @@ def traffic(addresses: Sequence[int], words: Sequence[int], rng: random.Random, 
 
 
 def next_address(address: int) -> int:
-    """Return the address behind one."""
+    """Return the address after another."""
     return (address + WORD_BYTES) % (1 << 15)
 
 
 def any_word(rng: random.Random) -> int:
-    """Return a word, often one at an end."""
+    """Return a word, often the smallest or largest."""
     return rng.choice([0, 1, (1 << WORD_BITS) - 1, rng.getrandbits(WORD_BITS), rng.getrandbits(6)])

@@ -1,4 +1,4 @@
-"""The stimuli, sinks and masks of the tests, all from a seed."""
+"""Generate stimuli, sinks and masks of the tests from a seed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LARGE = 512
 
 
 def step(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
-    """Every taxel steps to a level of its own, once."""
+    """Every taxel steps to its own level, once."""
     level = rng.integers(-config.full_scale, config.full_scale, config.taxels)
     level[0] = config.full_scale - 1  # one at least is seen at any resolution
     start = rng.integers(1, max(ticks // 2, 2), config.taxels)
@@ -58,7 +58,7 @@ def square(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Sampl
 
 
 def constant(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
-    """Every taxel holds a level of its own, near its first thresholds or far from them."""
+    """Every taxel holds its own level, near its first thresholds or far from them."""
     near = config.step + rng.integers(-1, 2, config.taxels)
     far = rng.integers(-config.full_scale, config.full_scale, config.taxels)
     level = np.where(rng.random(config.taxels) < 0.5, near, far)
@@ -67,7 +67,7 @@ def constant(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Sam
 
 
 def together(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> Samples:
-    """All taxels cross the same levels in the same clock, a few at a time, and rest in between."""
+    """All taxels cross the same levels in the same clock, a few at a time, with rests in between."""
     walk = np.cumsum(rng.integers(-2, 3, max(ticks // 4, 1))) * config.step
     walk[[0, -1]] = 4 * config.step
     walk = np.clip(walk, -config.full_scale, config.full_scale - 1)
@@ -131,14 +131,14 @@ def masks(config: ReadoutConfig, clocks: int, changes: int, rng: np.random.Gener
 
 @dataclass(frozen=True)
 class Scenario:
-    """One run: its name, its stimulus, and what is outstanding at its end.
+    """One run: its name, its stimulus, and the requests outstanding at its end.
 
     Attributes
     ----------
     name : str
     stimulus : Stimulus
     outstanding : int
-        Requests that wait in taxels or latch when the run ends; 0 where everything has left.
+        Requests waiting in taxels or latch at the end of the run; 0 if all have left.
     """
 
     name: str
@@ -165,11 +165,11 @@ def scenario_count(config: ReadoutConfig) -> int:
 
 
 def scenarios(config: ReadoutConfig, seed: int, ticks: int = 40, limit: int = 3000) -> Iterator[Scenario]:
-    """Yield every stimulus with a sink and a mask, and the noise once more, cut off in mid-stream by the next reset.
+    """Yield every stimulus with a sink and a mask, and a run with noise that the next reset interrupts.
 
-    Every stimulus meets another sink with every seed; half of them have taxels switched off and on while running. A
-    run ends ``MARGIN`` clocks after its last event, or after ``limit`` clocks where those do not suffice. Of a large
-    array eight taxels, anywhere in it, have a run of their own, which comes to rest.
+    Every stimulus has another sink for every seed, and half of them switch taxels off and on during the run. A run ends
+    ``MARGIN`` clocks after its last event, or at the latest after ``limit`` clocks. Large arrays have an additional run
+    in which eight taxels change and then rest.
 
     Parameters
     ----------
@@ -212,10 +212,10 @@ def scenarios(config: ReadoutConfig, seed: int, ticks: int = 40, limit: int = 30
 
 
 def settled(config: ReadoutConfig, samples: NDArray[np.integer[Any]]) -> Stimulus:
-    """Return a scan whose run goes on after its last sample until the model is silent.
+    """Return a scan whose run continues after its last sample until the model is silent.
 
-    A leaky taxel may fire for ever on the last sample; the run ends after 5,000 clocks more, and where the array is
-    larger than 12 x 16 after 26 for each taxel.
+    A leaky taxel may fire forever on the last sample. The run therefore ends after 5,000 more clocks, or for arrays
+    larger than 12 x 16 after 26 clocks per taxel.
     """
     limit = max(5000, 26 * config.taxels)
     end = len(samples) * config.clocks_per_sample

@@ -24,7 +24,7 @@ def scan(rows: int, columns: int, sample_bits: int, number: int) -> NDArray[np.i
 def random_scan(config: ReadoutConfig, ticks: int, rng: np.random.Generator) -> NDArray[np.int64]:
     """Return some ticks of a scan over an embedded photograph, from a random place on, shape (ticks, taxels).
 
-    They are scaled to nine tenths of full scale, so that the coarsest resolution sees them too.
+    Signals are scaled to 90 % of full scale, so that even the coarsest resolution detects them.
     """
     samples = scan(config.rows, config.columns, config.sample_bits, int(rng.integers(4)) * 11)
     start = int(rng.integers(0, max(len(samples) - ticks, 1)))

@@ -1,1 +1,1 @@
-"""The co-simulation of a block: its bench, what runs in the simulator, and what plays it from outside."""
+"""Co-simulations of blocks: bench, test inside the simulator, and caller."""

@@ -1,4 +1,4 @@
-"""Comparators with offset, noise, hysteresis and overdrive: the RTL equals a model that is given what they found."""
+"""Test comparators with offset, noise, hysteresis and overdrive: the RTL equals a model with their decisions."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def drive(config: ReadoutConfig, samples: np.ndarray, seed: int) -> Stimulus:
 
 
 def never_off_the_scale(config: ReadoutConfig, events: Events, check: Checker) -> None:
-    """Follow the references of LCS by the events alone."""
+    """Compute the references of LCS from the events alone."""
     for y, x in np.ndindex(config.rows, config.columns):
         own = events["p"][(events["y"] == y) & (events["x"] == x)]
         levels = config.reference_reset + config.step * np.cumsum(np.where(own, 1, -1))

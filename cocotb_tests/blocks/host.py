@@ -1,4 +1,4 @@
-"""The readout with registers against the golden model in every clock, while a host sets everything at any time."""
+"""Compare the readout with registers and the golden model in every clock, while a host sets everything at any time."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ CLOCKS = 6000
 
 
 class Comparators:
-    """The comparator macros of an array without offset or noise: they look at thresholds and the newest samples."""
+    """Comparator macros of an array without offset or noise."""
 
     def __init__(self, config: ReadoutConfig, block: Block) -> None:
         self.config, self.block = config, block
 
     def look(self, samples: list[int]) -> None:
-        """Drive what they find."""
+        """Drive their decisions."""
         config, bits = self.config, self.config.sample_bits
         codes = self.block.read("reference_code")
         above = below = 0
@@ -54,7 +54,7 @@ class Comparators:
 
 @cocotb.test()
 async def readout_follows_its_model(dut: Any) -> None:
-    """Play what was prepared, and hold events, MISO and its pad to the model in every clock."""
+    """Play a prepared run, and compare events, MISO and its pad with the model in every clock."""
     config, _ = job()
     block = Block(dut)
     check = Checker(block)
@@ -98,7 +98,7 @@ async def readout_follows_its_model(dut: Any) -> None:
 
 
 def word_for(register: Register, rng: random.Random, mode: int) -> int:
-    """Return a word that the register takes; a mask silences few taxels."""
+    """Return a word that the register accepts; a mask silences few taxels."""
     word = 0
     for field in register.fields:
         value = rng.randint(field.least, field.most)
@@ -111,7 +111,7 @@ def word_for(register: Register, rng: random.Random, mode: int) -> int:
 
 
 def pins_of(config: ReadoutConfig, clocks: int, rng: random.Random) -> list[Any]:
-    """Return what a host does: whole writes of words that are taken, reads, and the traffic of hosts of all kinds."""
+    """Return the pins of a host: complete valid writes, reads, and traffic of faulty hosts."""
     from eskin.model.registers.spi import Pins, transfer
 
     pins: list[Any] = [Pins()] * 5
@@ -131,7 +131,7 @@ def pins_of(config: ReadoutConfig, clocks: int, rng: random.Random) -> list[Any]
 
 
 def whatever(config: ReadoutConfig, clocks: int, draw: np.random.Generator) -> np.ndarray:
-    """Return what comparators say that never look: nothing, above, below, both or anything, each for a while."""
+    """Return decisions of arbitrary comparators: none, above, below, both or random, each for a while."""
     shape = (clocks, config.taxels)
     while_ = np.repeat(draw.integers(0, 5, (clocks // 40 + 1, config.taxels)), 40, axis=0)[:clocks]
     found = np.where(while_ == 4, draw.integers(0, 4, shape), while_).astype(np.uint8)
@@ -146,10 +146,10 @@ def rows(bits: np.ndarray) -> list[str]:
 def prepare(
     config: ReadoutConfig, folder: Path, seed: int, given: list[Any] | None = None, anything: bool = False
 ) -> tuple[Path, Counter[str]]:
-    """Write what is to be played and what the model makes of it; return the file, and what happens in it.
+    """Write a run and the model's results; return the file, and the counts of its activities.
 
-    The pins of the host are those given, while masks change often, else ``pins_of`` says them. An analog signal goes
-    beyond both ends of the scale, or the comparators say ``anything``, whatever the signal is.
+    The host's pins are given, with frequent mask changes, or come from ``pins_of``. An analog signal exceeds both ends
+    of the scale, or the comparators follow ``anything`` instead of the signal.
     """
     from eskin.model.host import play
     from eskin.model.readout import Stimulus

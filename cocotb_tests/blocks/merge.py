@@ -59,9 +59,9 @@ class MergeBench:
     Attributes
     ----------
     offers : list
-        The event that each tile offers, None where it offers none.
+        Event offered by each tile, or None.
     first_offered, given : list of lists
-        For each tile the clock in which each of its events was first offered, and the events.
+        Events of each tile, with the clocks in which they were first offered.
     ready, left : list
         The sink's ready in every clock; clock, tile and payload of every event that left.
     """

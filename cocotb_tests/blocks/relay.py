@@ -28,11 +28,11 @@ class RelayBench:
     Attributes
     ----------
     queue : deque
-        Events that the station holds: two at most.
+        Events in the station, at most two.
     offer : tuple of int or None
         The event that the tile offers.
     offered, given, taken, left, ready : list
-        First clock of every offer, and the event; clocks in which one was taken; clock and payload of those that left;
+        First clock and event of every offer; clocks in which events were taken; clock and payload of those that left;
         the ready of the other end in every clock.
     """
 

@@ -1,1 +1,1 @@
-"""Builds simulators, plays jobs in them and follows these from outside."""
+"""Build simulators, run jobs in them, and follow their progress from outside."""

@@ -1,4 +1,4 @@
-"""From pytest into the simulator and back, for the test of one block."""
+"""Run the cocotb test of one block from pytest."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MERGE = "eskin_merge"
 def cosimulate(
     config: ReadoutConfig, simulator: Simulator, top: str, test: str, folder: Path, seed: int, module: str = ""
 ) -> Counter[str]:
-    """Run one cocotb test of a block and return what it counted.
+    """Run one cocotb test of a block and return its counts.
 
     Parameters
     ----------
@@ -31,9 +31,9 @@ def cosimulate(
     test : str
         Name of the cocotb test.
     folder : Path
-        Where it runs and leaves its log.
+        Folder of the run and its log.
     seed : int
-        For everything random in it.
+        Seed of all random numbers.
     module : str
         Module of the cocotb test; by default the test file of the block.
     """

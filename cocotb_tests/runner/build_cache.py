@@ -1,4 +1,4 @@
-"""What is built is kept, by what it is made of: Verilog texts and simulation programs in ``build/``."""
+"""Cache Verilog texts and simulation programs in ``build/``, named by a digest of their inputs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ KEPT_S = 3600
 
 
 def sources(places: Iterable[tuple[Any, str]]) -> str:
-    """Return a digest of source files, their places and contents.
+    """Return a digest of source files: paths and contents.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def sources(places: Iterable[tuple[Any, str]]) -> str:
 
 
 def digest(recipe: Any) -> str:
-    """Return a short name for what something is made of, given as JSON content."""
+    """Return a short name for the inputs of a build, given as JSON content."""
     return hashlib.sha256(json.dumps(recipe).encode()).hexdigest()[:12]
 
 
@@ -68,10 +68,10 @@ SOURCES = digest(_VERILOG_IS_MADE_OF)
 
 
 def verilog_text(config: Config) -> str:
-    """Return the Verilog of a configuration, generated unless the same sources and tools have done so before.
+    """Return the Verilog of a configuration, from the cache if sources and tools are unchanged.
 
-    A text is stored with its own digest, so that a damaged one is generated again; it is written whole or not at
-    all, so that two processes may generate the same.
+    A text is stored with its digest, so that a damaged text is generated again. It is written atomically, so that two
+    processes may generate the same text.
     """
     key = digest([type(config).__name__, config.to_dict(), _VERILOG_IS_MADE_OF])
     path = BUILD / "verilog" / f"{key}.v"
@@ -94,7 +94,7 @@ def _stamp(text: str) -> str:
 
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold a folder against all other processes; the system lets go of it when this one ends, however that ends."""
+    """Lock a folder against all other processes; the system releases the lock when this process ends."""
     handle = os.open(folder, os.O_RDONLY)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX)
@@ -105,14 +105,14 @@ def locked(folder: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def scratch_folder(parent: Path, name: str) -> Iterator[Path]:
-    """Make a folder of this process, removed at the end; remove those that killed processes left there.
+    """Create a folder for this process, removed at its end; also remove folders of killed processes.
 
     Parameters
     ----------
     parent : Path
         Made if need be. All folders in it whose names begin with a dot are such folders.
     name : str
-        For a person who finds it.
+        Note for people who find the folder.
     """
     cache.private_folder(parent)
     with contextlib.ExitStack() as mine:
@@ -136,9 +136,9 @@ def _remove_if_abandoned(folder: Path) -> None:
 
 
 def trim(folder: Path, limit: int = MOST_BYTES) -> None:
-    """Remove what has not been used for longest, until a folder of the store is within its limit.
+    """Remove the least recently used entries until a cache folder is within its limit.
 
-    What was used within the last hour stays. The time of use is that of a file, or of the file ``built`` in a folder.
+    Entries used within the last hour stay. The time of use is that of a file, or of the file ``built`` in a folder.
     """
     used = []
     for entry in folder.glob("[!.]*"):

@@ -1,4 +1,4 @@
-"""A part of what is to be played, as one piece of work of a pool."""
+"""Play a part of the material, as one piece of work of a pool."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class PartResult:
-    """What came of a part.
+    """The results of a part.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class PartResult:
 
 
 def job_of(material: Material, names: Sequence[str], config: ReadoutConfig, program: Build, again: str) -> Job:
-    """Return the job that plays some of the material; ``again`` is the command that shows a mismatch again."""
+    """Return the job for a part of the material; ``again`` is the command that repeats a mismatch."""
     said = material.said(names)
     return Job(
         config.to_dict(),
@@ -59,13 +59,13 @@ def play_here(
     folder: Path,
     on_run: Callable[[dict[str, Any]], None] | None = None,
 ) -> Tally:
-    """Play a job with its images or samples in a folder, and return what was compared."""
+    """Play a job with its images or samples in a folder, and return the totals."""
     arrays_at = write_arrays(folder, arrays)
     return run_job(program, dataclasses.replace(job, arrays=str(arrays_at.resolve())), folder, on_run)
 
 
 def write_arrays(folder: Path, arrays: dict[str, NDArray[Any]]) -> Path:
-    """Write what a job plays, images or samples, into the folder it runs in, and return the file."""
+    """Write the images or samples of a job into its folder, and return the file."""
     path = folder / "arrays.npz"
     with atomic_write(path) as file:
         np.savez(file, **{f"array/{name}": array for name, array in arrays.items()})  # type: ignore[arg-type]
@@ -73,7 +73,7 @@ def write_arrays(folder: Path, arrays: dict[str, NDArray[Any]]) -> Path:
 
 
 def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> PartResult:
-    """Play a job on this machine, whichever that is, and return its event files; a simulation that dies begins again.
+    """Play a job on this machine and return its event files; restart a simulation that dies.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> PartResult:
 
 
 def until_it_lives(name: str, play: Callable[[Path], T]) -> T:
-    """Return what a simulation makes in a fresh folder; one that dies begins again.
+    """Return the result of a simulation in a fresh folder; restart a simulation that dies.
 
     Raises
     ------
@@ -107,5 +107,5 @@ def until_it_lives(name: str, play: Callable[[Path], T]) -> T:
             except SimulationDied as died:
                 last = str(died).strip().splitlines()[-1]
     raise InputError(
-        f"the simulation died {MOST_DEATHS + 1} times, perhaps for want of memory ({last}); take fewer --workers"
+        f"the simulation died {MOST_DEATHS + 1} times, perhaps from lack of memory ({last}); use fewer --workers"
     )

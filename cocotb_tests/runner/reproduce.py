@@ -1,4 +1,4 @@
-"""How a user plays a run again: the variables behind make."""
+"""Return make commands that repeat a run."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from eskin.skin.recordings.options import Preparation
 
 
 def reproduce(config: ReadoutConfig, simulator: str, seed: int) -> str:
-    """Return the command that plays the scenarios of a configuration again and leaves a waveform."""
+    """Return the command that repeats the scenarios of a configuration and writes a waveform."""
     return " ".join(["make sim", *variables(config), f"SIM={simulator}", f"SEED={seed}", "TEXTURES=0", "WAVES=1"])
 
 
 def variables(config: ReadoutConfig | FrameConfig) -> list[str]:
-    """Return what to write behind make for a configuration: the fields that do not have their default."""
+    """Return make variables for a configuration: its non-default fields."""
     return [
         f"{option_of(field)[2:].replace('-', '_').upper()}={getattr(config, field.name)}"
         for field in dataclasses.fields(config)
@@ -24,7 +24,7 @@ def variables(config: ReadoutConfig | FrameConfig) -> list[str]:
 
 
 def own_variables(options: Preparation, scale: float) -> list[str]:
-    """Return what to write behind make for a preparation of own recordings, the scale as it came out."""
+    """Return make variables for the preparation of recordings, with the resulting scale."""
     names = {field.name: option_of(field) for field in dataclasses.fields(Preparation) if field.metadata}
     chosen = options.chosen() | {"scale": repr(scale)}
     return [f"{names[name][2:].replace('-', '_').upper()}={value}" for name, value in chosen.items() if name in names]

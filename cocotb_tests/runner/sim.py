@@ -1,4 +1,4 @@
-"""What the command sim does: scenarios and texture scans of one configuration after the other."""
+"""Run the command sim: scenarios and texture scans, one configuration after the other."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ WAVE_TICKS = 200
 
 @dataclass(frozen=True)
 class Plan:
-    """What is played of every configuration.
+    """The runs of every configuration.
 
     Attributes
     ----------
@@ -43,13 +43,13 @@ class Plan:
     waves : bool
         Whether a waveform is left.
     seed : int
-        Of the scenarios.
+        Seed of the scenarios.
     scenarios : bool
         Whether the scenarios are played.
     material : Textures
         The dataset.
     textures : list of str
-        Names of those that are played.
+        Names of the played textures.
     ticks : int or None
         Sample ticks of a scan at most.
     out : Path
@@ -72,15 +72,15 @@ class Plan:
     netlist: str = ""
 
     def runs(self, config: ReadoutConfig) -> int:
-        """Return how many runs a configuration has."""
+        """Return the number of runs of a configuration."""
         return (scenario_count(config) if self.scenarios else 0) + len(self.textures)
 
     def place(self, config: ReadoutConfig) -> str:
-        """Return the name of the folder of a configuration in ``out``."""
+        """Return the folder name of a configuration below ``out``."""
         return f"{config.rows}x{config.columns}-{config.encoding}-{config.resolution}b"
 
     def running(self, config: ReadoutConfig) -> Path:
-        """Return the folder in which the simulation runs and leaves its log."""
+        """Return the folder in which the simulation runs and writes its log."""
         return self.out / self.place(config) / "run"
 
     def image(self, config: ReadoutConfig, name: str) -> NDArray[Any]:
@@ -93,11 +93,11 @@ class Plan:
         return PhysicalScan().samples(config, self.image(config, name))[0][: self.ticks]
 
     def warning(self, config: ReadoutConfig) -> str:
-        """Return what the link loses of the first scan, and the option that helps; empty where it keeps up."""
+        """Return the link's losses for the first scan, with the option that helps; empty without losses."""
         return link_warning(config, self.samples(config, self.textures[0])) if self.textures else ""
 
     def picture(self, config: ReadoutConfig) -> Path | None:
-        """Return the picture of the first scan; None where no scan is played."""
+        """Return the picture of the first scan, or None without scans."""
         return self.out / self.place(config) / PICTURE if self.textures else None
 
     def waveform(self, config: ReadoutConfig) -> Path:
@@ -115,7 +115,7 @@ def plan(
     dataset: str | None,
     out: Path,
 ) -> Plan:
-    """Return the plan that a user asked for; ``textures`` is their number, ``only`` the name of a single one."""
+    """Return a user's plan; ``textures`` is their number, ``only`` the name of a single one."""
     require_programs(simulator)  # type: ignore[arg-type]
     if textures < 0 or seed < 0 or (ticks is not None and ticks < 1):
         raise InputError(f"textures and seed must be at least 0 and ticks at least 1, not {textures}, {seed}, {ticks}")
@@ -130,7 +130,7 @@ def plan(
 
 
 def with_netlist(plan: Plan, netlist: Path, cells: Path) -> Plan:
-    """Return a plan that plays a netlist, made of cells, in place of the RTL."""
+    """Return a plan that plays a netlist with its cells instead of the RTL."""
     texts = []
     for path, what in ((netlist, "netlist"), (cells, "cells")):
         try:
@@ -138,12 +138,12 @@ def with_netlist(plan: Plan, netlist: Path, cells: Path) -> Plan:
         except OSError as error:
             raise InputError(f"cannot read the {what} {path}: {error.strerror}") from None
         if "endmodule" not in texts[-1]:
-            raise InputError(f"{path} holds no Verilog module; give the {what} as Verilog")
+            raise InputError(f"{path} contains no Verilog module; give the {what} as Verilog")
     return dataclasses.replace(plan, text="\n".join(texts), netlist=f"NETLIST={netlist} CELLS={cells}")
 
 
 def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_stage: Callable[[str], None]) -> Tally:
-    """Play all runs of a configuration and return what was compared.
+    """Play all runs of a configuration and return the totals.
 
     Parameters
     ----------
@@ -184,6 +184,6 @@ def play(plan: Plan, config: ReadoutConfig, on_run: Callable[[Any], None], on_st
 
 
 def _one_of_each_class(labels: Any, count: int) -> list[int]:
-    """Return the numbers of some textures: the first of each class, then the second of each, and so on."""
+    """Return the indices of textures from alternating classes."""
     order = sorted(range(len(labels)), key=lambda i: (sum(labels[:i] == labels[i]), labels[i]))
     return order[:count]

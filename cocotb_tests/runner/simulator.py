@@ -1,4 +1,4 @@
-"""Builds the readout with its harness for a simulator, and runs cocotb tests in it."""
+"""Build the readout with its harness for a simulator, and run cocotb tests."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ CHIP_WIDTHS = {
 
 
 class SimulationDied(AssertionError):  # it may be done again
-    """Raised where a simulation was killed, or fell over, before it could say how its tests went."""
+    """A simulation was killed or crashed before it could report its tests."""
 
 
 class Build:
@@ -131,7 +131,7 @@ class Build:
 
 @dataclass(frozen=True)
 class Instruments:
-    """Instruments that Verilator's programs are built with: counters of what a run reaches.
+    """Verilator instruments: coverage counters.
 
     Attributes
     ----------
@@ -156,7 +156,7 @@ _instruments: ContextVar[Instruments | None] = ContextVar("instruments", default
 
 @contextmanager
 def instrumented(instruments: Instruments) -> Iterator[None]:
-    """Build with instruments within; the C++ is not optimised, as compiling would take longer than the runs."""
+    """Build with instruments inside this context, without optimising the C++, which would take longer than the runs."""
     token = _instruments.set(instruments)
     try:
         yield
@@ -174,7 +174,7 @@ def build(
     hierarchical: bool | None = None,
     text: str = "",
 ) -> Build:
-    """Return the simulation program of a configuration, built if need be.
+    """Return the simulation program of a configuration, built if necessary.
 
     Parameters
     ----------
@@ -249,14 +249,14 @@ def build(
 
 
 def _control(simulator: Simulator, top: str, hierarchical: bool, bare: bool) -> str:
-    """Return what Verilator is told about a design; the harness says itself what is seen of it."""
+    """Return Verilator's control file for a design; the harness marks its public signals itself."""
     if hierarchical:
         return HIERARCHY
     return PORTS.format(top) if simulator == "verilator" and top != "harness" and not bare else ""
 
 
 def _write_sources(folder: Path, text: str, harness: str, control: str) -> list[Path]:
-    """Write what a program is made of into a folder and return the files; empty texts give none."""
+    """Write the sources of a program into a folder and return the files; skip empty texts."""
     texts = {"control.vlt": control, "eskin_readout.v": text, "harness.v": harness}
     for name, content in texts.items():
         if content:
@@ -265,19 +265,17 @@ def _write_sources(folder: Path, text: str, harness: str, control: str) -> list[
 
 
 def _failure(log: Path, what: str, given: bool) -> Exception:
-    """Return what to raise for a build that failed: a user's mistake where the Verilog was given."""
+    """Return the error for a failed build: InputError for Verilog given by the user."""
     tail = log.read_text(errors="replace")[-4000:] if log.exists() else ""
     if not given:
         return RuntimeError(f"{what}\n{tail}")
     lines = tail.strip().splitlines() or ["no word"]
     first = next((line for line in lines if "error" in line.lower()), lines[-1]).strip()
-    return InputError(
-        f"the netlist cannot be built: {first}; give the configuration that it was made of, and all its cells"
-    )
+    return InputError(f"the netlist cannot be built: {first}; give its configuration and all its cells")
 
 
 def _name(config: Config) -> str:
-    """Return what a person needs of a configuration to find its folder."""
+    """Return a folder name by which people recognise a configuration."""
     if isinstance(config, ClassifierConfig):
         return f"{config.inputs}-{config.hidden}-{config.classes}-{config.lanes}l"
     if isinstance(config, ChipConfig):
@@ -290,11 +288,11 @@ def _name(config: Config) -> str:
 
 
 class MissingProgram(InputError):  # the sentence a user reads
-    """Raised where a system program that a simulator needs is not installed."""
+    """A system program for a simulator is not installed."""
 
 
 def require_programs(simulator: Simulator) -> None:
-    """Refuse to go on without the system programs that a simulator needs, in one sentence with the remedy."""
+    """Refuse to continue without the simulator's system programs, with the remedy in one sentence."""
     if simulator not in get_args(Simulator):
         raise InputError(f"SIM must be one of {', '.join(get_args(Simulator))}, not {simulator!r}")
     needed = ["iverilog"] if simulator == "icarus" else ["g++", "make", "perl"]
@@ -303,7 +301,7 @@ def require_programs(simulator: Simulator) -> None:
 
 
 def shape(config: Config) -> tuple[dict[str, str], dict[str, int]]:
-    """Return the macros and parameters that fit the harness to a configuration."""
+    """Return the macros and parameters of the harness for a configuration."""
     if isinstance(config, ChipConfig):
         defines, widths = shape(config.readout)
         return defines | _chip_macros(config.classifier), widths | _chip_parameters(config.classifier)

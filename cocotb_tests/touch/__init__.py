@@ -1,1 +1,1 @@
-"""The whole chain: textures or recordings through readout and classifier as one chip."""
+"""Play the whole chain: textures or recordings through readout and classifier as one chip."""

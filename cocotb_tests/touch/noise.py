@@ -1,4 +1,4 @@
-"""A moving random texture through a chip with random weights, held to the models."""
+"""Play a moving random texture through a chip with random weights, compared with the models."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from eskin.model.classifier.network import IntegerNetwork
 
 
 def network_of(chip: ChipConfig) -> IntegerWeights:
-    """Return a network of weights at random."""
+    """Return a network of random weights."""
     config, rng = chip.classifier, np.random.default_rng(5)
 
     def drawn(bits: int, *shape: int) -> Any:

@@ -1,4 +1,4 @@
-"""The picture that touch leaves: one scan from texture to class, as the RTL gave it."""
+"""Draw the picture of touch: one scan from texture to class, from the RTL's outputs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from eskin.skin.textures.presets import preset
 
 
 def draw(plan: Plan, summary: dict[str, Any], path: Path) -> Path | None:
-    """Draw the first scan with a known class, from texture to class; all below its signals came out of the RTL.
+    """Draw the first scan with a known class, from texture to class; everything below its signals is from the RTL.
 
     The numbers of each step above the panels are of all that was played.
     """
@@ -60,7 +60,7 @@ def draw(plan: Plan, summary: dict[str, Any], path: Path) -> Path | None:
 
 
 def numbers(chip: ChipConfig, summary: dict[str, Any]) -> dict[str, str]:
-    """Return what each step from touch to class takes, in words, from the sums over all that was played."""
+    """Return rates and sizes of each step from touch to class, in words, from the totals."""
     readout, classifier = chip.readout, chip.classifier
     seconds = summary["clocks"] / readout.clock_hz
     samples_bps = readout.taxels * readout.sample_rate_hz * readout.sample_bits

@@ -1,4 +1,4 @@
-"""What the command touch does: scans through a chip, each with the network that has not learned it."""
+"""Run the command touch: scans through a chip, each with a network that was not trained on the image."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ MOST_IN_A_PART = 8
 
 @dataclass(frozen=True)
 class Network:
-    """An integer network, with what its file says of its training.
+    """An integer network, with its notes on the training.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class Network:
 
     @classmethod
     def load(cls, path: Path) -> Network:
-        """Return the network of a file; refuse one that does not say what it was trained for.
+        """Return the network of a file; refuse one without notes on its training.
 
         What it says is described at ``snn.experiments.trained.said_of_training``.
         """
@@ -72,19 +72,19 @@ class Network:
         again = "quantise again, with result.json of the training beside its weights"
         said = weights.notes.get("training")
         if not said:
-            raise InputError(f"{path} does not say which readout it was trained for; {again}")
+            raise InputError(f"{path} does not name the readout of its training; {again}")
         try:
             readout, dataset, preset, own = (said[key] for key in ("readout", "dataset", "preset", "recordings"))
             tested = dict(said["tested"])
         except (KeyError, TypeError, ValueError):
-            raise InputError(f"what {path} says of its training is damaged; {again}") from None
+            raise InputError(f"the training data in {path} are damaged; {again}") from None
         chip = ChipConfig(readout=ReadoutConfig.from_dict(readout), classifier=weights.network.config)
         return cls(path, weights, chip, dataset, preset, tested, None if own is None else OwnReadout.from_dict(own))
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What is to be played through which network.
+    """The material, and its networks.
 
     Attributes
     ----------
@@ -103,7 +103,7 @@ class Plan:
 
     @property
     def names(self) -> list[str]:
-        """Of all that is played."""
+        """Names of all items."""
         return list(self.networks)
 
     @property
@@ -113,18 +113,18 @@ class Plan:
 
     @functools.cached_property
     def programs(self) -> dict[Path, Build]:
-        """The simulation programs, built if need be, by the file of their network; most networks share one."""
+        """The simulation programs by network file, built if necessary; most networks share one."""
         return {one.path: build(one.chip, "verilator") for one in {n.path: n for n in self.networks.values()}.values()}
 
     def proof(self, name: str) -> str:
-        """Return what a result carries: RTL and harness, models, network, and what was played."""
+        """Return the digest stored with a result: RTL and harness, models, network, and material."""
         network = self.networks[name]
         found = hashlib.sha256(self.material.proof(name, self.programs[network.path]).encode())
         found.update(network.path.read_bytes())
         return found.hexdigest()
 
     def finished(self, name: str) -> dict[str, Any] | None:
-        """Return what a result says, if this very RTL and network made it of this very image or these samples."""
+        """Return a result if the current RTL and network made it from the current image or samples."""
         try:
             said = result_of(self.folder / f"{name}.npz")
         except InputError:
@@ -132,7 +132,7 @@ class Plan:
         return said if said.get("proof") == self.proof(name) else None
 
     def parts(self, workers: int) -> Iterator[tuple[Job, dict[str, NDArray[Any]]]]:
-        """Give jobs of at most some names each, with one network each, for what is missing."""
+        """Yield jobs for missing results, each with a limited number of names and one network."""
         missing: dict[Path, list[str]] = {}
         for name, network in self.networks.items():
             if self.finished(name) is None:
@@ -164,19 +164,19 @@ class Plan:
         return {name: self.samples(name, arrays[name]) for name in names}
 
     def samples(self, name: str, array: NDArray[Any]) -> NDArray[Any]:
-        """Return the codes that are played of an image, or of a recording as it is."""
+        """Return the codes to play for an image, or for a recording."""
         if not self.material.preset:
             return array
         readout = self.networks[name].chip.readout
         return preset(self.material.preset).samples(readout, self.image(name, array), self.material.start_row)[0]
 
     def image(self, name: str, array: NDArray[Any]) -> NDArray[Any]:
-        """Return the image that is scanned: the embedded ones are repeated where the array is larger."""
+        """Return the image to scan; embedded ones are repeated for large arrays."""
         return large_enough(array, self.networks[name].chip.readout) if self.material.name == EMBEDDED else array
 
 
 def plan(weights: Path | None, data: Path | None, dataset: str, limit: int | None, only: str | None, out: Path) -> Plan:
-    """Return the plan that a user asked for: all of the textures or of the recordings in a folder, or some."""
+    """Return a user's plan: all or some of the textures or recordings."""
     require_programs("verilator")
     if data is None:
         textures = open_dataset(dataset)
@@ -215,14 +215,14 @@ def _load(place: Path) -> list[Network]:
 
 
 def _own(network: Network, place: Path) -> Own:
-    """Return a user's recordings, taken as those of the training were."""
+    """Return a user's recordings, prepared as for the training."""
     if network.own is None:
         raise InputError(f"{network.path} was trained on textures; leave --data out, or train on recordings")
     return Own(network.own.read(place), place)
 
 
 def choose(material: Material, names: Sequence[str], networks: Sequence[Network]) -> dict[str, Network]:
-    """Return for each name the network that has not learned it.
+    """Return for each name a network that was not trained on it.
 
     Raises
     ------
@@ -232,21 +232,21 @@ def choose(material: Material, names: Sequence[str], networks: Sequence[Network]
     for network in networks:
         if network.preset != (material.preset or None):
             raise InputError(
-                f"{network.path} was trained on {network.preset or 'recordings'}, what is played is "
-                f"{material.preset or 'recordings'}; give weights of the same"
+                f"{network.path} was trained on {network.preset or 'recordings'}, not on "
+                f"{material.preset or 'recordings'}; give matching weights"
             )
     found = {}
     for name in names:
         fit = [n for n in networks if n.dataset == material.name and name in n.tested]
         foreign = [n for n in networks if n.dataset != material.name]
         if not (fit or foreign):
-            raise InputError(f"every network here has learned {name}; give the weights of the fold that left it out")
+            raise InputError(f"every network here was trained on {name}; give the weights of the fold without it")
         found[name] = (fit or foreign)[0]
     return found
 
 
 def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> dict[str, bytes]:
-    """Play a job on this machine and return its result files; a simulation that dies begins again.
+    """Play a job on this machine and return its result files; restart a simulation that dies.
 
     Raises
     ------
@@ -268,7 +268,7 @@ def play_part(job: Job, arrays: dict[str, NDArray[Any]]) -> dict[str, bytes]:
 
 
 def play(plan: Plan, pool: WorkerPool, on_run: Callable[[], object]) -> None:
-    """Play what is missing in several simulations side by side, and keep the results.
+    """Play the missing material in parallel simulations, and store the results.
 
     Raises
     ------
@@ -285,16 +285,16 @@ def play(plan: Plan, pool: WorkerPool, on_run: Callable[[], object]) -> None:
 
 
 def result_of(path: Path) -> dict[str, Any]:
-    """Return what a result says in words; ``read_arrays`` has the rest."""
+    """Return the text part of a result; ``read_arrays`` returns the rest."""
     try:
         said: dict[str, Any] = json.loads(str(read_arrays(path, "a result of touch", "play it again")["metadata"]))
     except (KeyError, ValueError):
-        raise InputError(f"{path} is no result of touch; play it again") from None
+        raise InputError(f"{path} is not a result of touch; play it again") from None
     return said
 
 
 def summarise(plan: Plan) -> dict[str, Any]:
-    """Return what all results say together, with the answer to every single image."""
+    """Return the totals of all results, with the answer for every image."""
     found = {name: plan.finished(name) for name in plan.names}
     there = [said for said in found.values() if said]
     known = [said for said in there if said["true"] is not None]

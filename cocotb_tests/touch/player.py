@@ -1,4 +1,4 @@
-"""The cocotb test that plays scans through a chip, from samples to classes, and holds it to both models."""
+"""The cocotb test that plays scans through a chip and compares them with both models."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ JOB = "ESKIN_TOUCH_JOB"
 
 @dataclass(frozen=True)
 class Job:
-    """What a simulation shall play.
+    """The scans of a simulation.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Job:
 
 @cocotb.test()
 async def play(dut: Any) -> None:
-    """Play all scans of a job against the models, a line of progress.jsonl for each."""
+    """Play all scans of a job and compare them with the models; write a line of progress.jsonl for each."""
     import numpy as np
 
     from eskin.base.files import write_arrays

@@ -19,7 +19,7 @@ def bench(name: str) -> list[dict[str, Any]]:
 def speed_cosim() -> None:
     """Print co-simulation and model against a bare Verilator loop."""
     cells = "{name} | {clocks_per_second:,.0f} | " + TIMES.replace("X", "of_bare_loop")
-    table(" | clocks/s | of the bare loop", bench("cosim"), cells)
+    table(" | clocks/s | ratio to the bare loop", bench("cosim"), cells)
 
 
 def speed_encoders() -> None:
@@ -39,7 +39,7 @@ def speed_encoders() -> None:
         + TIMES.replace("X", "times_the_copy")
         + " | {one[median]:#3}"
     )
-    table(" | million taxel-samples/s | times the copy | 64 taxels", rows, cells)
+    table(" | million taxel-samples/s | time / copy | time / copy, 64 taxels", rows, cells)
 
 
 def speed_layer() -> None:
@@ -139,7 +139,7 @@ def scale_wires() -> None:
     mhz = "{X[fmax_hz]:1e-6*.0f} ({X[logic_depth]})"
     table(
         "taxels | um2 a taxel, cells | with repeaters (repeaters a taxel) | lines, mm a taxel"
-        " | MHz without wires (cells in the path) | MHz with wires | of the path in lines and repeaters | path",
+        " | MHz without wires (cells in the path) | MHz with wires | share of the path in lines and repeaters | path",
         rows,
         "{rows} x {columns} | {cells_um2_per_taxel:,.0f} | {with_wires[area_um2_per_taxel]:,.0f} ({repeaters})"
         f" | {{lines}} | {mhz.replace('X', 'without_wires')} | {mhz.replace('X', 'with_wires')}"
@@ -163,7 +163,7 @@ def scale_tiles() -> None:
             array | more | {"more_area": more["area_um2_per_taxel"] - 1, "ends": _ends(array["with_wires"]["path"])}
         )
     table(
-        "taxels | as | relay stations a line | um2 a taxel, cells | with repeaters (beside 8 x 8) | MHz without wires"
+        "taxels | tiles | stations a line | um2 a taxel, cells | with repeaters (beside 8 x 8) | MHz without wires"
         " | MHz with wires (of 8 x 8) | path | MHz with wires, between flops alone",
         rows,
         "{rows} x {columns} | {cut} | {relays} | {cells_um2_per_taxel:,.0f} | {with_wires[area_um2_per_taxel]:,.0f}"
@@ -175,7 +175,7 @@ def scale_tiles() -> None:
 def scale_skins() -> None:
     """Print a skin of 65,536 taxels on one output."""
     table(
-        "LCS | clock | clocks | tiles alone: events (a clock) | merged: events (a clock) | of a tile | model, s",
+        "LCS | clock | clocks | tiles alone: events (a clock) | merged: events (a clock) | events of a tile | model, s",
         bench("scale_skins"),
         "{resolution} b | {clock_hz:1e-6*,.4g} MHz | {clocks:,} | {events_of_tiles_alone:,} ({offered_per_clock:.2f})"
         " | {events:,} ({events_per_clock:.2f}) | {fewest_of_a_tile:,} to {most_of_a_tile:,} | {model_s:.1f}",

@@ -9,16 +9,16 @@ from docs.tables.write import filled, read, source, table
 
 EVIDENCE = {
     "proved": ("formal", "properties of the RTL, runs of any length"),
-    "proved, again": ("crossproof", "the same properties, without and with bugs, searched by a second solver"),
+    "second solver": ("crossproof", "the proved properties, without and with bugs, searched again with z3"),
     "covered": ("coverage", "RTL lines, branches, toggles; points of the specification"),
-    "killed": ("mutants", "automatic mutants of the RTL that the tests notice"),
+    "killed": ("mutants", "generated mutants of the RTL, judged by tests and proofs"),
     "killed, model": (
         "mutants/model_and_snn",
-        "a sample of mutants of `model/` and `snn/`, by the tests of their files",
+        "a sample of mutants of `model/` and `snn/`, judged by the tests of their files",
     ),
     "faults": ("faults", "upsets of every flop, and hostile surroundings"),
-    "soaked": ("soak", "clocks of random configurations, RTL against model"),
-    "hostile input": ("fuzz", "damaged files and absurd options"),
+    "soaked": ("soak", "random configurations, RTL compared with model"),
+    "hostile input": ("fuzz", "damaged files and out-of-range options"),
 }
 """What is signed off: the name of its report in docs/data/verification, and what it is."""
 
@@ -81,7 +81,9 @@ def stages() -> None:
         stage = "V1" if proved < len(properties) or mutants < 3 else "V3" if upsets and not never else "V2"
         tried = [f"{upsets:,}", f"{never:,}"] if upsets else ["not yet", ""]
         rows.append([block.replace("_", " "), stage, f"{proved} of {len(properties)}", str(mutants), *tried])
-    table("block | stage | properties proved | mutants noticed by each, at least | upsets tried | never recovers", rows)
+    table(
+        "block | stage | properties proved | fewest mutants noticed by a property | upsets tried | never recovers", rows
+    )
 
 
 def coverage() -> None:
@@ -140,7 +142,7 @@ def survivors() -> None:
     alive = [[one["name"], "alive"] for part in parts for one in part["survivors"]]
     argued = [[one["name"], one["why"]] for part in parts for one in part["argued_one_by_one"]]
     rows = [[f"`{name}`".replace("|", "\\|"), why.replace("|", "\\|")] for name, why in [*alive, *argued]]
-    table("mutant | what is known of it", rows)
+    table("mutant | argument, or alive", rows)
 
 
 def faults() -> None:
@@ -170,7 +172,7 @@ def hostile() -> None:
         lines = [line for line in cases if line["case"] == name]
         good, runs = (sum(line[key] for line in lines) for key in ("as stated", "runs"))
         rows.append([name, lines[0]["stated"], str(len(lines)), f"{good} of {runs}"])
-    table("surroundings | what happens | readouts | runs as stated", rows)
+    table("surroundings | expected behaviour | readouts | runs as expected", rows)
 
 
 def soak() -> None:

@@ -22,7 +22,7 @@ class ChipRun:
     Attributes
     ----------
     events : ndarray of EVENT_DTYPE
-        As the classifier takes them; all ON where it keeps no polarity.
+        Events taken by the classifier; all ON if it ignores polarity.
     classifier : ClassifierRun
     """
 
@@ -33,7 +33,7 @@ class ChipRun:
 def clocks_of(config: ChipConfig, ticks: int) -> tuple[int, int]:
     """Return the number of complete bins of a scan, and the clocks until the class of the last bin.
 
-    These end before the next bin does, so that the class is that of the scan.
+    The scan ends before the next bin, so the class belongs to the scan.
     """
     classifier = config.classifier
     bins = ticks * config.readout.clocks_per_sample // classifier.clocks_per_bin
@@ -60,9 +60,9 @@ def events_of(config: ChipConfig, clock: NDArray[np.int64], channel: NDArray[np.
 def simulate_chip(config: ChipConfig, network: IntegerNetwork, samples: NDArray[np.integer], clocks: int) -> ChipRun:
     """Simulate a chip from the end of reset on.
 
-    The readout is told when the classifier is ready, and the classifier when events are offered. What happens by a
-    clock depends only on what was before it, so each round is right for longer than the one before, and where nothing
-    changes any more both are.
+    The readout receives the clocks in which the classifier is ready, and the classifier those of offered events. A
+    clock depends only on earlier clocks. Each round is therefore right for longer than the previous round, and both are
+    right when nothing changes any more.
 
     Parameters
     ----------

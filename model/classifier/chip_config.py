@@ -36,7 +36,7 @@ class ChipConfig:
     readout : ReadoutConfig
         With the stream link.
     classifier : ClassifierConfig
-        One input per taxel, or two where ON and OFF are kept apart.
+        One input per taxel, or two with separate ON and OFF.
 
     Raises
     ------
@@ -50,18 +50,18 @@ class ChipConfig:
     def __post_init__(self) -> None:
         readout, classifier = self.readout, self.classifier
         if readout.link != "stream":
-            raise InputError(f"a chip with a classifier has the link stream within, not {readout.link}")
+            raise InputError(f"a chip with a classifier uses the link stream inside, not {readout.link}")
         if classifier.inputs not in self._channels():
             taken = " or ".join(map(str, self._channels()))
             raise InputError(
-                f"the classifier takes {classifier.inputs} channels, {readout.rows} x {readout.columns} taxels of "
-                f"{readout.encoding} have {taken}; give the readout it was trained for"
+                f"the classifier has {classifier.inputs} input channels, but {readout.rows} x {readout.columns} "
+                f"taxels of {readout.encoding} have {taken}; give the readout of its training"
             )
         clocks = round(classifier.bin_s * readout.clock_hz)
         least = work_clocks(classifier, 0, 0)
         if clocks < least:
             raise InputError(
-                f"a bin of {classifier.bin_s:g} s has {clocks} clocks, its work takes {least}; "
+                f"a bin of {classifier.bin_s:g} s has {clocks} clocks, but its work needs {least}; "
                 f"raise --clocks-per-sample"
             )
         object.__setattr__(self, "classifier", classifier.replace(clocks_per_bin=clocks, reset=readout.reset))

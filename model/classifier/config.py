@@ -27,8 +27,8 @@ CLASSIFIER = "docs/reference/classifier.md"
 class ClassifierConfig:
     """All parameters of one integer network except its weights. Immutable, validated on construction.
 
-    Hidden and output potentials have units of their own; a weight counts ``2**shift`` of them. What is added to a
-    potential stays within its bits: where ``saturates`` says that it could leave them, it stops at their end.
+    Hidden and output potentials have their own units; a weight counts ``2**shift`` of them. A potential saturates at
+    the limits of its bits. If ``saturates`` is false, no potential can reach the limits.
 
     Parameters
     ----------
@@ -44,8 +44,8 @@ class ClassifierConfig:
     membrane_bits, output_bits, evidence_bits : int
         Bits of a hidden potential, of an output potential, and of the evidence, signed, up to 32.
     threshold, floor, neuron_reset, leak_shift
-        Hidden neurons: a spike where v > threshold; v is held from the floor on (None: no floor); what the spike
-        does to v; after a bin v - (v >> leak_shift) is left (0: all).
+        Hidden neurons: a neuron spikes if v > threshold; floor is the lower limit of v (None: no limit); reset by a
+        spike; after a bin v - (v >> leak_shift) remains (0: all).
     readout : "spikes" or "membrane"
         The outputs fire and their spikes are the evidence, or they do not fire and the sum of their potentials is it.
     out_threshold, out_floor, out_leak_shift
@@ -59,11 +59,13 @@ class ClassifierConfig:
         If a value is of the wrong type, out of range, or does not fit another.
     """
 
-    inputs: int = parameter(128, "", CLASSIFIER, "channels: taxels, twice where ON and OFF are two")
+    inputs: int = parameter(
+        128, "", CLASSIFIER, "channels: number of taxels, or twice as many with separate ON and OFF"
+    )
     hidden: int = parameter(256, "", CLASSIFIER, "recurrent neurons")
     classes: int = parameter(6, "", CLASSIFIER, "output neurons")
     lanes: int = parameter(16, "", CLASSIFIER, "weights added in one clock, a power of two")
-    clocks_per_bin: int = parameter(200_000, "", CLASSIFIER, "clocks of a time bin at most")
+    clocks_per_bin: int = parameter(200_000, "", CLASSIFIER, "largest number of clocks in a time bin")
     bin_s: float = parameter(0.004, "s", CLASSIFIER, "time bin")
     in_bits: int = parameter(8, "", CLASSIFIER, "bits of an input weight, 2..8")
     rec_bits: int = parameter(8, "", CLASSIFIER, "bits of a recurrent weight, 2..8")
@@ -77,20 +79,20 @@ class ClassifierConfig:
     membrane_bits: int = parameter(24, "", CLASSIFIER, "bits of a hidden potential")
     output_bits: int = parameter(20, "", CLASSIFIER, "bits of an output potential")
     evidence_bits: int = parameter(24, "", CLASSIFIER, "bits of the evidence for a class")
-    threshold: int = parameter(256, "", CLASSIFIER, "a hidden neuron fires above it")
-    floor: int | None = parameter(None, "", CLASSIFIER, "a hidden potential is held from it on [no floor]")
+    threshold: int = parameter(256, "", CLASSIFIER, "threshold of the hidden neurons")
+    floor: int | None = parameter(None, "", CLASSIFIER, "lower limit of a hidden potential [no floor]")
     neuron_reset: NeuronReset = parameter(
         "zero", "", CLASSIFIER, "a spike sets the potential to zero, or subtracts the threshold: zero, subtract"
     )
-    leak_shift: int = parameter(0, "", CLASSIFIER, "v - (v >> shift) is left after a bin; 0: all")
+    leak_shift: int = parameter(0, "", CLASSIFIER, "leak per bin: v - (v >> shift); 0: no leak")
     readout: OutputMode = parameter(
         "spikes", "", CLASSIFIER, "evidence: spikes of the outputs, or membrane, the sum of their potentials"
     )
     out_threshold: int = parameter(
-        256, "", CLASSIFIER, "readout spikes: an output fires above it; ignored with membrane"
+        256, "", CLASSIFIER, "readout spikes: threshold of the outputs; ignored with membrane"
     )
     out_floor: int | None = parameter(
-        None, "", CLASSIFIER, "readout spikes: an output potential is held from it on [no floor]; ignored with membrane"
+        None, "", CLASSIFIER, "readout spikes: lower limit of an output potential [no floor]; ignored with membrane"
     )
     out_leak_shift: int = parameter(0, "", CLASSIFIER, "leak of the outputs")
     reset: Reset = parameter("sync", "", CLASSIFIER, "reset style of the flops")
@@ -256,7 +258,7 @@ class ClassifierConfig:
             raise InputError(f"a classifier's configuration must be a JSON object, not {type(fields).__name__}")
         known = {field.name for field in dataclasses.fields(cls)}
         if unknown := sorted(set(fields) - known):
-            raise InputError(f"unknown classifier field {unknown[0]!r}; known are {', '.join(sorted(known))}")
+            raise InputError(f"unknown classifier field {unknown[0]!r}; known fields are {', '.join(sorted(known))}")
         return cls(**fields)
 
 
@@ -286,9 +288,9 @@ def ends(
 ) -> tuple[int, int] | None:
     """Return limits that a potential never leaves for any order of additions; None if unlimited.
 
-    ``x - (x >> k)`` rises with x, and with A = high its value at X = ((A + 1) << k) - 1 is X - A: a potential that is
-    at most X in one bin is so in the next. Below it is the same with X = low << k. A reset to zero leaves at most
-    the threshold, and so does one by subtraction where a bin adds no more than that.
+    ``x - (x >> k)`` rises with x, and with A = high its value at X = ((A + 1) << k) - 1 is X - A. So a potential of at
+    most X remains at most X in the next bin. The lower limit follows in the same way with X = low << k. A reset to zero
+    leaves at most the threshold, and so does a reset by subtraction if a bin adds at most the threshold.
 
     Parameters
     ----------

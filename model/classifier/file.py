@@ -29,10 +29,10 @@ class IntegerWeights:
     ----------
     network : IntegerNetwork
     class_names : tuple of str
-        Of the outputs, in their order.
+        Names of the outputs, in their order.
     notes : dict
-        What the quantiser says: the float value of a weight of 1 for each matrix, the errors, and under ``training``
-        for which readout and bins it was trained and what it says of images that it has not learned.
+        Notes of the quantiser: the float value of a weight of 1 for each matrix, the errors, and under ``training`` the
+        readout and bins of the training, and its predictions for images outside the training.
     """
 
     network: IntegerNetwork
@@ -71,7 +71,9 @@ class IntegerWeights:
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
         except (KeyError, TypeError, ValueError, RecursionError):
-            raise InputError(f"{path} is an archive, but no integer network; make one with eskin quantise") from None
+            raise InputError(
+                f"{path} is an archive, but not an integer network; make one with eskin quantise"
+            ) from None
 
     @classmethod
     def _from_arrays(cls, arrays: dict[str, NDArray[Any]]) -> IntegerWeights:
@@ -93,7 +95,7 @@ class IntegerWeights:
 def weight_image(network: IntegerNetwork) -> list[int]:
     """Return the words of the row memory: word g of row r is at ``r << row_bits | g``.
 
-    Row n belongs to the hidden neuron n, row ``hidden`` + c to channel c; word g holds the weights to the neurons
+    Row n belongs to hidden neuron n, and row ``hidden`` + c to channel c. Word g contains the weights to the neurons
     from ``g * lanes`` on, the first in the least significant bits.
     """
     config = network.config

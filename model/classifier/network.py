@@ -1,6 +1,6 @@
 """Compute the integer network, exact in every potential and spike of every bin (docs/reference/classifier.md).
 
-This is the golden model that ``rtl/classifier`` is held to; it knows no lanes and no words, only numbers.
+This is the golden model of ``rtl/classifier``, without lanes and words.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ class Bin(NamedTuple):
     potential, spikes : shape (hidden,)
         Potentials as they were compared with the threshold, and who fired (0 or 1).
     output, output_spikes : shape (classes,)
-        The same of the outputs; no spikes where these do not fire.
+        Potentials and spikes of the outputs; no spikes for membrane outputs.
     evidence : shape (classes,)
         Since the scan began.
     winner : int
-        The class: the first of those with the most evidence.
+        The class: the first output with the most evidence.
     """
 
     potential: Whole
@@ -68,7 +68,7 @@ class IntegerNetwork:
     Raises
     ------
     InputError
-        If an array has another shape, or a number that its bits do not hold.
+        If an array has another shape, or a number exceeds its bits.
     """
 
     config: ClassifierConfig
@@ -82,9 +82,9 @@ class IntegerNetwork:
         for name, (shape, bits) in _arrays(self.config).items():
             values = np.asarray(getattr(self, name))
             if values.shape != shape:
-                raise InputError(f"{name} has the shape {values.shape}, the network takes {shape}")
+                raise InputError(f"{name} has the shape {values.shape}, but the network needs {shape}")
             if values.dtype.kind not in "iu":
-                raise InputError(f"{name} must be whole numbers, not {values.dtype}")
+                raise InputError(f"{name} must be integers, not {values.dtype}")
             if values.min() < lowest(bits) or values.max() > highest(bits):
                 worst = max(values.min(), values.max(), key=abs)
                 raise InputError(f"{name} must be in {lowest(bits)}..{highest(bits)}, {bits} bits, not {worst}")
@@ -120,8 +120,8 @@ class IntegerNetwork:
     def sized(self) -> IntegerNetwork:
         """Return the network with the fewest bits in which none of its potentials can saturate.
 
-        A bit more is taken where it holds any weights, since that needs no saturation. Where there is no such width, or
-        it has more than 32 bits, the widths stay and potentials saturate.
+        A slightly larger width is used if it covers any weights, because the adders then need no saturation. If there
+        is no such width, or it exceeds 32 bits, the widths do not change and potentials saturate.
         """
         changes = {}
         for name, own, any_weights in (
@@ -137,8 +137,7 @@ class IntegerNetwork:
     def run_counts(self, counts: NDArray[Any]) -> tuple[Whole, float]:
         """Return the evidence after the last bin of several scans, and the mean spikes per bin and neuron.
 
-        Events of a bin count in rising order of their channel. The order matters only where a potential reaches the
-        end of its bits.
+        Events of a bin count in rising order of their channel. The order only matters if a potential saturates.
 
         Parameters
         ----------
@@ -151,7 +150,9 @@ class IntegerNetwork:
         rate : float
         """
         if counts.ndim != 3 or counts.shape[2] != self.config.inputs:
-            raise InputError(f"the network takes {self.config.inputs} channels, the scans have {counts.shape[-1]}")
+            raise InputError(
+                f"the network has {self.config.inputs} input channels, but the scans have {counts.shape[-1]}"
+            )
         state = State(self, len(counts))
         fired = 0
         for number in range(counts.shape[1]):
@@ -171,7 +172,7 @@ class State:
     ----------
     v : shape (scans, hidden)
     spikes : shape (scans, hidden)
-        Of the bin before.
+        Spikes of the previous bin.
     output : shape (scans, classes)
     evidence : shape (scans, classes)
     """
@@ -221,7 +222,7 @@ class State:
         Returns
         -------
         potential, spikes : shape (scans, hidden)
-            As compared with the threshold, and who fired.
+            Potentials at the comparison with the threshold, and spikes.
         output, output_spikes : shape (scans, classes)
         """
         config = self.config

@@ -55,7 +55,7 @@ def work_clocks(config: ClassifierConfig, before: int, now: int) -> int:
     ----------
     config : ClassifierConfig
     before, now : int
-        Hidden spikes of the bin before, and of the one that ends.
+        Hidden spikes of the previous bin, and of the ending bin.
     """
     recurrent = config.hidden + before * (config.groups - 1)
     outputs = config.hidden + now * (config.classes - 1)
@@ -71,7 +71,7 @@ def simulate(
     ----------
     network : IntegerNetwork
     offered : sequence of (clock, channel)
-        Events in their order; each is offered from that clock on, once those before it have been taken.
+        Clock from which each event is offered, in order, after the previous event has been taken.
     ends : sequence of int
         Clocks of ``bin_end``, rising.
     clocks : int

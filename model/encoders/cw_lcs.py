@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 class CwLcsRule(NamedTuple):
     """D and closing step in codes, as set by a host and as built; half-widths; ticks per closing step.
 
-    ``grid_log2`` is log2 of the closing step as built, ``levels_log2`` that of the half-widths, ``cap`` the most events
-    of one tick.
+    ``grid_log2`` is log2 of the closing step as built, ``levels_log2`` is log2 of the number of half-widths, and
+    ``cap`` is the largest number of events of one tick.
     """
 
     step: int
@@ -54,8 +54,8 @@ class CwLcs(Encoder):
         if config.registers != "none" and config.closing_shift > most:
             raise InputError(
                 f"closing_shift must be in 0..{most} = sample_bits - 2 - resolution with registers={config.registers}, "
-                f"not {config.closing_shift}; otherwise a coarser resolution set at run time has no room for its "
-                f"window: lower closing_shift, or raise sample_bits to {config.resolution + 2 + config.closing_shift}"
+                f"not {config.closing_shift}; otherwise the window of a coarser resolution does not fit: "
+                f"lower closing_shift, or raise sample_bits to {config.resolution + 2 + config.closing_shift}"
             )
 
     def rule(self, config: ReadoutConfig) -> CwLcsRule:

@@ -1,7 +1,7 @@
 """Define the interface of an encoder: names and traits, rule, decoder, and bounds.
 
-The functions under "compiled" are plain Python that Numba understands; ``model.encoders.compiled`` compiles them. They
-know their encoder by the type of ``rule``, so every encoder has a rule class of its own, of its own name.
+The functions under "compiled" are plain Python that Numba understands; ``model.encoders.compiled`` compiles them. Numba
+selects the encoder by the type of ``rule``, so every encoder needs its own rule class with a unique name.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ class Encoder(ABC):
     Attributes
     ----------
     name : str
-        In configurations and commands.
+        Name in configurations and commands.
     title : str
-        In tables and figures.
+        Name in tables and figures.
     colour, marker : str
-        Of its line in figures, as Matplotlib takes them.
+        Colour and marker of its line in figures, for Matplotlib.
     code : int
         Its number in the register ``shape.encoding``, 0..3; never given to another encoder.
     fields : tuple of str
@@ -36,15 +36,15 @@ class Encoder(ABC):
     leaks : bool
         The reference leaks at decay ticks.
     windowed : bool
-        A taxel has a window of its own, which closes while nothing happens.
+        Every taxel has a window, which closes while no event happens.
     strict : bool
         ON needs x - u > D; otherwise x - u >= the half-width of the window.
     timed : bool
         The decoder must know which events came late.
     Rule : NamedTuple class
-        What the compiled functions know of a configuration.
+        Configuration for the compiled functions.
     state : tuple of str
-        Numbers of a taxel besides its sample and reference; 0 after reset.
+        Additional state of a taxel besides sample and reference; 0 after reset.
     """
 
     name: ClassVar[str]
@@ -131,7 +131,7 @@ class Encoder(ABC):
     def move(rule: Any, taxel: Any, on: bool, off: bool, tick: bool, leaks: bool) -> bool:
         """Move the reference and the state; return whether a threshold moved without an event.
 
-        ``tick`` and ``leaks`` say whether the clock is that of a sample tick, and of a leak of this taxel.
+        ``tick`` and ``leaks`` are true in the clock of a sample tick, and of a leak of this taxel.
         """
 
     @staticmethod
@@ -162,7 +162,7 @@ class Encoder(ABC):
         tick : int
             Ticks since reset.
         counts, late : shape (ticks, taxels)
-            Signed events, and, where ``timed``, whether the first came a decision late.
+            Signed events, and if ``timed`` whether the first came one decision late.
         """
 
     @staticmethod

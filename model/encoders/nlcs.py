@@ -58,9 +58,9 @@ class Nlcs(Encoder):
     def error_bound(self, config: ReadoutConfig) -> tuple[float, float]:
         """Return x - u <= D, plus a leak with one decision per tick, and a lower bound for slow falls.
 
-        No event follows a fall: there u stays below the leaky peak hold of x (it leaks as u does, and never lies
-        below x). While x, from one decay tick to the next, falls by no more than the leak of its own level, that is
-        within one leak of x. This low is returned; for other inputs it is minus full scale, and less for negative ones.
+        No event follows a fall: u stays below the leaky peak hold of x, which leaks like u and is never below x. If x
+        falls less between two decay ticks than its own level leaks, the peak hold is within one leak of x. This lower
+        bound is returned. For other inputs the lower bound is minus full scale, and lower for negative inputs.
         """
         leak = self.largest_leak(config)
         return -leak, config.step + (leak if config.decisions_per_tick == 1 else 0)
@@ -68,8 +68,8 @@ class Nlcs(Encoder):
     def slope_limit(self, config: ReadoutConfig) -> float:
         """Return D for each decision of a tick, minus the leak.
 
-        With several decisions one is spent on waiting for the leak, which the others have to catch up as well; a
-        negative limit means that the leak of a full-scale reference alone is too much.
+        With several decisions, one of them waits for the leak, and the others must make up for it. A negative limit
+        means that the leak of a full-scale reference alone is too large.
         """
         return config.step * max(config.decisions_per_tick - 1, 1) - self.largest_leak(config)
 
@@ -112,8 +112,8 @@ class Nlcs(Encoder):
     def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
         """Write the events; u and D are in units of 2**-F code.
 
-        The first decision and, where it is due, the leak of the old u; then events while x - u > D, which are
-        ceil((x - u) / D) - 1.
+        The order is: the first decision; the leak of the old u, if due; then events while x - u > D, which are ceil((x
+        - u) / D) - 1.
         """
         (u,) = state
         word = u.dtype.type

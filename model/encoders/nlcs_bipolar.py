@@ -29,9 +29,9 @@ class NlcsBipolarRule(NamedTuple):
 class NlcsBipolar(Nlcs):
     """Leaky-neuron level crossing with a signed reference that leaks to zero from both sides.
 
-    A step towards zero takes the place of the leak of its clock. So all events of a tick have the same sign, however
-    large the leak is: after a step towards zero the sample is still beyond the reference, and any other step moves the
-    reference away from zero, from where the leak brings it back.
+    A step towards zero replaces the leak of its clock. Therefore all events of a tick have the same sign, however large
+    the leak is. After a step towards zero the sample is still beyond the reference. Any other step moves the reference
+    away from zero, and the leak moves it back.
     """
 
     name, title, colour, marker, code = "nlcs-bipolar", "bipolar N-LCS", "#009e73", "v", 3
@@ -77,8 +77,8 @@ class NlcsBipolar(Nlcs):
     def ticks(rule: Any, x: Any, state: Any, phase: Any, tick: int, counts: Any, late: Any, timed: bool) -> None:
         """Write the events; u and D are in units of 2**-F code.
 
-        The first decision and, where it is due and the step did not lead towards zero, the leak of the old u; then ON
-        while x - u > D, OFF while x - u <= -D - 1 code.
+        The order is: the first decision; the leak of the old u, if due and if the step did not lead towards zero; then
+        ON while x - u > D, or OFF while x - u <= -D - 1 code.
         """
         (u,) = state
         word = u.dtype.type

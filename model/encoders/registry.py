@@ -21,7 +21,7 @@ def named(name: str) -> Encoder:
     Raises
     ------
     InputError
-        If no encoder has that name; the sentence lists those that do.
+        If no encoder has that name; the sentence lists all names.
 
     Examples
     --------
@@ -29,12 +29,12 @@ def named(name: str) -> Encoder:
     'N-LCS'
     >>> named("pcm")
     Traceback (most recent call last):
-    base.errors.InputError: no encoder is named 'pcm'; the encoders are lcs, cw-lcs, nlcs, nlcs-bipolar
+    base.errors.InputError: there is no encoder 'pcm'; the encoders are lcs, cw-lcs, nlcs, nlcs-bipolar
     """
     for encoder in ENCODERS:
         if encoder.name == name:
             return encoder
-    raise InputError(f"no encoder is named {name!r}; the encoders are {', '.join(NAMES)}")
+    raise InputError(f"there is no encoder {name!r}; the encoders are {', '.join(NAMES)}")
 
 
 def check(encoders: tuple[Encoder, ...]) -> None:
@@ -46,7 +46,7 @@ def check(encoders: tuple[Encoder, ...]) -> None:
         values = [getattr(encoder, what) for encoder in encoders]
         values = [value.__name__ if isinstance(value, type) else value for value in values]
         if twice := sorted({value for value in values if values.count(value) > 1}):
-            raise ValueError(f"two encoders have the {what} {twice[0]!r}; every encoder has its own")
+            raise ValueError(f"two encoders have the {what} {twice[0]!r}; use different ones")
 
 
 check(ENCODERS)

@@ -47,7 +47,7 @@ class Difference:
     index : int
         Number of the event, counted from 0; all events before it are equal.
     a, b : AddressEvent or None
-        The events there; None where a recording has already ended.
+        The events at this index; None after the end of a recording.
     start : int
         Number of the first event of the context.
     context_a, context_b : tuple of AddressEvent
@@ -113,12 +113,12 @@ def _address_events(events: Events) -> tuple[AddressEvent, ...]:
 def first_difference(a: Events, b: Events) -> Difference | None:
     """Return the first difference of two recordings, or None if they are equal.
 
-    Equal means the same events in the same order: clock, row, column and polarity.
+    Recordings are equal if clock, row, column and polarity of all events agree, in the same order.
 
     Parameters
     ----------
     a, b : ndarray of EVENT_DTYPE, shapes (events_a,) and (events_b,)
-        The expected events, and those to be checked.
+        The expected events, and the events to check.
     """
     common = min(len(a), len(b))
     differs = a[:common] != b[:common]

@@ -38,15 +38,15 @@ class Recording:
     Parameters
     ----------
     events : ndarray of EVENT_DTYPE, shape (events,)
-        In the order of the transfers; the array is kept as a read-only copy.
+        Events in order of transfer; stored as a read-only copy.
     config : ReadoutConfig
         The readout that sent them, or the skin of tiles (``TilesConfig``).
     duration_clocks : int
-        Clocks that were observed; all events lie in ``0 <= t < duration_clocks``. Rates divide by it.
+        Length in clocks; all events have ``0 <= t < duration_clocks``. Rates are events divided by the length.
     version : str
         Version of the program that recorded.
     metadata : dict, optional
-        Anything else that JSON can hold: name, label, source, ...
+        Any other JSON values: name, label, source, ...
 
     Raises
     ------
@@ -157,10 +157,10 @@ class Recording:
             raise InputError(f"its format is not {formats.EVENTS.name!r}") from None
         for name, kind in _HEADER_TYPES.items():
             if type(header.get(name)) is not kind:
-                raise InputError(f"its metadata have no usable {name}")
+                raise InputError(f"its metadata lack a valid {name}")
         config = config_of(header["config"])
         if header["clock_hz"] != config.clock_hz:
-            raise InputError(f"its clock_hz {header['clock_hz']:g} is not that of its configuration")
+            raise InputError(f"its clock_hz {header['clock_hz']:g} differs from its configuration")
         return cls(events, config, header["duration_clocks"], header["version"], header["metadata"])
 
 

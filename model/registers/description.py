@@ -33,9 +33,9 @@ class Field:
         ``constant`` for ever; ``setting``, written and read back; ``pulse``, 1 for one clock after a 1 was written;
         ``counter`` of its input, which stops at its end.
     least, most : int
-        What may be written.
+        Range of writable values.
     announced : bool
-        A write of the register is told to what is behind it (``swmod``).
+        The hardware behind the register is notified of a write (``swmod``).
     meaning : str
     """
 

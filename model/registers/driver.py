@@ -16,9 +16,9 @@ class Registers:
     Parameters
     ----------
     config : ReadoutConfig
-        Of the chip, with ``registers="spi"``.
+        Configuration of the chip, with ``registers="spi"``.
     exchange : callable
-        Makes one transfer with CS low: takes the bytes to send and returns as many that came back.
+        Function for one transfer with CS low: takes the bytes to send, and returns the received bytes.
 
     Examples
     --------
@@ -38,7 +38,7 @@ class Registers:
     def register(self, name: str) -> Register:
         """Return a register by name, with an index for an array: ``mask[3]``."""
         if name not in self.named:
-            raise InputError(f"there is no register {name!r}; there are {', '.join(self.named)}")
+            raise InputError(f"there is no register {name!r}; the registers are {', '.join(self.named)}")
         return self.named[name]
 
     def read_word(self, name: str) -> int:

@@ -50,13 +50,13 @@ def c_header(config: ReadoutConfig) -> str:
 
 def page(config: ReadoutConfig) -> str:
     """Return the page on the registers of a configuration, as Markdown."""
-    return _page(config, registers(config), "these are those of one configuration.")
+    return _page(config, registers(config), "this page shows the registers of one configuration.")
 
 
 def page_of_all(config: ReadoutConfig) -> str:
     """Return the page on all registers of all encoders."""
     given = parameters(config) | {"LEAKS": True, "CLOSES": True, "POLARITY": True}
-    scope = "an encoder has those that it has a use for."
+    scope = "this page shows the registers of all encoders."
     return _page(config, walk(compiled(given)), scope)
 
 

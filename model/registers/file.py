@@ -27,7 +27,7 @@ class RegisterFile:
     words : dict of int to int
         The registers by their addresses.
     told : frozenset of str
-        Signals of the fields that tell what is behind them, in this clock, that their register was written.
+        Signals of fields that report a write of their register to the hardware in this clock.
     """
 
     def __init__(self, config: ReadoutConfig) -> None:
@@ -97,7 +97,7 @@ class Settings(NamedTuple):
     Attributes
     ----------
     resolution, leak_shift, leak_period, window_period : int
-        As the fields of ``ReadoutConfig``.
+        Same meaning as the fields of ``ReadoutConfig``.
     mask : int
         A bit for each taxel.
     """

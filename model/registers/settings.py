@@ -39,7 +39,7 @@ def check(config: ReadoutConfig, given: NDArray[np.void]) -> None:
     if given["t"][0] != 0 or (np.diff(given["t"]) < 1).any():
         raise InputError("the clocks of settings must rise from 0")
     if not ((given["coarser"] >= 0) & (given["coarser"] < config.resolution)).all():
-        raise InputError(f"a resolution must be in 1..{config.resolution}, as built")
+        raise InputError(f"a resolution must be in 1..{config.resolution}, the built one")
 
 
 # Words of the host's state: settings so far, whether a test pattern runs, whether it and the decay ticks start anew in
@@ -63,7 +63,7 @@ def next_change(host: Any, given: Any, clocks: int) -> Any:
 def hear(host: Any, given: Any, t: int, ticks: int, rows: Any, latch: Any) -> tuple[bool, bool]:
     """Apply the settings of a clock; return whether there are any, and whether a test pattern runs.
 
-    A pattern that starts anew takes its request back.
+    A restarted pattern withdraws its request.
     """
     host[PATTERN_ANEW] = host[DECAY_ANEW] = 0
     if host[NUMBER] == len(given) or given[host[NUMBER]].t != t:

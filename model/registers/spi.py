@@ -42,10 +42,10 @@ class SpiSlave:
     count : int
         Bits of the word or command so far.
     in_data, writes : bool
-        The command is complete; it says to write.
+        True if the command is complete and is a write.
     address : int
     shift : int
-        The last 32 bits, or what is left to be read.
+        The last 32 bits, or the bits still to be read.
     bit : int
         The newest bit.
     """

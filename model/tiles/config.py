@@ -25,7 +25,7 @@ TILES = "docs/reference/tiles.md"
 class TilesConfig(ReadoutConfig):
     """A skin: identical tiles in rows and columns, and a merge that joins their events into one stream.
 
-    ``rows`` and ``columns`` are those of the whole skin, so its event files are read as any other's; ``tile`` is the
+    ``rows`` and ``columns`` are those of the whole skin, so its event files are read like any other; ``tile`` is the
     readout of one tile. Tile (r, c) of the skin has index ``r * tile_columns + c``.
 
     Parameters
@@ -82,7 +82,7 @@ class TilesConfig(ReadoutConfig):
                     f"{name} must be a multiple of the {parts} tiles along them, not {getattr(self, name)}"
                 )
         if self.link != "stream":
-            raise InputError(f"tiles talk to their merge by the link stream, not {self.link}; leave --link out")
+            raise InputError(f"tiles need the link stream to their merge, not {self.link}; leave --link out")
         if self.registers != "none":
             raise InputError(f"tiles of a skin have no registers, not {self.registers}; leave --registers out")
         _ = self.tile  # its sides are checked
@@ -177,7 +177,7 @@ def tiles_of(text: str) -> tuple[int, int]:
     """
     rows, _, columns = text.partition("x")
     if not (rows.isdecimal() and columns.isdecimal()):
-        raise InputError(f"tiles must be rows and columns, as 4x4, not {text!r}")
+        raise InputError(f"tiles must be rows and columns such as 4x4, not {text!r}")
     return int(rows), int(columns)
 
 
@@ -187,7 +187,7 @@ def skin_of(tile: ReadoutConfig, tiles: str, relays: int = 0) -> TilesConfig:
     Raises
     ------
     InputError
-        If the text is none of that kind, or there are too many.
+        If the text has another form, or there are too many tiles.
     """
     return TilesConfig.of(tile, *tiles_of(tiles), relays)
 

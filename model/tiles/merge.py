@@ -1,7 +1,7 @@
 """Simulate the merge of several event streams, clock by clock: round robin over the tiles, two events deep.
 
-What a tile offers is taken while fewer than two events are held, so whether a tile's event is taken depends on flops
-alone, never on the sink in the same clock.
+The merge takes an offered event while it holds fewer than two. Whether it takes an event therefore depends only on
+flops, never on the sink in the same clock.
 """
 
 from __future__ import annotations
@@ -51,9 +51,9 @@ def advance(state: NDArray[np.uint64], tile: int, event: Any, ready: bool) -> No
     tile : int
         The tile whose event is taken, or -1.
     event : int
-        That event, any number from 0 on.
+        Identifier of the event, any number from 0 on.
     ready : bool
-        The sink takes what is offered.
+        True if the sink takes the offered event.
     """
     if ready and state[HELD] > np.uint64(0):
         state[OFFERED] = state[SPARE]
@@ -72,7 +72,7 @@ class Merged(NamedTuple):
     Attributes
     ----------
     clock, tile, number : ndarray of int64, shape (events,)
-        Clock of the transfer, tile that sent it, and the number of the event among those of its tile.
+        Clock of the transfer, sending tile, and index of the event within its tile.
     """
 
     clock: NDArray[np.int64]
@@ -86,8 +86,7 @@ def merge(offered: list[NDArray[np.int64]], ready: NDArray[np.uint8], clocks: in
     Parameters
     ----------
     offered : list of ndarray of int64, shape (events,)
-        For each tile the first clock in which each of its events may be offered, rising; an event is offered behind
-        those before it.
+        For each tile, the first clock in which each of its events may be offered, rising; events are offered in order.
     ready : ndarray of uint8, shape (pattern,)
         The sink's ready per clock, repeated.
     clocks : int

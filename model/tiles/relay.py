@@ -1,7 +1,7 @@
 """Simulate the relay stations on the lines from tiles to merge, clock by clock.
 
-A station is two places deep and takes what it is offered while one of them is free: the merge of a single stream. So
-its state, and its clock, are those of ``model.tiles.merge``.
+A station holds two events and takes an offered event while a place is free, like a merge of a single stream. State and
+clock are therefore those of ``model.tiles.merge``.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ def advance(line: NDArray[np.uint64], comes: bool, event: Any, ready: bool) -> N
     comes : bool
         The tile offers an event and there is ``room`` for it.
     event : int
-        That event, any number from 0 on.
+        Identifier of the event, any number from 0 on.
     ready : bool
-        The merge takes what the last station offers.
+        True if the merge takes the event of the last station.
     """
     for station in range(len(line) - 1, 0, -1):  # those behind have moved on; those before still stand as they were
         before, own = line[station - 1], line[station]
@@ -62,7 +62,7 @@ class Relayed(NamedTuple):
     Attributes
     ----------
     taken, clock : ndarray of int64, shape (events,)
-        For each event the clock in which the first station took it, and that in which it left the last.
+        Clocks in which the first station took each event, and in which the event left the last station.
     """
 
     taken: NDArray[np.int64]
@@ -77,7 +77,7 @@ def relay(offered: NDArray[np.int64], ready: NDArray[np.uint8], clocks: int, sta
     offered : ndarray of int64, shape (events,)
         First clock in which each event may be offered, rising; an event is offered behind those before it.
     ready : ndarray of uint8, shape (pattern,)
-        Whether the other end takes an event, per clock, repeated.
+        Whether the other end takes an event in each clock; repeated.
     clocks : int
         Length of the run.
     stations : int

@@ -36,12 +36,12 @@ def simulate_skin(config: TilesConfig, stimuli: Sequence[Stimulus]) -> Events:
     ----------
     config : TilesConfig
     stimuli : sequence of Stimulus
-        One for each tile; clocks of samples, masks and end are common, and the sink's ready is that of the first.
+        One stimulus for each tile, with common clocks of samples, masks and end; the first gives the sink's ready.
 
     Returns
     -------
     ndarray of EVENT_DTYPE, shape (events,)
-        t is the clock of the transfer out of the merge; x and y are those of the skin.
+        t is the clock of the transfer from the merge; x and y are coordinates on the skin.
 
     Raises
     ------
@@ -57,7 +57,9 @@ def simulate_skin(config: TilesConfig, stimuli: Sequence[Stimulus]) -> Events:
             np.array_equal(getattr(stimulus, name), getattr(first, name)) for name in ("sample_clock", "enable_clock")
         )
         if not all(same) or stimulus.clocks != first.clocks or stimulus.decisions is not None:
-            raise InputError("the tiles' stimuli must have the same clocks of samples, masks and end, and no decisions")
+            raise InputError(
+                "the tiles' stimuli must share the clocks of samples, masks and end, and have no decisions"
+            )
     registers = [Registers.after_reset(tile) for _ in stimuli]
     inputs = Inputs(
         np.stack([np.ascontiguousarray(stimulus.samples, np.int32) for stimulus in stimuli]),

@@ -51,7 +51,7 @@ def plot_comparison(
     title : str, optional
         Line above everything.
     signal : float array, shape (ticks, taxels), optional
-        Samples in full scale (+-1.0), drawn above the events; some of the taxels where there are many.
+        Samples in full scale (+-1.0), drawn above the events; only some taxels of large arrays.
     texture : array, shape (height, width) or (height, width, 3), optional
         The scanned part of the image, drawn at the top: the array passes its width in the duration.
     duration_clocks : int, optional
@@ -93,15 +93,15 @@ def plot_signals(
 ) -> None:
     """Draw signals above their events.
 
-    Parameters
-    ----------
-    events : ndarray of EVENT_DTYPE, shape (events,)
-    signal : float array, shape (ticks, taxels)
-        In full scale; row k is the sample tick at clock ``k * clocks_per_sample``.
-    label : str
-        Name of the signals.
-    config, path, title, duration_clocks
-        As for :func:`plot_comparison`.
+        Parameters
+        ----------
+        events : ndarray of EVENT_DTYPE, shape (events,)
+        signal : float array, shape (ticks, taxels)
+    Signals in full scale; row k is the sample tick at clock ``k * clocks_per_sample``.
+        label : str
+            Name of the signals.
+        config, path, title, duration_clocks
+            Same as for :func:`plot_comparison`.
     """
     check_picture_path(path)
     save_figure(draw_signals(events, {} if signal is None else {label: signal}, config, title, duration_clocks), path)
@@ -119,9 +119,9 @@ def draw_signals(
     Parameters
     ----------
     signals : mapping of str to float array, shape (ticks, taxels)
-        By the name of the panel; as for :func:`plot_signals`.
+        Signals by panel name; same as for :func:`plot_signals`.
     events, config, title, duration_clocks
-        As for :func:`plot_signals`.
+        Same as for :func:`plot_signals`.
     """
     longest = max(signals.values(), key=len, default=None)
     end_ms = _end_ms(config, (events,), longest, duration_clocks)

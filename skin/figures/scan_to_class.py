@@ -38,13 +38,13 @@ class ScanToClass:
     Attributes
     ----------
     name, true : str
-        Of the texture or own recording, and of its class.
+        Name of the texture or recording, and of its class.
     label : int
-        Of the class, an index into ``class_names``.
+        Class, an index into ``class_names``.
     tested : bool
-        It was none of those that the network learned from.
+        Whether the network was not trained on it.
     scan : Scan or None
-        None of own recordings, which are no scans.
+        Scan; None for recordings.
     pixels : uint8 array, shape (height, width), or None
         The texture.
     recording : Recording
@@ -59,11 +59,11 @@ class ScanToClass:
         Sum of output spikes or membranes so far, as ``meaning`` says.
     class_names : tuple of str
     meaning : str
-        What the evidence is, in words.
+        Meaning of the evidence, in words.
     right, tests : int
-        How many of so many test images the network classified rightly; 0 of 0 where that is not known.
+        Correct and all test images; 0 of 0 if unknown.
     numbers : mapping of str to str
-        What else is said above the panels ``signals``, ``events``, ``hidden`` and ``evidence``.
+        Additional text above the panels ``signals``, ``events``, ``hidden`` and ``evidence``.
     """
 
     name: str
@@ -172,7 +172,7 @@ def _draw_texture(panel: Axes, played: ScanToClass) -> None:
     start, end = ends if rightwards else tuple((y, x) for x, y in ends)
     panel.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "color": _WAY, "lw": 2.5, "path_effects": halo})
     place, offset = ((width / 2, far), (0, -6)) if rightwards else ((far, height / 2), (6, 0))
-    panel.annotate("way of the array", place, xytext=offset, textcoords="offset points", color=_WAY, fontsize=8.5,
+    panel.annotate("path of the array", place, xytext=offset, textcoords="offset points", color=_WAY, fontsize=8.5,
                    fontweight="bold", path_effects=halo, rotation=0 if rightwards else 90,
                    ha="center" if rightwards else "left", va="top" if rightwards else "center")  # fmt: skip
     panel.set_xlabel(f"pixels; {config.rows} x {config.columns} taxels, {scan.name} scan", fontsize=8.5)

@@ -43,7 +43,7 @@ class AddressMap:
         Raises
         ------
         InputError
-            If the file is no such table, holds another thing than whole numbers, or uses an address or a taxel twice.
+            If the file is not such a table, contains other values than integers, or repeats an address or a taxel.
         """
         try:
             lines = [

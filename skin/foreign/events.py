@@ -44,7 +44,7 @@ class ForeignEvents:
     polarity : bool array, shape (events,)
         True is ON.
     size : tuple of int, optional
-        Rows and columns of the sensor, where the file states them.
+        Rows and columns of the sensor, if the file contains them.
     notes : tuple of str
         How the file was read, for the user.
     """
@@ -128,7 +128,7 @@ class Taken:
     dropped : int
         Events without a taxel.
     moved : int
-        Events whose time lies between two clocks.
+        Number of events with a time between two clocks.
     merged : int
         Events of different times that share a clock now.
     start : int or float
@@ -167,14 +167,14 @@ def take(
     events : ForeignEvents
         In order of time.
     config : ReadoutConfig
-        Of the recording; its clock is the resolution of time.
+        Configuration of the recording; its clock is the resolution of time.
     mapping : AddressMap, optional
         Otherwise addresses are columns and rows from 0.
     drop : bool
         Leave events out whose address is not mapped.
     start : float, optional
-        Time, in the unit of the file, that is clock 0. By default 0, or the first event where that is negative. It
-        must be given where the first event comes more than a day after 0.
+        Time, in the unit of the file, that becomes clock 0. By default 0, or the first event if that is negative. It
+        must be given if the first event is more than a day after 0.
     metadata : dict, optional
         Of the recording.
 

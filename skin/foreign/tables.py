@@ -37,7 +37,7 @@ def read_events_table(path: Path, fields: Sequence[str] = (), unit: str | None =
     path : Path
         Text with a line for each event, a structured or two-dimensional .npy, or a .npz with one array a column.
     fields : sequence of str
-        Meaning of each column, where the file does not name them: t, x, y, p, address, or - for others.
+        Meaning of each column, if the file has no names: t, x, y, p, address, or - for others.
     unit : str, optional
         Of the time; else as the name of its column says, else s for times with a point and us for whole ones.
 

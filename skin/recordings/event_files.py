@@ -38,10 +38,10 @@ def kept_events(
 ) -> tuple[Path, tuple[str, ...], tuple[str, ...]]:
     """Return the folder of event files for class folders, made if missing, notes and warnings.
 
-    With ``flat`` recordings may lie beside the class folders, and a file may stand alone: they have no class.
+    With ``flat``, recordings may be beside the class folders, or a single file; they have no class.
 
-    Its name has a digest of the recordings, the options, the configuration and the model's own files, so
-    what something else made is never taken for it.
+    The folder's name contains a digest of recordings, options, configuration and the model's source files, so files
+    made by anything else are never used.
     """
     digest = hashlib.sha256(json.dumps([__version__, asdict(options), config.to_dict(), sorted(given)]).encode())
     for file in sorted([*_MODEL.rglob("*.py"), *_HERE.glob("*.py")]):

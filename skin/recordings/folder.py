@@ -56,23 +56,23 @@ class RecordingSet:
     Attributes
     ----------
     name : str
-        Of the folder, or of the file.
+        Name of the folder or file.
     sources : tuple of Source
     codes : list of int32 arrays, shape (ticks, taxels)
-        In the order of the sources.
+        Codes in the order of the sources.
     config : ReadoutConfig
     options : Preparation
-        That made the codes.
+        Preparation that made the codes.
     scale : float
         Factor from the unit of the files to full scale.
     clipped : int
         Samples beyond full scale.
     notes, warnings : tuple of str
-        What was taken for what; what the user should mend, with the option that does.
+        Interpretation of the files; problems, each with the option that fixes it.
     columns : tuple of str
-        Names of the taxels, where the files have them.
+        Names of the taxels, if the files have them.
     starts_s : mapping of str to float
-        First time stamp in seconds by the name of the source, where there is one.
+        First time stamp in seconds by name of the source, if any.
     """
 
     name: str
@@ -121,13 +121,13 @@ def encoded(config: ReadoutConfig, codes: NDArray[np.int32]) -> tuple[Events, Qu
 def sources_of(folder: Path, flat: bool = False, strict: bool = False) -> tuple[tuple[Source, ...], tuple[str, ...]]:
     """Return the recordings of class folders, ordered by name, or a single file.
 
-    With ``flat`` files may lie beside the class folders, and have no class. The second value is a warning for what has
-    the name of a recording and cannot be read; with ``strict`` it is refused.
+    With ``flat``, files may be beside the class folders, and have no class. The second value is a warning on unreadable
+    entries with the name of a recording; with ``strict`` they are refused.
 
     Raises
     ------
     InputError
-        If there is none, or one lies beside the class folders.
+        If there are no recordings, or one is beside the class folders.
     """
     if not folder.is_dir():
         return (Source(folder, folder.stem, None),), ()
@@ -141,13 +141,13 @@ def sources_of(folder: Path, flat: bool = False, strict: bool = False) -> tuple[
     for path in paths:
         parts = path.relative_to(folder).parts
         if len(parts) < 2 and not flat:
-            raise InputError(f"{path} lies beside the class folders; move it into the folder of its class")
+            raise InputError(f"{path} is beside the class folders; move it into the folder of its class")
         found.append(
             Source(path, path.relative_to(folder).with_suffix("").as_posix(), parts[0] if len(parts) > 1 else None)
         )
     if not found:
         raise InputError(
-            f"{folder} holds no recordings; give a folder with one folder for each class, and files that end in "
+            f"{folder} contains no recordings; give a folder with a folder for each class, with files ending in "
             f"{', '.join(ARRAY_SUFFIXES)} in them"
         )
     names = [source.name for source in found]
@@ -175,15 +175,15 @@ def read_set(
         Folder of class folders, or a file.
     options : Preparation
     config : ReadoutConfig
-        What the user wants.
+        Configuration wanted by the user.
     given : collection of str
         Fields of it that the user set; of the others, array, rate, clock and time constants follow the recordings.
     progress : callable, optional
         Called after each file.
     flat : bool
-        As ``sources_of`` takes it.
+        Same as for ``sources_of``.
     fit : bool
-        The resolution follows the recordings too, unless it is given.
+        Whether to choose the resolution from the recordings, unless it is given.
     """
     sources, left_out = sources_of(place, flat, options.strict)
     tables = []
@@ -230,7 +230,7 @@ def _with_array(config: ReadoutConfig, taxels: int, given: Collection[str], path
     if {"rows", "columns"} & set(given) or config.taxels == taxels:
         if config.taxels != taxels:
             raise InputError(
-                f"{path} has {taxels} taxels, the array has {config.rows} x {config.columns} = {config.taxels}; "
+                f"{path} has {taxels} taxels, but the array has {config.rows} x {config.columns} = {config.taxels}; "
                 f"give --rows and --columns, or neither, or choose columns with --taxel-columns"
             )
         return config
@@ -248,8 +248,8 @@ def _unseen(config: ReadoutConfig, recordings: list[NDArray[np.int32]]) -> list[
     if below <= 0.2 * (seen + below):
         return []
     return [
-        f"{below / (seen + below):.0%} of what the signals do is below zero, which {config.encoder.title} cannot see; "
-        f"turn the sign with a negative --scale FACTOR, choose another --baseline, or --encoding lcs"
+        f"{below / (seen + below):.0%} of the signal is below zero, which {config.encoder.title} cannot represent; "
+        f"invert the sign with a negative --scale FACTOR, choose another --baseline, or --encoding lcs"
     ]
 
 
@@ -273,9 +273,9 @@ def write_folder(
     Returns
     -------
     Quality
-        Of all recordings together.
+        Quality of all recordings together.
     tuple of str
-        Warnings, with the options that mend what they warn of.
+        Warnings, with the options that fix the problems.
     """
     parts = []
     for source, recording, quality in recordings.each_recording(pool):
@@ -297,7 +297,7 @@ def quality_warnings(config: ReadoutConfig, recordings: list[NDArray[np.int32]],
     warnings = []
     more = f"raise --clocks-per-sample above {config.clocks_per_sample}, or leave it out"
     if not quality.events:
-        warnings.append("no taxel ever sends an event; raise --scale or --resolution, or look at --baseline")
+        warnings.append("no taxel sends an event; raise --scale or --resolution, or check --baseline")
     elif quality.late + quality.merged > MUCH_LATE * quality.expected:
         warnings.append(
             f"the link is too slow: {quality.late} of {quality.expected} events are late, {quality.merged} decisions "
@@ -311,11 +311,11 @@ def quality_warnings(config: ReadoutConfig, recordings: list[NDArray[np.int32]],
         )
     elif not quality.bound_holds and not (quality.late or quality.merged):
         warnings.append(
-            "the reconstruction leaves the decoder's bound: it takes a taxel that waits for the link for one whose "
-            "window has closed; choose --encoding lcs"
+            "the reconstruction exceeds the decoder's bound, because a taxel that waits for the link looks like one "
+            "whose window has closed; choose --encoding lcs"
             if config.encoder.windowed
-            else "the reconstruction leaves the decoder's bound; lower --scale"
+            else "the reconstruction exceeds the decoder's bound; lower --scale"
         )
     if quality.events and config.has_polarity and quality.snr_db < LOW_SNR_DB:
-        warnings.append(f"the reconstruction has {quality.snr_db:.1f} dB only; raise --resolution or --scale")
+        warnings.append(f"the reconstruction has {quality.snr_db:.1f} dB; raise --resolution or --scale")
     return tuple(warnings)

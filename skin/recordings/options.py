@@ -26,7 +26,7 @@ class Preparation:
     taxel_columns : str
         Columns that are taxels, by name or number from 1, as ``2-17`` or ``s1,s2``; all but time if empty.
     delimiter : str
-        What parts the cells of a .csv: a character, ``tab`` or ``space``; found by itself if empty.
+        Delimiter of a .csv: a character, ``tab`` or ``space``; detected if empty.
     decimal : "auto", "point" or "comma"
     time_column : str
         Column of time stamps, by name or number, or ``none``; found by itself if empty.
@@ -86,8 +86,12 @@ class Preparation:
             number = math.nan
         if text != self.scale:
             if not 0 < number <= 100:
-                raise InputError(f"--scale takes a percentile as p99.9, above p0 and up to p100, not {self.scale!r}")
+                raise InputError(
+                    f"--scale needs a percentile such as p99.9, above p0 and up to p100, not {self.scale!r}"
+                )
             return number
         if not (math.isfinite(number) and number != 0):
-            raise InputError(f"--scale takes a number other than 0, max, or a percentile as p99.9, not {self.scale!r}")
+            raise InputError(
+                f"--scale needs a number other than 0, max, or a percentile such as p99.9, not {self.scale!r}"
+            )
         return None

@@ -42,9 +42,9 @@ class Prepared:
     clipped : int
         Samples beyond full scale, all together.
     warnings : tuple of str
-        What the user should know, with the option that mends it.
+        Warnings for the user, with the option that fixes the problem.
     notes : tuple of str
-        What was done to the samples.
+        Changes of the samples.
     """
 
     codes: list[NDArray[np.int32]]
@@ -61,17 +61,17 @@ def prepare(tables: Sequence[Table], options: Preparation, sample_bits: int, rat
     Parameters
     ----------
     tables : sequence of Table
-        Of equally many taxels.
+        Tables with equal numbers of taxels.
     options : Preparation
     sample_bits : int
         W.
     rate_hz : float, optional
-        By default that of the time stamps, the median of all recordings.
+        By default the rate of the time stamps, median of all recordings.
 
     Raises
     ------
     InputError
-        If no rate is known, or the recordings do not have the same number of taxels.
+        If no rate is known, or the recordings have different numbers of taxels.
     """
     widths = {table.values.shape[1]: table.path for table in tables}
     if len(widths) > 1:
@@ -86,7 +86,7 @@ def prepare(tables: Sequence[Table], options: Preparation, sample_bits: int, rat
         signals.append(without_baseline(signal, rate_hz, options))
     notes = _filled(tables)
     if resampled:
-        notes.append(f"{resampled} of {len(tables)} recordings have uneven time stamps: resampled, linearly")
+        notes.append(f"{resampled} of {len(tables)} recordings have uneven time stamps and were resampled linearly")
     scale = scale_of(signals, options, sample_bits)
     with np.errstate(over="ignore"):  # what overflows saturates, as all that is out of range
         found = [quantise(signal * scale, sample_bits) for signal in signals]
@@ -108,7 +108,7 @@ def _common_rate(tables: Sequence[Table]) -> float:
         elif table.rate_hz is not None:
             rates.append(table.rate_hz)
         else:
-            raise InputError(f"{table.path} does not say its sampling rate; add --sample-rate HZ")
+            raise InputError(f"{table.path} contains no sampling rate; add --sample-rate HZ")
     rate = float(f"{statistics.median(rates):.4g}")
     furthest = max(range(len(rates)), key=lambda k: abs(np.log(rates[k] / rate)))
     if not 0.5 < rates[furthest] / rate < 2:
@@ -202,7 +202,7 @@ def _columns_that_are_no_signal(tables: Sequence[Table]) -> list[str]:
     warnings = []
     for marks, what, remedy in (
         (still, "never changes", "leave it out with --taxel-columns"),
-        (rising, "rises steadily", "if it is time or a counter, say so with --time-column, or leave it out"),
+        (rising, "rises steadily", "if it is time or a counter, name it with --time-column, or leave it out"),
     ):
         found = [tables[0].names[k] for k, mark in enumerate(marks) if mark]
         if found:
@@ -217,7 +217,7 @@ def _baseline_left(found: Sequence[tuple[NDArray[np.int32], int]], options: Prep
     largest = max(int(np.abs(codes).max()) for codes, _ in found)
     if options.baseline == "none" and largest > 4 * moved and largest > 2 ** (sample_bits - 4):
         return [
-            f"the signals stand on a baseline and use {moved / 2 ** (sample_bits - 1):.1%} of full scale only; "
-            f"take it off with --baseline first, median or highpass"
+            f"the signals have a baseline and use {moved / 2 ** (sample_bits - 1):.1%} of full scale; "
+            f"subtract the baseline with --baseline first, median or highpass"
         ]
     return []

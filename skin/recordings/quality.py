@@ -37,7 +37,7 @@ class Quality:
     samples, seconds : int, float
         Number of samples, ticks times taxels, and duration.
     events, expected : int
-        Events that left, and those that would have without contention.
+        Events that left, and events without contention.
     late, merged : int
         Events that left after the tick of their cause; decisions that never became events of their own.
     load, peak_load : float
@@ -77,7 +77,7 @@ def measure_quality(config: ReadoutConfig, codes: NDArray[np.int32], events: Eve
     config : ReadoutConfig
     codes : int32 array, shape (ticks, taxels)
     events : array of EVENT_DTYPE, shape (events,)
-        In clocks from the first sample on.
+        Events, with times from the first sample on.
     """
     expected = np.abs(encode(config, codes).astype(np.int64))
     counts, late = counts_of_events(config, events, len(codes))
@@ -107,16 +107,16 @@ def measure_quality(config: ReadoutConfig, codes: NDArray[np.int32], events: Eve
 def link_warning(config: ReadoutConfig, codes: NDArray[np.int32]) -> str:
     """Return the losses of the link for some codes, shape (ticks, taxels), and the option that helps.
 
-    Empty where at most ``MUCH_LATE`` of the decisions merge.
+    Empty if at most ``MUCH_LATE`` of the decisions merge.
     """
     quality = measure_quality(config, codes, simulate(config, Stimulus.from_samples(config, codes)))
     if quality.merged <= MUCH_LATE * quality.expected:
         return ""
     enough = power_of_two(clocks_needed(config, codes))
     return (
-        f"the link is too slow for this signal: it is busy {min(quality.load, 1):.0%} of the time; of "
+        f"the link is too slow for this signal: its load is {min(quality.load, 1):.0%}; of "
         f"{quality.expected} events {quality.late} wait for a later sample and {quality.merged} merge with others; "
-        f"try --clocks-per-sample {enough}, about enough for the busiest sample"
+        f"try --clocks-per-sample {enough}, an estimate for the busiest sample"
     )
 
 
@@ -164,8 +164,8 @@ def names_and_start(recording: Recording) -> tuple[list[str], float | None]:
 def decode_recording(recording: Recording) -> NDArray[np.float64]:
     """Return the reconstruction of a recording, shape (ticks, taxels), in full scale.
 
-    An event counts for the sample tick in which it left, (t - 3) // clocks_per_sample. One that had to wait
-    for the link may count for a later tick than that of its cause, or, after the last tick, for none.
+    An event counts for the sample tick in which it left, (t - 3) // clocks_per_sample. An event that waited for the
+    link may count for a later tick than its cause, or for none after the last tick.
     """
     config = recording.config
     ticks = -(-recording.duration_clocks // config.clocks_per_sample)

@@ -35,7 +35,7 @@ Codes = NDArray[np.int32]
 def slow_signals(seed: int = 0) -> list[Codes]:
     """Return generated pressures of a slow skin as codes, shape (ticks, taxels): presses, strokes and taps.
 
-    Each taxel has a gain of its own, and white noise of 1/2000 of full scale rms.
+    Each taxel has its own gain, and white noise of 1/2000 of full scale rms.
     """
     random = np.random.default_rng(seed)
     time_s = np.arange(int(RATE_HZ * SECONDS))[:, None] / RATE_HZ
@@ -67,7 +67,7 @@ def study_data(
     Parameters
     ----------
     place : Path, optional
-        A user's recordings, as ``read_set`` takes them; generated slow signals by default.
+        A user's recordings, as for ``read_set``; generated slow signals by default.
     pool : WorkerPool, optional
         Who does the work, this process by default; the result does not depend on it.
     progress : callable, optional
@@ -136,8 +136,8 @@ def _point(recordings: Sequence[Codes], config: ReadoutConfig) -> dict[str, Any]
 def uniform(recordings: Sequence[Codes], bps: float, rate_hz: float, sample_bits: int) -> dict[str, Any] | None:
     """Return the best uniform sampling up to a data rate: all taxels at one rate, held until the next sample.
 
-    Of every number of bits the rate that the bits leave is tried, up to that of the recordings; the best SNR counts.
-    None where not even one bit a second is left for a taxel.
+    For every number of bits, the function uses the highest sampling rate within the data rate, up to that of the
+    recordings; the best SNR counts. The result is None if less than one bit per second remains for a taxel.
     """
     best: dict[str, Any] | None = None
     taxels = recordings[0].shape[1]

@@ -45,23 +45,23 @@ class Table:
     ----------
     path : Path
     values : float64 array, shape (ticks, taxels)
-        In the unit of the file.
+        Values in the unit of the file.
     names : tuple of str
-        Of the taxels' columns.
+        Names of the taxels' columns.
     codes : bool
         Whether all values are whole numbers without a point.
     time_s : float64 array, shape (ticks,), or None
-        Time stamps in seconds, where a column has them.
+        Time stamps in seconds, if a column has them.
     rate_hz : float or None
-        Sampling rate, where the file states one.
+        Sampling rate, if the file contains one.
     notes : tuple of str
-        What was taken for what, for the user.
+        Interpretation of the file, for the user.
     named : bool
-        Whether the names stand in the file.
+        Whether the names are in the file.
     filled : int
-        Cells without a number, which the samples before and after them fill, linearly.
+        Number of cells without a number, filled by linear interpolation.
     start_s : float
-        First time stamp in seconds, where a column has them.
+        First time stamp in seconds, if a column has them.
     """
 
     path: Path
@@ -94,13 +94,13 @@ def read_table(path: Path, options: Preparation) -> Table:
         values, codes, rate_hz, filled = flat.astype(float), samples.values.dtype.kind in "iu", samples.rate_hz, 0
         names = tuple(f"{number}" for number in range(1, values.shape[1] + 1))
     else:
-        raise InputError(f"{path} is no table of samples; they come as {', '.join(ARRAY_SUFFIXES)}")
+        raise InputError(f"{path} is not a table of samples; accepted are {', '.join(ARRAY_SUFFIXES)}")
     time_column, notes = _time_column(path, values, names, options)
     chosen = _chosen_columns(path, names, options.taxel_columns)
     if time_column is not None and options.taxel_columns == "":
         chosen = [number for number in chosen if number != time_column]
     if not chosen:
-        raise InputError(f"{path} has no column but its time stamps; give one for each taxel")
+        raise InputError(f"{path} has only time stamps; add a column for each taxel")
     time_s, start_s = None, 0.0
     if time_column is not None and "counter" not in " ".join(notes):
         time_s, start_s, note = _seconds(path, values[:, time_column], names[time_column], options)
@@ -150,8 +150,7 @@ def _read_csv(path: Path, options: Preparation) -> tuple[Values, tuple[str, ...]
     except ValueError as error:
         reason = " ".join(str(error).split()).split(";")[0].rstrip(".")
         raise InputError(
-            f"{path} is not a table of numbers: {reason[:1].lower() + reason[1:]}; --delimiter and --decimal say how "
-            f"it is written"
+            f"{path} is not a table of numbers: {reason[:1].lower() + reason[1:]}; set --delimiter and --decimal"
         ) from None
     values, filled = _filled(path, values)
     names = tuple(cells) if headed else tuple(str(number) for number in range(1, values.shape[1] + 1))
@@ -261,19 +260,19 @@ def _time_column(
     named = [number for number, name in enumerate(names) if _TIME_NAME.match(name)]
     rising = [number for number in range(values.shape[1]) if len(values) > 2 and (np.diff(values[:, number]) > 0).all()]
     if named:
-        return named[0], (f"column {names[named[0]]!r} is taken as time stamps, by its name",)
+        return named[0], (f"column {names[named[0]]!r} is used as time stamps, because of its name",)
     if rising[:1] != [0] or len(rising) == values.shape[1]:
         return None, ()
     if (np.diff(values[:, 0]) == 1).all():
-        return 0, (f"column {names[0]!r} rises by one from line to line: taken as a counter, and left out",)
-    return 0, (f"column {names[0]!r} rises steadily: taken as time stamps; --time-column none keeps it as a taxel",)
+        return 0, (f"column {names[0]!r} rises by one per line: ignored as a counter",)
+    return 0, (f"column {names[0]!r} rises steadily: used as time stamps; --time-column none makes it a taxel",)
 
 
 def _seconds(path: Path, stamps: Values, name: str, options: Preparation) -> tuple[Values, float, str]:
     """Return time stamps in seconds from the first, the first in seconds, and a note on their unit and rate."""
     steps = np.diff(stamps)
     if len(stamps) < 2:
-        raise InputError(f"{path} has one sample only; a recording needs two at least")
+        raise InputError(f"{path} has only one sample; a recording needs at least two")
     wrong = steps < 0 if (steps == 0).mean() <= SAME_STAMP else steps <= 0
     if wrong.any():
         line = int(np.argmax(wrong)) + 2
@@ -288,7 +287,7 @@ def _seconds(path: Path, stamps: Values, name: str, options: Preparation) -> tup
     elif found := _UNIT.search(name):
         unit = _UNIT_NAMES.get(found[1].lower(), found[1].lower())
     elif (steps == 1).all():
-        raise InputError(f"{path}: the time stamps rise by one; say of what by --time-unit s, ms, us or ns")
+        raise InputError(f"{path}: the time stamps rise by one; give their unit with --time-unit s, ms, us or ns")
     else:
         unit = "s" if step < 1 else "ms" if step < 1e3 else "us" if step < 1e6 else "ns"
     seconds = (stamps - stamps[0]) * UNITS_S[unit]

@@ -60,12 +60,12 @@ class OwnReadout:
         Raises
         ------
         InputError
-            If the fields are not those.
+            If fields are missing or unknown.
         """
         try:
             options = Preparation(**fields["prepared"], scale=repr(float(fields["scale"])))
             return cls(ReadoutConfig.from_dict(fields["readout"]), options)
         except (KeyError, TypeError, ValueError):
             raise InputError(
-                "preparation, scale and readout of own recordings are damaged; encode them again"
+                "the stored preparation, scale and readout are damaged; encode the recordings again"
             ) from None

@@ -1,8 +1,8 @@
 """Texture images with their classes: a directory of class folders, or the embedded default.
 
-``open_dataset`` finds the images. A directory holds one folder of 8-bit gray PNG files per class, as the
-Kylberg textures do, and is checked against its SHA256SUMS file when it has one. Without a directory, the
-CC0 photographs of brick, grass and gravel that ship inside scikit-image are cut into patches.
+``open_dataset`` finds the images. A directory has one folder of 8-bit gray PNG files per class, as the Kylberg textures
+do, and is checked if it has a SHA256SUMS file. Without a directory, the CC0 photographs of brick, grass and gravel in
+scikit-image are cut into patches.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Texture:
     label : int
         Index of the class in ``Dataset.class_names``.
     path : Path
-        PNG file that holds it.
+        PNG file of the image.
     crop : (top, left, height, width) or None
         The part of that file in pixels; None for all of it.
     """
@@ -123,8 +123,8 @@ def open_dataset(where: str | Path | None = None) -> Dataset:
     Parameters
     ----------
     where : str or Path, optional
-        A directory, or ``embedded``. By default ``$ESKIN_DATA`` (a directory, or ``embedded``), else
-        ``data/kylberg`` or ``../shared/data/kylberg`` if there is one, else the embedded default.
+        A directory, or ``embedded``. By default ``$ESKIN_DATA`` (a directory, or ``embedded``), else ``data/kylberg``
+        or ``../shared/data/kylberg`` if present, else the embedded default.
 
     Raises
     ------
@@ -147,7 +147,8 @@ def _named_dataset(where: str, what: str) -> Dataset:
         return embedded_dataset()
     if not Path(where).is_dir():
         raise InputError(
-            f"{what} {where} is not a directory; give one with a folder of PNG images per class, or {EMBEDDED!r}"
+            f"{what} {where} is not a directory; give a directory with a folder of PNG images per class, "
+            f"or {EMBEDDED!r}"
         )
     return directory_dataset(Path(where))
 
@@ -198,8 +199,8 @@ def _verify(root: Path, found: dict[str, list[str]]) -> None:
     classes = {name.split("/")[0] for name in listed}
     if unknown := [name for name in found if name not in classes]:
         raise InputError(
-            f"unknown class folder {unknown[0]} in {root}: {SUMS_FILE} lists no image of it; "
-            f"remove it, or remove {SUMS_FILE} to use the directory unchecked"
+            f"unknown class folder {unknown[0]} in {root}: {SUMS_FILE} lists no image of this class; "
+            f"remove the folder, or remove {SUMS_FILE} to use the directory unchecked"
         )
     present = {f"{class_name}/{name}" for class_name, names in found.items() for name in names}
     if extra := sorted(present - set(listed)):
@@ -240,8 +241,8 @@ def _read(path: Path) -> bytes:
 def read_gray_png(path: Path) -> NDArray[np.uint8]:
     """Return the pixels of an 8-bit gray PNG file, uint8 of shape (height, width).
 
-    Colour, palette, 16-bit and two-channel images are refused, not converted: there is more than one way to,
-    and the event rates depend on it.
+    Colour, palette, 16-bit and two-channel images are refused, not converted: there are several ways to convert them,
+    and the event rates depend on the choice.
     """
     from PIL import Image
 
@@ -252,7 +253,7 @@ def read_gray_png(path: Path) -> NDArray[np.uint8]:
     except FileNotFoundError:
         raise InputError(f"image {path} does not exist; give a PNG file") from None
     except (OSError, SyntaxError, ValueError, struct.error, Image.DecompressionBombError) as error:
-        raise InputError(f"image {path} is damaged or no PNG file ({error}); copy it again") from None
+        raise InputError(f"image {path} is damaged or not a PNG file ({error}); copy it again") from None
     if mode != "L":
         raise InputError(f"image {path} must be 8-bit gray, not {mode}; convert it to 8-bit gray (mode L) first")
     return np.ascontiguousarray(pixels, np.uint8)

@@ -24,7 +24,7 @@ class PaperScan(Scan):
     Parameters
     ----------
     pixel_step : int
-        Of every so many pixels the first is kept: 200 um of taxel pitch in pixels of 45 um, rounded.
+        The first of this many pixels is used: 200 um of taxel pitch in pixels of 45 um, rounded.
     upsampling : int
         Factor of the polyphase filter from kept pixels to the played line.
     kaiser_beta : float
@@ -105,7 +105,7 @@ class PaperScan(Scan):
     def signals(self, config: ReadoutConfig, image: ArrayLike, start_row: float = 0.0) -> Signals:
         """Return the sensor outputs at the end of every loop time; see ``Scan.signals``.
 
-        The scan is linear in the pixels: its response to every single kept pixel is worked out once and kept.
+        The scan is linear in the pixels, so its response to each used pixel is computed once and cached.
         """
         pixels = gray(image)
         every = self._every(config)
@@ -137,7 +137,7 @@ class PaperScan(Scan):
         if whole < 1 or abs(every - whole) > 1e-6 * every:
             raise InputError(
                 f"sample_rate_hz must be {self.playback_hz:g} divided by a whole number in the paper preset, "
-                f"not {config.sample_rate_hz:g}; take the configuration from configure()"
+                f"not {config.sample_rate_hz:g}; use the configuration from configure()"
             )
         return whole
 

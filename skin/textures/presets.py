@@ -1,9 +1,9 @@
 """Convert a texture image to taxel samples, with one of two presets (docs/specification.md, section 6).
 
-``PaperScan`` has the constants of the original model, with which the published event rates were made, and
-``PhysicalScan`` is what the paper describes. All their constants are fields. A scan never repeats what
-``ReadoutConfig`` says (array, sample rate, bits): ``configure`` sets the fields that belong to the preset,
-``signals`` and ``samples`` then follow the configuration. The readings behind it: docs/guide/textures.md.
+``PaperScan`` has the constants of the original model, which produced the published event rates. ``PhysicalScan``
+follows the description in the paper. All constants are fields. A scan never repeats fields of ``ReadoutConfig`` (array,
+sample rate, bits): ``configure`` sets the fields that belong to the preset, and ``signals`` and ``samples`` follow the
+configuration. docs/guide/textures.md explains our interpretation of the paper.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ def quantise(signals: ArrayLike, sample_bits: int) -> tuple[NDArray[np.int32], i
     Parameters
     ----------
     signals : float array, any shape
-        In units of full scale, +-1.0.
+        Signals in units of full scale, +-1.0.
     sample_bits : int
         W, bits of a signed sample.
 
@@ -60,7 +60,7 @@ class Scan(ABC):
         Coefficients of the sensor's transfer function, highest power of s (rad/s) first:
         1000 s / (s^2 + 1007 s + 7000), a POSFET with 7 rad/s high-pass and a pole at 1000 rad/s.
     pixel_full_scale : float
-        Pixel value that stands for 1.0 full scale: 2^8 for 8-bit images.
+        Pixel value of 1.0 full scale: 2^8 for 8-bit images.
     """
 
     name: ClassVar[Preset]
@@ -93,7 +93,7 @@ class Scan(ABC):
         config : ReadoutConfig
             Encoding, resolution, array and everything that the preset leaves open.
         tau_s : float, optional
-            Wanted time constant of a leak in seconds; by default the one that ``config`` has.
+            Time constant of a leak in seconds; by default that of ``config``.
         """
 
     @abstractmethod
@@ -137,7 +137,7 @@ class Scan(ABC):
     def sensor(self, line: Signals, rate_hz: float) -> Signals:
         """Return the sensor's response to lines sampled at a rate, starting from rest.
 
-        The sensor is solved exactly for a line that is straight between its samples (first-order hold).
+        The solution is exact for a line that is straight between its samples (first-order hold).
 
         Parameters
         ----------

@@ -76,13 +76,13 @@ def spiking_traffic(config: ReadoutConfig, rates: Rates, frame: FrameConfig) -> 
     rates : Rates
         Its mean event rate over some scans.
     frame : FrameConfig
-        The frame readout beside it.
+        Frame readout for the comparison.
 
     Returns
     -------
     dict
-        ``events_per_s``, ``bits_per_event``, ``bits_per_s``, ``events_per_taxel_per_s``; ``ratio_to_frame`` of the
-        bits; and ``equal_frame_rate_hz``, the frame rate at which frames of the same N need as many bits.
+        ``events_per_s``, ``bits_per_event``, ``bits_per_s``, ``events_per_taxel_per_s``; ``ratio_to_frame``, a ratio of
+        bits; and ``equal_frame_rate_hz``, the frame rate at which frames with equal N need as many bits.
     """
     bits = rates.population_rate_hz * config.event_bits
     return {

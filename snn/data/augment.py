@@ -70,9 +70,10 @@ def augment(
 def at_speed(batch: Tensor, speed: Tensor) -> Tensor:
     """Return the counts of scans at other speeds, shape (steps, scans, channels).
 
-    Event k of the n in a bin stands at (k - 1/2) / n of it. Bin t of a scan at speed v holds the events between v t
-    and v (t + 1) bins of the original; what comes after the last bin is lost, and a faster scan ends early. Plain level
-    crossing would send these events at that speed; a leak or a closing window, which have their own pace, others.
+    Event k of n in a bin has the position (k - 1/2) / n within the bin. Bin t of a scan at speed v contains the events
+    between v t and v (t + 1) bins of the original. Events after the last bin are lost, and a faster scan ends early.
+    Plain level crossing would send the same events at that speed. An encoder with a leak or a closing window would send
+    others, because its time constants do not scale.
 
     Parameters
     ----------

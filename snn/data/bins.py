@@ -68,7 +68,7 @@ class SparseCounts(NamedTuple):
     Attributes
     ----------
     step, channel : int64 arrays, shape (entries,)
-        In rising order of step, then channel. Channel = taxel index, plus the number of taxels for OFF.
+        Sorted by step, then channel. Channel = taxel index, plus the number of taxels for OFF.
     number : int64 array, shape (entries,)
         Events in that bin.
     shape : (int, int)
@@ -93,7 +93,7 @@ def bin_recording(recording: Recording, bins: BinConfig) -> SparseCounts:
     Raises
     ------
     InputError
-        If the window holds no event or not one whole bin.
+        If the window contains no event or no complete bin.
     """
     config, events = recording.config, recording.events
     name = recording.metadata.get("name", "the recording")
@@ -104,13 +104,13 @@ def bin_recording(recording: Recording, bins: BinConfig) -> SparseCounts:
     width = bins.bin_s * config.clock_hz
     if not 1 <= width < math.inf:
         raise InputError(
-            f"a time bin of {bins.bin_s:g} s is not a length for a clock of {config.clock_hz:g} Hz; "
-            f"take one from {1 / config.clock_hz:g} s on"
+            f"a time bin of {bins.bin_s:g} s does not fit a clock of {config.clock_hz:g} Hz; "
+            f"use at least {1 / config.clock_hz:g} s"
         )
     steps = math.floor((stop - start) / width + 1e-9)
     if steps < 1:
         raise InputError(
-            f"{name} lasts {recording.duration_s:.6g} s and leaves no whole bin of {bins.bin_s:g} s in the time "
+            f"{name} lasts {recording.duration_s:.6g} s and contains no complete bin of {bins.bin_s:g} s in the time "
             f"window; choose a shorter bin or another window"
         )
     if steps * bins.channels(config) > MOST_COUNTS:

@@ -1,8 +1,8 @@
 """Cache recorded scans between runs (docs/guide/classifier.md).
 
-An entry is named by a sum over all that makes it: image bytes, scan, readout, start rows, time steps, and the sources
-and libraries that compute it. So an entry is never stale; it is only no longer asked for, and the entries that were
-used longest ago go first when there are too many.
+The name of an entry is a checksum of everything that determines it: image bytes, scan, readout, start rows, time steps,
+and the sources and libraries that compute it. An entry is therefore never outdated. If the cache is full, the least
+recently used entries are removed.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _ABANDONED_S = 3600.0
 def kept(key: str, make: Callable[[], ScanData]) -> ScanData:
     """Return the scans of a key from the cache, or from ``make``, whose result is then cached.
 
-    Without a folder that can be trusted, or on a full disk, nothing is kept.
+    Without a trusted folder, or on a full disk, nothing is cached.
     """
     folder = cache.usable("scans")
     if folder is None:
@@ -71,9 +71,9 @@ def key_of(
     Parameters
     ----------
     dataset, scan, config, start_rows
-        As the recording takes them.
+        Values that determine the recording.
     steps : BinConfig or FrameSteps
-        What makes time steps of events, or frames.
+        Conversion of events or frames to time steps.
     """
     images = [[t.name, t.class_name, t.label, _sum(t.path, t.path.stat().st_mtime_ns), t.crop] for t in dataset]
     parts = {

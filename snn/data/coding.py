@@ -1,8 +1,7 @@
 """Measure the size of events or frames after lossless coding with the standard library.
 
-The streams of several scans are laid one after the other, as an array that goes on scanning would send them. The
-smallest of zlib, bz2 and LZMA counts, so a number here is what anyone can have, not a bound: a coder that knows the
-signal does better.
+The streams of several scans are concatenated, as if an array scanned without pause. The smallest result of zlib, bz2
+and LZMA counts. It is what standard coders reach, not a bound: a coder designed for the signal does better.
 """
 
 from __future__ import annotations
@@ -56,14 +55,14 @@ def coded_events(recordings: Sequence[Recording], start_s: float | None = None) 
 def coded_frames(frames: Sequence[NDArray[np.int32]], bits: int) -> Parts:
     """Return the coded bits of the frames of some scans, taxel by taxel and frame by frame.
 
-    ``samples``: the words as they are sent. ``differences``: to the frame before, modulo 2**bits, small ones of either
+    ``samples``: the words as sent. ``differences``: to the previous frame, modulo 2**bits, with small values of either
     sign as small words.
 
     Parameters
     ----------
     frames : sequence of int32 arrays, shape (frames, taxels)
     bits : int
-        Of a word.
+        Bits of a word.
     """
     mask = 2**bits - 1
     kind = np.min_scalar_type(mask)

@@ -18,7 +18,7 @@ class Likeness:
     correlation : float
         Pearson's, of the counts.
     ratio : float
-        Events of the second by those of the first.
+        Ratio of the events of the second readout to those of the first.
     """
 
     correlation: float

@@ -1,7 +1,8 @@
 """Disturb scans, signals, comparators and events; one registry serves tests and training.
 
-Each changes the scene (how the array moves over the texture), the signals at the outputs of the analog front ends, the
-comparators, or the events, always before the readout's counts are made. Random ones draw from a generator.
+Each disturbance changes the scene (the movement of the array over the texture), the signals at the outputs of the
+analog front ends, the comparators, or the events, always before events are counted. Random disturbances draw from a
+generator.
 """
 
 from __future__ import annotations
@@ -45,9 +46,9 @@ class Disturbance:
     ----------
     unit, help : str
     level : str
-        What it changes.
+        Level that it changes.
     strengths : tuple of float
-        In rising order; the clean scan is none of them.
+        Strengths in rising order, without the clean scan.
     apply : callable
         (Draft, strength, Generator) -> None: changes the draft of a recording in place.
     """
@@ -73,7 +74,7 @@ class Draft:
     quarter_turns : int
         Direction of the movement, counter-clockwise from left to right.
     signals : float64 array, shape (ticks, taxels)
-        In full scales, of which one is 1 V.
+        Signals in full scales; one full scale is 1 V.
     noise_v, offset_v : float
         Of the two comparators of every taxel: rms per sample, and deviation over comparators.
     generator : Generator, optional
@@ -196,11 +197,11 @@ def _comparator_offset(draft: Draft, strength: float, generator: Generator) -> N
 def compare(config: ReadoutConfig, signals: Signals, noise_v: float, offset_v: float, generator: Generator) -> Events:
     """Return the events of LCS taxels with non-ideal comparators; without noise and offset, those of the encoder.
 
-    Every sample and comparator (above, below) has noise of its own, and every comparator an offset. A taxel sends at
+    Every sample and comparator (above, below) has independent noise, and every comparator an offset. A taxel sends at
     most one event a clock; the arbiter is left out, which delays events by microseconds.
     """
     if config.encoding != "lcs":
-        raise InputError(f"comparators with noise and offset are modelled for lcs, not for {config.encoding}")
+        raise InputError(f"comparators with noise and offset are only modelled for lcs, not for {config.encoding}")
     codes = quantise(signals, config.sample_bits)[0].astype(np.float64)
     shape, full = codes.shape, config.full_scale
     errors = [
@@ -289,21 +290,49 @@ DISTURBANCES: dict[str, Disturbance] = {
     name: Disturbance(unit=unit, help=text, level=level, strengths=strengths, apply=apply)  # type: ignore[arg-type]
     for name, unit, text, level, strengths, apply in (
         ("speed", "", "factor of the scan speed", "scene", (0.5, 0.8, 1.2, 1.5), _speed),
-        ("height", "", "place of the array on the texture, top 0 to bottom 1", "scene", (0.5, 1.0), _height),
-        ("direction", "degrees", "of the movement, the array as it was", "scene", (90.0, 180.0, 270.0), _direction),
-        ("rotation", "degrees", "of the texture under the array", "scene", (15.0, 45.0, 90.0, 180.0), _rotation),
+        ("height", "", "position of the array on the texture, top 0 to bottom 1", "scene", (0.5, 1.0), _height),
+        (
+            "direction",
+            "degrees",
+            "direction of the movement; the array is not rotated",
+            "scene",
+            (90.0, 180.0, 270.0),
+            _direction,
+        ),
+        (
+            "rotation",
+            "degrees",
+            "rotation of the texture under the array",
+            "scene",
+            (15.0, 45.0, 90.0, 180.0),
+            _rotation,
+        ),
         ("noise", "V", "AFE output noise, rms", "signals", (0.001, 0.005, 0.01, 0.02), _noise),
         ("gain", "", "factor of all signals", "signals", (0.7, 0.9, 1.2, 1.5), _gain),
-        ("offset", "V", "of every taxel, deviation", "signals", (0.05, 0.1), _offset),
+        ("offset", "V", "offset of every taxel, deviation", "signals", (0.05, 0.1), _offset),
         ("mismatch", "", "gain of every taxel, deviation", "signals", (0.1, 0.2, 0.4), _mismatch),
-        ("comparator-noise", "V", "of every comparator, rms", "comparators", (0.005, 0.01, 0.02), _comparator_noise),
-        ("comparator-offset", "V", "of every comparator, deviation", "comparators", (0.01, 0.02), _comparator_offset),
-        ("dead", "", "part of the taxels that send nothing", "events", (0.05, 0.1, 0.2, 0.4), _dead),
-        ("hot", "", "part of the taxels that send 1000 events/s more", "events", (0.05, 0.2), _hot),
-        ("lost", "", "part of the events that is lost", "events", (0.1, 0.3, 0.5), _lost),
-        ("jitter", "s", "of every event, deviation", "events", (0.001, 0.004), _jitter),
-        ("late", "s", "the recording begins so long after the touch", "events", (0.01, 0.05), _late),
-        ("short", "s", "the touch lasts so long", "events", (0.05, 0.1, 0.2), _short),
+        (
+            "comparator-noise",
+            "V",
+            "noise of every comparator, rms",
+            "comparators",
+            (0.005, 0.01, 0.02),
+            _comparator_noise,
+        ),
+        (
+            "comparator-offset",
+            "V",
+            "offset of every comparator, deviation",
+            "comparators",
+            (0.01, 0.02),
+            _comparator_offset,
+        ),
+        ("dead", "", "share of the taxels that send no events", "events", (0.05, 0.1, 0.2, 0.4), _dead),
+        ("hot", "", "share of the taxels that send 1000 additional events/s", "events", (0.05, 0.2), _hot),
+        ("lost", "", "share of lost events", "events", (0.1, 0.3, 0.5), _lost),
+        ("jitter", "s", "time of every event, deviation", "events", (0.001, 0.004), _jitter),
+        ("late", "s", "delay from the touch to the start of the recording", "events", (0.01, 0.05), _late),
+        ("short", "s", "duration of the touch", "events", (0.05, 0.1, 0.2), _short),
         ("slow-noise", "V", "AFE output noise below 97 Hz, rms", "signals", (0.005, 0.01, 0.02), _slow_noise),
     )
 }
@@ -381,12 +410,12 @@ def record_disturbed(
     Parameters
     ----------
     texture, dataset_name, scan, config
-        As ``snn.data.record.record`` takes them; without a disturbance the events are the same.
+        Same as for ``snn.data.record.record``; without a disturbance the events are equal.
     strengths : mapping
         Strength by name of DISTURBANCES.
     generator : Generator
     height : float
-        Place of the array on the texture, where ``strengths`` do not say it.
+        Position of the array on the texture, unless ``strengths`` give it.
     """
     from eskin.model.readout import Stimulus, simulate
 

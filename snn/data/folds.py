@@ -15,13 +15,13 @@ INNER_FOLDS = 5
 def stratified_folds(labels: NDArray[np.int64], folds: int, seed: int = 0) -> list[NDArray[np.int64]]:
     """Return the test images of each fold: every image once, with evenly spread classes.
 
-    A class whose images do not divide by the folds gives its spare ones to the folds that have fewest.
+    Remaining images of a class go to the folds with the fewest images.
 
     Parameters
     ----------
     labels : shape (images,)
     folds, seed : int
-        The same seed gives the same folds.
+        Equal seeds give equal folds.
     """
     counts = np.bincount(labels)
     fewest = int(counts[counts > 0].min())

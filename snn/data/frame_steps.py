@@ -22,7 +22,7 @@ DEFAULT_LEVEL_BITS = 4
 class FrameSteps:
     """Frames of all taxels from one shared converter, and the receiver's preprocessing.
 
-    All kinds are the same frames on the wire: rate_hz * taxels * bits bits per second.
+    All kinds send the same frames: rate_hz * taxels * bits bits per second.
 
     Parameters
     ----------
@@ -31,8 +31,8 @@ class FrameSteps:
     bits : int
         Bits of a sample (paper: 10).
     frames_per_step : int
-        So many frames side by side are one time step of the network: channels are taxels * frames_per_step, but of
-        ON/OFF counts 2 * taxels, the counts of these frames together.
+        Number of frames that form one time step of the network. There are taxels * frames_per_step channels; ON/OFF
+        counts have 2 * taxels channels, with the counts of these frames added.
     kind : "frame", "frame-diff" or "frame-onoff"
         Samples in full scales; differences to the frame before in LSB, 0 in the first; or crossings of levels upwards
         and downwards, as level crossing at the receiver counts them from the first frame on.
@@ -74,7 +74,7 @@ class FrameSteps:
             rate_hz, whole = float(numbers[0]), [_digits(number) for number in numbers[1:]]
         except ValueError:
             raise InputError(
-                f"frames are given as KIND:RATE:BITS with a kind of {', '.join(get_args(FrameKind))} (the last with "
+                f"frames need KIND:RATE:BITS, with KIND one of {', '.join(get_args(FrameKind))} (the last with "
                 f":LEVEL_BITS if wanted), as frame-diff:250:8, not {text!r}"
             ) from None
         checked = cls(rate_hz=rate_hz, bits=whole[0])

@@ -97,7 +97,7 @@ def values_of(frames: FrameSteps, codes: NDArray[np.int32]) -> NDArray[Any]:
 def level_crossings(codes: NDArray[np.int32], lsb: int) -> NDArray[np.int32]:
     """Return the levels crossed up and down by each taxel in every frame, shape (frames, 2 * taxels), as in LCS.
 
-    A reference starts at the first code; it follows by one level for every count, so what is less than a level stays.
+    A reference starts at the first code and moves one level per count, so a remainder below one level is preserved.
     """
     counts = np.zeros((len(codes), 2, codes.shape[1]), np.int32)
     reference = codes[0].copy()

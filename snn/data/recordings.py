@@ -46,7 +46,7 @@ def event_files(paths: Iterable[Path]) -> list[EventFile]:
     Raises
     ------
     InputError
-        If one does not exist, or a folder holds none.
+        If a path does not exist, or a folder contains no event files.
     """
     found: list[EventFile] = []
     for path in paths:
@@ -58,7 +58,9 @@ def event_files(paths: Iterable[Path]) -> list[EventFile]:
             continue
         inside, others = find_files(path, (".npz", AEDAT4))
         if others:
-            raise InputError(f"event folder {path} holds what is no event file: {others[0]}; fetch or remove it")
+            raise InputError(
+                f"event folder {path} has an entry that is not an event file: {others[0]}; fetch or remove it"
+            )
         if not inside:
             raise InputError(
                 f"event folder {path} holds no event files (.npz, .aedat4); record some with eskin replay, or "
@@ -89,9 +91,9 @@ def read_recordings(
 ) -> list[Recording]:
     """Return the recordings of files, each with its name and, if known, its class in the metadata.
 
-    A recording is known by the name in its metadata where that has a folder in it, as class/file of ``eskin
-    encode``, or where it is a scan of an image; else by its path under the root. The class is that of the metadata,
-    else the folder.
+    A recording is identified by the name in its metadata if that name contains a folder (class/file of ``eskin
+    encode``) or belongs to a scan of an image; else by its path below the root. The class is that of the metadata, else
+    the folder.
 
     Parameters
     ----------

@@ -39,9 +39,9 @@ class ScanData:
     rate_hz : float
         Mean population event rate of the scans over their whole length; of frames, values per second.
     source : str
-        Where they come from, for the user; it changes no result.
+        Origin of the scans, for the user; without effect on results.
     lengths : int64 array, shape (scans,), or None
-        Steps of each scan; those behind are filled up with zeros. None: all scans have all steps.
+        Steps of each scan; later steps are zero. None: all scans have all steps.
     """
 
     values: NDArray[Any]
@@ -135,7 +135,7 @@ class Split:
     held_out : sequence of int
         Images of which the accuracy is noted after every epoch; may be empty.
     test : sequence of int
-        Images whose predictions are kept for the epoch that ``held_out`` selects; they select nothing.
+        Images whose predictions are stored for the epoch selected by ``held_out``; they select nothing.
     """
 
     data: ScanData
@@ -152,17 +152,17 @@ def load_recordings(
     Parameters
     ----------
     paths : Path or iterable of Path
-        Event files, or a folder that holds them at any depth, taken in the order of their names.
+        Event files, or a folder with event files at any depth, ordered by name.
     bins : BinConfig
     class_names : sequence of str, optional
         Classes in the order of the labels; by default those that occur, in alphabetical order. The class of a file
-        is that of its metadata, else the folder that it lies in.
+        is in its metadata, else it is the name of its folder.
 
     Raises
     ------
     InputError
-        If there is no file, a file is damaged or empty, has no class or an unknown one, or the files come
-        from different readouts.
+        If there is no file, a file is damaged or empty, has no class or an unknown class, or the files come from
+        different readouts.
     """
     if isinstance(paths, Path):
         if not paths.is_dir():
@@ -175,8 +175,7 @@ def load_recordings(
     for file, recording in zip(files, recordings, strict=True):
         if class_of(recording) is None:
             raise InputError(
-                f"{file.path} does not say its class; put it into a folder of its class, or give its metadata the key "
-                f"'class'"
+                f"{file.path} has no class; put it into a folder of its class, or give its metadata the key 'class'"
             )
     return collect(recordings, bins, class_names)
 
@@ -184,7 +183,7 @@ def load_recordings(
 def collect(recordings: Sequence[Recording], bins: BinConfig, class_names: Sequence[str] | None = None) -> ScanData:
     """Return the event counts of recordings with name, class and start row in their metadata.
 
-    Recordings of equal dataset, class and name are scans of one image. Shorter ones are filled up with steps without
+    Recordings with equal dataset, class and name are scans of one image. Shorter ones are extended by steps without
     events.
     """
     first = recordings[0].config
@@ -193,14 +192,14 @@ def collect(recordings: Sequence[Recording], bins: BinConfig, class_names: Seque
     names = [str(recording.metadata.get("name", number)) for number, recording in enumerate(recordings)]
     for name, class_name, recording in zip(names, found, recordings, strict=True):
         if class_name not in classes:
-            raise InputError(f"{name} is of unknown class {class_name!r}; known are {', '.join(classes)}")
+            raise InputError(f"{name} has the unknown class {class_name!r}; known classes are {', '.join(classes)}")
         if recording.config.taxels != first.taxels:
             raise InputError(
                 f"{name} has {recording.config.taxels} taxels, {names[0]} has {first.taxels}; "
                 f"train on recordings of one array"
             )
         if recording.config != first:
-            raise InputError(f"{name} comes from another readout configuration than {names[0]}; keep them apart")
+            raise InputError(f"{name} has another readout configuration than {names[0]}; keep them apart")
     sparse = [bin_recording(recording, bins) for recording in recordings]
     steps = max(counts.shape[0] for counts in sparse)
     values = np.zeros((len(sparse), steps, bins.channels(first)), np.int16)

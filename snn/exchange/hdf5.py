@@ -45,18 +45,18 @@ def _check(file: h5py.File) -> None:
         group = waiting.pop()
         place = h5py.h5o.get_info(group.id).addr
         if place in seen:
-            raise InputError(f"has a group that holds itself, {group.name!r}; export it again")
+            raise InputError(f"has a group that contains itself, {group.name!r}; export it again")
         seen.add(place)
         for name in group:
             link = group.get(name, getlink=True)
             if not isinstance(link, h5py.HardLink):
-                raise InputError(f"links {name!r} to another place, perhaps another file; export it whole")
+                raise InputError(f"links {name!r} to another object or file; export it completely")
             found = group[name]
             if isinstance(found, h5py.Dataset):
                 if found.external or found.is_virtual:
-                    raise InputError(f"takes the data of {found.name!r} from another file; export it whole")
+                    raise InputError(f"refers to another file for {found.name!r}; export it completely")
                 size += found.nbytes
             elif isinstance(found, h5py.Group):
                 waiting.append(found)
             if size > MOST_UNPACKED or len(seen) + len(waiting) > MOST_OBJECTS:
-                raise InputError(f"claims more than {MOST_UNPACKED // 2**20} MiB of data; it is not read")
+                raise InputError(f"claims more than {MOST_UNPACKED // 2**20} MiB of data, and is refused")

@@ -32,8 +32,8 @@ class Precision:
     ----------
     in_bits, rec_bits, out_bits, bias_bits : int
     threshold_bits : int
-        The potential's unit is a weight of 1 divided by a power of two such that the threshold has at least so many
-        bits: the leak is rounded to it.
+        The potential's unit is a weight of 1 divided by a power of two, such that the threshold has at least this many
+        bits. The leak is rounded to this unit.
     membrane_bits, output_bits : int or None
         Bits of the potentials; None for as many as they can ever need.
     lanes : int
@@ -76,8 +76,8 @@ class _Units:
 def quantise(weights: Weights, precision: Precision) -> IntegerWeights:
     """Return a trained network as integers, with the effects of rounding in its notes.
 
-    The input scale is folded into the input weights. Every matrix takes the step with the smallest error, clipping
-    counted; those of input and recurrence are powers of two of each other.
+    The input scale is folded into the input weights. Every matrix uses the step with the smallest error, including
+    clipping; the steps of input and recurrence differ by a power of two.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def quantise(weights: Weights, precision: Precision) -> IntegerWeights:
     """
     network = weights.network
     if not isinstance(network, SpikingNetwork):
-        raise InputError(f"only a spiking network becomes hardware, not one of kind {config_of(network).kind}")
+        raise InputError(f"the hardware needs a spiking network, not kind {config_of(network).kind}")
     config, neurons = network.config, network.config.neurons
     arrays = {name: value.detach().cpu().double().numpy() for name, value in network.named_parameters()}
     _check(network, arrays)
@@ -149,10 +149,10 @@ def _check(network: SpikingNetwork, arrays: dict[str, NDArray[np.float64]]) -> N
     """Refuse networks that the hardware does not support."""
     for name, values in arrays.items():
         if not np.isfinite(values).all():
-            raise InputError(f"{name} has values that are no finite numbers; train again")
+            raise InputError(f"{name} has values that are not finite; train again")
     floor = network.config.neurons.rule.floor
     if floor > 0:
-        raise InputError(f"the hardware holds potentials from a floor of at most 0, the network's is {floor:g}")
+        raise InputError(f"the hardware needs a floor of at most 0, but the network has {floor:g}")
 
 
 def _leak(decays: NDArray[np.float64], name: str) -> tuple[int, dict[str, float]]:
@@ -165,7 +165,7 @@ def _leak(decays: NDArray[np.float64], name: str) -> tuple[int, dict[str, float]
     """
     if decays.max() - decays.min() > 1e-6:
         raise InputError(
-            f"the hardware has one {name} for all neurons, the network learned {decays.min():.3g} to "
+            f"the hardware has one {name} for all neurons, but the network learned {decays.min():.3g} to "
             f"{decays.max():.3g}; train it with --recipe hardware"
         )
     decay = float(decays.mean())
@@ -212,8 +212,8 @@ def summary(made: IntegerWeights) -> list[str]:
     for name in ("decay", "output_decay"):
         trained, hardware = notes[name]["trained"], notes[name]["hardware"]
         if abs(trained - hardware) > 1e-6:
-            lines.append(f"{name} of {trained:.4g} becomes {hardware:.4g}, the nearest that a shift gives")
+            lines.append(f"{name} of {trained:.4g} becomes {hardware:.4g}, the nearest value with a shift")
     fits = bits_of(made.network.hidden_ends) <= config.membrane_bits
-    saturates = "which they never leave" if fits else "at whose ends they stop"
+    saturates = "which cover all values" if fits else "which saturate"
     lines.append(f"threshold {config.threshold}, potentials of {config.membrane_bits} bits, {saturates}")
     return lines

@@ -45,7 +45,7 @@ def to_nir_data(recording: Recording) -> nir.NIRGraphData:
         If the recording lasts longer than 2**51 clocks.
     """
     if recording.duration_clocks > MOST_CLOCKS:
-        raise InputError(f"the recording lasts {recording.duration_clocks} clocks, more than 2**51; split it")
+        raise InputError(f"the recording has {recording.duration_clocks} clocks, more than 2**51; split it")
     config, events = recording.config, recording.events
     if not math.isfinite(recording.duration_s):
         raise InputError(f"at a clock of {config.clock_hz:g} Hz the recording has no length in seconds")
@@ -80,7 +80,7 @@ def from_nir_data(data: nir.NIRGraphData, config: ReadoutConfig, metadata: dict[
     Raises
     ------
     InputError
-        If there are no such events, or they do not fit the readout.
+        If there are no such events, or events do not fit the readout.
     """
     node = data.nodes.get(INPUT)
     events = node.observables.get(OBSERVABLE) if isinstance(node, nir.NIRNodeData) else None
@@ -88,10 +88,12 @@ def from_nir_data(data: nir.NIRGraphData, config: ReadoutConfig, metadata: dict[
         found = "nothing" if events is None else type(events).__name__
         raise InputError(f"node {INPUT!r} must have the observable {OBSERVABLE!r} of type EventData, not {found}")
     if events.n_samples != 1:
-        raise InputError(f"the data hold {events.n_samples} recordings; take them one by one")
+        raise InputError(f"the data contain {events.n_samples} recordings; convert them one by one")
     channels = BinConfig().channels(config)
     if events.n_neurons != channels:
-        raise InputError(f"the data have {events.n_neurons} channels, the readout {channels}; give its configuration")
+        raise InputError(
+            f"the data have {events.n_neurons} channels, but the readout has {channels}; give its configuration"
+        )
     real = events.idx[0] != -1
     channel, time_s = events.idx[0][real], events.time[0][real]
     if wrong := np.flatnonzero((channel < 0) | (channel >= channels) | ~np.isfinite(time_s)).tolist():
@@ -124,7 +126,7 @@ def load_recording(path: Path) -> Recording:
         return Recording.load(path)
     if path.suffix == ".nir":
         return load_nir_data(path)
-    raise InputError(f"{path} is of unknown kind; give events as .npz, .nir, .aedat4, or as a table")
+    raise InputError(f"{path} has an unknown format; give events as .npz, .nir, .aedat4, or as a table")
 
 
 def save_nir_data(path: Path, recording: Recording, bins: BinConfig | None = None) -> None:
@@ -157,7 +159,7 @@ def load_nir_data(path: Path) -> Recording:
     Raises
     ------
     InputError
-        If the file cannot be read, is damaged, or holds something else.
+        If the file cannot be read, is damaged, or has another content.
     """
     content = read_hdf5(path, "NIRData; convert its event file again")
     try:
@@ -167,7 +169,7 @@ def load_nir_data(path: Path) -> Recording:
     except Exception:  # a damaged file makes h5py, zlib and nir raise almost any type
         raise InputError(f"{path} is damaged or not NIRData; convert its event file again") from None
     if not isinstance(header, dict) or not {"config", "version", "metadata"} <= set(header):
-        raise InputError(f"{path} does not say its readout; use from_nir_data with a configuration")
+        raise InputError(f"{path} contains no readout; use from_nir_data with a configuration")
     try:
         found = from_nir_data(data, ReadoutConfig.from_dict(header["config"]), header["metadata"])
         return Recording(found.events, found.config, found.duration_clocks, header["version"], found.metadata)

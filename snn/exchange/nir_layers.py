@@ -1,6 +1,6 @@
 """Read a NIR graph as layers of our network: neurons in discrete time with a threshold of 1.
 
-The discretisation is that of ``snn.exchange.nir_network``.
+``snn.exchange.nir_network`` describes the discretisation.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ class Layer:
     decay, gain, drive : float64 arrays, shape (neurons,)
         v <- decay v + gain I + drive.
     raw : float array or None
-        Learned decays before the logistic function, where the file has them.
+        Learned decays before the logistic function, if the file has them.
     """
 
     name: str

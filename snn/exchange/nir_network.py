@@ -6,9 +6,9 @@ snnTorch they are solved by the forward Euler method, the input current I being 
     LI, LIF   tau dv/dt = v_leak - v + r I   v <- (1 - dt / tau) v + dt / tau (v_leak + r I)
     I, IF     dv/dt = r I                    v <- v + r I         r per step, as snnTorch reads it
 
-so that a membrane which keeps the part ``decay`` of its potential has tau = dt / (1 - decay). The file has r = 1 and
-no scale of the inputs: both are multiplied into the weights and biases in front, in float64, since other programs
-leave r out or know no node for a scale. Divided again in float64, the float32 weights come back bit for bit.
+so that a membrane with the fraction ``decay`` of its potential left has tau = dt / (1 - decay). The file has r = 1 and
+no input scale: both are multiplied into the preceding weights and biases, in float64, because other programs ignore r
+or lack a node for a scale. Dividing again in float64 restores the float32 weights bit for bit.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ RECURRENT, READOUT_IN, READOUT, OUTPUT = "recurrent", "readout_in", "readout", "
 def to_nir(weights: Weights) -> nir.NIRGraph:
     """Return the graph of a trained spiking network.
 
-    What NIR has no word for stands in metadata: ``floor`` and ``reset`` of every neuron, ``raw_decay`` where decays
-    were learned, and in those of the graph ``dt``, ``output_scale`` and, as JSON, all of ``NetworkConfig``.
+    Metadata contain everything that NIR cannot express: ``floor`` and ``reset`` of every neuron, ``raw_decay`` for
+    learned decays, and in the graph ``dt``, ``output_scale`` and, as JSON, all of ``NetworkConfig``.
 
     Raises
     ------
@@ -65,14 +65,14 @@ def to_nir(weights: Weights) -> nir.NIRGraph:
     """
     network, config = weights.network, config_of(weights.network)
     if not isinstance(network, SpikingNetwork):
-        raise InputError(f"a network of kind {config.kind} has no neurons that NIR knows; export it as .npz")
+        raise InputError(f"a network of kind {config.kind} has no NIR neurons; export it as .npz")
     if config.neurons.weight_bits:
         raise InputError(
-            f"the network rounds its weights to {config.neurons.weight_bits} bits, for which NIR has no word; "
+            f"the network rounds its weights to {config.neurons.weight_bits} bits, which NIR cannot express; "
             f"export .npz"
         )
     if not math.isfinite(weights.step_s / SMALLEST_LOSS):
-        raise InputError(f"a time step of {weights.step_s:g} s has no time constants that NIR can hold; export .npz")
+        raise InputError(f"a time step of {weights.step_s:g} s gives time constants that NIR cannot store; export .npz")
     arrays = {name: tensor.detach().cpu().numpy() for name, tensor in network.state_dict().items()}
     decay, output_decay = (tensor.detach().cpu().numpy() for tensor in network.decays())
     gain, output_gain = _gain(decay), _gain(output_decay)
@@ -158,15 +158,15 @@ def load_nir(path: Path, step_s: float | None = None, class_names: Sequence[str]
     ----------
     path : Path
     step_s : float, optional
-        Seconds per time step, needed where the file has no ``dt`` among its metadata.
+        Seconds per time step, required if the file's metadata have no ``dt``.
     class_names : sequence of str, optional
         Names of the outputs, by default those in the file, or else their numbers.
 
     Raises
     ------
     InputError
-        If the file cannot be read, is damaged, or holds a graph that the network cannot express; its text names
-        the node.
+        If the file cannot be read, is damaged, or contains a graph that the network cannot express; the text names the
+        node.
     """
     data = read_hdf5(path, "a NIR graph; export it again")
     try:
@@ -184,7 +184,7 @@ def from_nir(graph: nir.NIRGraph, step_s: float | None = None, class_names: Sequ
     try:
         graph.validate_structure()
     except ValueError as error:
-        raise InputError(f"the graph is not whole: {error}") from None
+        raise InputError(f"the graph is incomplete: {error}") from None
     header = _header(graph)
     dt = _time_step(graph, step_s)
     parts = _Parts.of(graph, dt)
@@ -206,7 +206,7 @@ def from_nir(graph: nir.NIRGraph, step_s: float | None = None, class_names: Sequ
     for layer, kept in zip((parts.hidden, parts.readout), network.decays(), strict=True):
         if np.abs(kept.detach().numpy() - layer.decay).max() > MAX_DECAY_ERROR:
             raise InputError(
-                f"node {layer.name!r} has a tau that its decay in the metadata does not give; remove the metadata"
+                f"node {layer.name!r} has a tau that contradicts the decay in the metadata; remove the metadata"
             )
     return Weights(network, class_names, dt)
 
@@ -215,7 +215,7 @@ def _time_step(graph: nir.NIRGraph, step_s: float | None) -> float:
     """Return the time step of a graph in seconds, or the caller's if the graph has none."""
     stated = graph.metadata.get("dt")
     if step_s is None and stated is None:
-        raise InputError("the graph does not say its time step; give it in seconds (--step)")
+        raise InputError("the graph has no time step; give it in seconds (--step)")
     own = None if stated is None else check_step(stated.item() if isinstance(stated, np.generic) else stated)
     if step_s is not None:
         check_step(step_s)
@@ -287,7 +287,7 @@ def _folded(node: nir.NIRNode) -> float:
     if isinstance(value, np.generic):
         value = value.item()
     if type(value) not in (int, float) or not (math.isfinite(value) and value > 0):
-        raise InputError(f"the weights of the first node hold an {FOLDED} of {value!r}, which is no positive number")
+        raise InputError(f"the weights of the first node hold an {FOLDED} of {value!r}, which is not a positive number")
     return float(value)
 
 
@@ -341,7 +341,9 @@ def _header(graph: nir.NIRGraph) -> dict[str, Any] | None:
     if graph.metadata.get("format") != formats.NETWORK.name:
         return None
     if (version := graph.metadata.get("format_version")) != formats.NETWORK.version:
-        raise InputError(f"the graph has format version {version}, this program reads {formats.NETWORK.version}")
+        raise InputError(
+            f"the graph has format version {version}; this program reads version {formats.NETWORK.version}"
+        )
     try:
         header = json.loads(graph.metadata["header"])
     except (KeyError, TypeError, ValueError):

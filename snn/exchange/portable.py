@@ -19,11 +19,11 @@ class Lack:
     Attributes
     ----------
     name : str
-        In a sentence behind "without".
+        Text for a sentence after "without".
     text : str
-        What the network has, and what becomes of it.
+        Feature of the network, and its replacement.
     network : nn.Module
-        The network without it, and without what stands before it in the list.
+        Network without this feature and all earlier ones in the list.
     """
 
     name: str
@@ -42,15 +42,15 @@ def lacks(network: nn.Module) -> list[Lack]:
 
     if rule.floor != -math.inf:
         neurons = dataclasses.replace(neurons, rule=dataclasses.replace(rule, floor=-math.inf))
-        note("the floor", f"floor {rule.floor:g}: NIR, snnTorch and Norse have none, v falls below it there")
+        note("the floor", f"floor {rule.floor:g}: NIR, snnTorch and Norse have no floor, so v falls lower there")
     if rule.reset != "zero":
         rule = dataclasses.replace(neurons.rule, reset="zero")
         neurons = dataclasses.replace(neurons, rule=rule)
-        note("the subtraction", "reset by subtraction: NIR has reset to a value only, which is 0 in the file")
+        note("the subtraction", "reset by subtraction: NIR only has a reset to a value, which is 0 in the file")
     if neurons.readout == "membrane":
         kind = "I" if neurons.output_decay == 1 and not neurons.learn_decay else "LI"
         neurons = dataclasses.replace(neurons, readout="spikes")
-        note(kind, f"readout {kind}: snnTorch and Norse read no such node; instead of it LIF outputs can be counted")
+        note(kind, f"readout {kind}: snnTorch and Norse cannot read this node; count LIF outputs instead")
     return found
 
 

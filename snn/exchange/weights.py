@@ -117,12 +117,12 @@ def _from_arrays(arrays: dict[str, NDArray[Any]]) -> Weights:
     for name, shape in shapes.items():
         values = _plain(arrays, name)
         if values.dtype.kind not in "fiu":
-            raise InputError(f"{name} holds values of type {values.dtype}, where real numbers belong; train again")
+            raise InputError(f"{name} holds values of type {values.dtype}, instead of real numbers; train again")
         values = values.astype(np.float32)
         if values.shape != shape:
-            raise InputError(f"{name} has the shape {values.shape}, where the network has {shape}; train again")
+            raise InputError(f"{name} has the shape {values.shape}, but the network has {shape}; train again")
         if not np.isfinite(values).all():
-            raise InputError(f"{name} has values that are no finite numbers; train again")
+            raise InputError(f"{name} has values that are not finite; train again")
         state[name] = torch.from_numpy(values)
     network = build(config, seed=0)
     network.load_state_dict(state)
@@ -134,7 +134,7 @@ def check_class_names(names: Any, classes: int) -> tuple[str, ...]:
     if not isinstance(names, (list, tuple)) or not all(isinstance(name, str) and name for name in names):
         raise InputError(f"class names must be a list of texts, not {names!r}")
     if twice := [name for name in names if names.count(name) > 1]:
-        raise InputError(f"class {twice[0]!r} is named twice; every class needs a name of its own")
+        raise InputError(f"class {twice[0]!r} is named twice; give every class a unique name")
     if len(names) != classes:
         raise InputError(f"there are {len(names)} class names for {classes} classes; name every class once")
     return tuple(names)

@@ -1,9 +1,9 @@
 """Cross-validation: one cell (fold and seed), its file, and the summary. ``snn.experiments.sweep`` runs the cells.
 
-Protocol: folds are stratified and fixed by a seed. Every cell trains twice with the same budget of epochs: on all its
-training images, of which the last epoch counts; and on those without an inner validation part, which selects the
-epoch that counts. With a grid the second is done for every setting; the one that the inner validation part likes best
-is that of the cell, for both. Test images select nothing.
+Protocol: folds are stratified and fixed by a seed. Every cell trains twice with the same number of epochs. The first
+training uses all training images, and its last epoch counts. The second leaves out an inner validation part, which
+selects the epoch that counts. With a grid, the second training runs for every setting, and the setting with the best
+inner validation is used for both. Test images select nothing.
 """
 
 from __future__ import annotations
@@ -79,9 +79,9 @@ def run_alone(
 def summarise(cells: list[dict[str, Any]], images: int, classes: int) -> dict[str, Any]:
     """Return means, deviations, intervals and confusion for both epochs over the cells of complete seeds.
 
-    ``wilson_95`` takes every image once, with its mean over these seeds; ``bootstrap_95`` is over images and seeds.
-    The patches of a class come from one surface, so both are too narrow for another surface (docs/guide/classifier.md).
-    ``sd_over_cells``, over single trainings, is what compares with a published deviation over folds.
+    ``wilson_95`` uses every image once, with its mean over these seeds; ``bootstrap_95`` is over images and seeds. The
+    patches of a class come from one surface, so both intervals are too narrow for another surface
+    (docs/guide/classifier.md). Compare ``sd_over_cells``, over single trainings, with a published deviation over folds.
     """
     true = np.full(images, -1)
     for cell in cells:
@@ -148,5 +148,5 @@ def check_same(path: Path, found: dict[str, Any], key: dict[str, Any]) -> None:
     found, wanted = plain(found), plain(key)
     if names := [name for name in wanted if found.get(name) != wanted[name]]:
         raise InputError(
-            f"{path} is of another experiment (different: {', '.join(names)}); remove the folder or choose another"
+            f"{path} belongs to another experiment (different: {', '.join(names)}); remove the folder or choose another"
         )

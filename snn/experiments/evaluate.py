@@ -77,17 +77,17 @@ class Check:
     Attributes
     ----------
     compared : list of int
-        Numbers of the recordings that were compared, those of the RTL.
+        Indices of the compared RTL recordings.
     events : int
         Their events.
     different : dict of LEVELS to list of int
         Recordings that differ.
     first : str
-        The first difference in words, empty if there is none.
+        First difference in words, empty without differences.
     where : int
         The recording of the first difference.
     logits : shape (recordings, classes)
-        From the model's spikes, where compared.
+        Logits from the model's spikes, if compared.
     """
 
     compared: list[int]
@@ -122,17 +122,17 @@ def check_model(
     Parameters
     ----------
     recordings, data, logits
-        The recordings, and what ``bin_recordings`` and ``logits_of`` made of them.
+        Recordings, and the results of ``bin_recordings`` and ``logits_of``.
     trained : Trained
     places : Places, optional
-        Where the textures, or own recordings, are.
+        Locations of textures or recordings.
     progress : callable, optional
         Called after each comparison.
 
     Raises
     ------
     InputError
-        If a recording does not say which scan it is of, or its texture is not there.
+        If a recording does not name its scan, or its texture is missing.
     """
     compared = [number for number, recording in enumerate(recordings) if recording.metadata.get("source") == "rtl"]
     check = Check(compared, 0, {level: [] for level in LEVELS}, logits.copy())
@@ -144,7 +144,7 @@ def check_model(
         name = rtl.metadata["name"]
         expected, class_name = sources.expected(rtl)
         if class_of(rtl) not in (None, class_name):
-            check.note("events", number, f"{name} says class {class_of(rtl)!r}, its texture is {class_name!r}")
+            check.note("events", number, f"{name} says class {class_of(rtl)!r}, but its texture is {class_name!r}")
         elif (difference := first_difference(expected.events, rtl.events)) is not None:
             text = f"{name}: RTL and model differ\n{difference.describe(('model', 'RTL'))}"
             check.note("events", number, text)
@@ -178,20 +178,20 @@ def check_model(
 def model_recording(rtl: Recording, texture: Texture) -> Recording:
     """Return the model's recording of an RTL recording's scan, with the same length or to its end.
 
-    A replay goes on after the last sample until the array is silent, so it is longer than ``snn.data.record.record``.
+    A replay continues after the last sample until the array is silent, so it is longer than ``snn.data.record.record``.
     """
     metadata, config = rtl.metadata, rtl.config
     start_row = metadata.get("start_row")
     if not isinstance(metadata.get("preset"), str) or not isinstance(start_row, (int, float)):
-        raise InputError(f"{metadata['name']} does not say preset and start row of its scan; play it again")
+        raise InputError(f"{metadata['name']} has no preset and start row; play it again")
     try:
         samples, _ = preset(metadata["preset"]).samples(config, texture.load(), start_row)
     except InputError as error:
-        raise InputError(f"the scan of {metadata['name']} cannot be made again: {error}") from None
+        raise InputError(f"the scan of {metadata['name']} cannot be repeated: {error}") from None
     if metadata.get("ticks", len(samples)) != len(samples):
         raise InputError(
-            f"{metadata['name']} has {metadata['ticks']} sample ticks, the scan of its texture {len(samples)}; "
-            f"play it whole, with eskin replay"
+            f"{metadata['name']} has {metadata['ticks']} sample ticks, but the scan of its texture has {len(samples)}; "
+            f"play it completely with eskin replay"
         )
     return _as_long(rtl, samples)
 
@@ -211,7 +211,7 @@ class Places:
     Attributes
     ----------
     dataset : str or None
-        Of the textures, as ``skin.textures.dataset.open_dataset`` takes it.
+        Path of the textures, as for ``skin.textures.dataset.open_dataset``.
     data : Path or None
         Folder of own recordings.
     """
@@ -251,12 +251,12 @@ def _texture(rtl: Recording, textures: dict[str, dict[str, Texture]], where: str
     """Return the texture of a recording; ``textures`` stores opened ones."""
     name, dataset_name = rtl.metadata["name"], rtl.metadata.get("dataset")
     if not isinstance(dataset_name, str):
-        raise InputError(f"{name} does not say of which dataset it is; play it again")
+        raise InputError(f"{name} has no dataset name; play it again")
     if dataset_name not in textures:
         dataset = open_dataset(where or (EMBEDDED if dataset_name == EMBEDDED else None))
         if dataset.name != dataset_name:
             raise InputError(
-                f"{name} is a scan of dataset {dataset_name}, found is {dataset.name}; name its folder with --dataset"
+                f"{name} is a scan of dataset {dataset_name}, not of {dataset.name}; name its folder with --dataset"
             )
         textures[dataset_name] = {texture.name: texture for texture in dataset}
     if name not in textures[dataset_name]:
@@ -337,7 +337,7 @@ def compare_integer(weights_file: Path, made: IntegerWeights) -> str:
     Raises
     ------
     InputError
-        If there is no result of the training beside the weights, or it took frames.
+        If no result of the training is beside the weights, or the training used frames.
     """
     note = weights_file.parent / "result.json"
     if not note.exists():
@@ -367,9 +367,9 @@ def predictions(
     logits : float32 array, shape (recordings, classes)
     trained : Trained
     scores : dict of str to Score
-        From ``scores``.
+        Result of ``scores``.
     check : Check, optional
-        From ``check_model``.
+        Result of ``check_model``.
     """
     names = trained.weights.class_names
     images = []

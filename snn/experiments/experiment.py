@@ -35,25 +35,25 @@ class Experiment:
     Parameters
     ----------
     dataset : str or None
-        As ``skin.textures.dataset.open_dataset`` takes it.
+        Path as for ``skin.textures.dataset.open_dataset``.
     events : str or None
         Folder of event files (an RTL replay) instead of the model.
     preset : "physical", "paper" or None
-        None of event files that are no scans of textures.
+        None for event files without texture scans.
     readout : ReadoutConfig
         Before the preset sets its fields.
     tau_s : float or None
-        Time constant of a leak in seconds; without it the paper's 0.2 s, or with ``given_leak`` that of ``readout``.
+        Time constant of a leak in seconds; by default the paper's 0.2 s, or with ``given_leak`` that of ``readout``.
     given_leak : bool
         The leak of ``readout`` was asked for, and is not only the default of its fields.
     frames : FrameSteps or None
         Frames instead of events.
     start_rows : int
-        Scans of each image, evenly spread over it; tests take the first.
+        Scans of each image, evenly spread; tests use the first.
     disturbed : int
-        Further scans of each image, each disturbed at random (``snn.data.disturb``); tests take the clean one.
+        Additional scans of each image, randomly disturbed (``snn.data.disturb``); tests use the clean one.
     variant : "" or "on"
-        What is made of the events (``snn.data.record``).
+        Variant of the events (``snn.data.record``).
     bins : BinConfig
     network : dict
         Fields of NetworkConfig but inputs and classes, which follow from the data.
@@ -84,7 +84,7 @@ class Experiment:
                 raise InputError(f"{name} must be text, not {value!r}")
         refuse_unknown(self.network, set(FIELDS) - {"inputs", "classes"}, "network")
         if self.events is not None and self.frames is not None:
-            raise InputError("frames are made from textures, not from event files; give one of the two")
+            raise InputError("frames need textures, not event files; give one of both")
         if self.frames is not None and self.train.augment.speed_spread:
             raise InputError("speed_spread moves events in time and cannot be used for frames; set it to 0")
         if self.disturbed:
@@ -99,25 +99,25 @@ class Experiment:
     def _check_disturbed(self) -> None:
         """Refuse disturbed scans for readouts that the clock-by-clock model does not scan."""
         if self.frames is not None or self.events is not None or self.preset != "physical":
-            raise InputError("disturbed scans are events of the model in the physical preset; leave disturbed out")
+            raise InputError("disturbed scans need events and the physical preset; leave disturbed out")
         if self.disturbed < 0 or self.start_rows != 1:
-            raise InputError("disturbed takes a number from 1, and start-rows 1: it draws the heights itself")
+            raise InputError("disturbed must be at least 1 with start-rows 1, because it draws the heights itself")
 
     def _check_variant(self) -> None:
         """Refuse a variant of readouts without polarity or not recorded from textures."""
         if self.variant not in get_args(Variant):
             raise InputError(f"variant must be on, not {self.variant!r}")
         if self.frames is not None or self.events is not None or self.disturbed:
-            raise InputError("variants are of events of the model, without disturbances")
+            raise InputError("variants need events of the model without disturbances")
         if not self.readout.has_polarity:
-            raise InputError(f"{self.readout.encoding} has no other events than ON; leave the variant out")
+            raise InputError(f"{self.readout.encoding} has only ON events; leave the variant out")
         object.__setattr__(self, "bins", dataclasses.replace(self.bins, polarity=False))
 
     def _settle_leak(self) -> None:
         """Store the readout's own leak as a time constant; refuse such a leak without ``given_leak``."""
         if self.tau_s is None and _has_own_leak(self.readout):
             if not self.given_leak:
-                raise InputError("the readout has a leak of its own; say given_leak to keep it, or give tau_s")
+                raise InputError("the readout has its own leak; set given_leak to use it, or give tau_s")
         elif self.given_leak:
             object.__setattr__(self, "tau_s", self.readout.tau_s if self.tau_s is None else self.tau_s)
             object.__setattr__(self, "given_leak", False)
@@ -223,7 +223,7 @@ class Experiment:
         Raises
         ------
         InputError, KeyError or TypeError
-            If the fields are not those of an experiment.
+            If fields are missing or unknown.
         """
         made: dict[str, Any] = {
             "frames": None if fields["frames"] is None else FrameSteps(**fields["frames"]),

@@ -25,13 +25,13 @@ def wilson(successes: float, trials: int, z: float = 1.959964) -> tuple[float, f
 def bootstrap(correct: NDArray[np.float64], seed: int = 0) -> tuple[float, float]:
     """Return the 95 % bootstrap interval of the mean, resampling images and seeds (crossed).
 
-    It says what new images and new seeds would give; with one seed, what new images would. Of two or three seeds the
-    spread is not well known, so that the part of the seeds is a lower bound; where all is right, the interval is empty.
+    The interval covers new images and new seeds; with one seed, only new images. With two or three seeds the variation
+    between seeds is underestimated. If all images are right, the interval is empty.
 
     Parameters
     ----------
     correct : shape (images, seeds)
-        1 where the network of a seed classifies an image rightly, else 0.
+        1 if the network of a seed classifies an image correctly, else 0.
     """
     images, seeds = correct.shape
     generator = np.random.default_rng(seed)

@@ -22,10 +22,11 @@ class Pair:
     accuracy_first, accuracy_second : [float, ...]
         Accuracy of every seed that both have.
     only_first, only_second : [int, ...]
-        Images of a seed that one of the two alone classifies rightly.
+        Images of a seed that only one of the two classifies correctly.
     p : [float, ...]
-        Of every seed: McNemar's exact test, two-sided (Q. McNemar, Psychometrika 12, 1947), the probability of
-        numbers at least as unequal if an image that parts the two falls to either with probability 1/2.
+        For every seed: McNemar's exact test, two-sided (Q. McNemar, Psychometrika 12, 1947). It is the probability of
+        numbers at least as unequal, if each image that only one point classifies correctly belongs to either point with
+        probability 1/2.
     difference : float
         Second minus first, mean over images and seeds.
     interval : [float, float]
@@ -49,11 +50,11 @@ def find_point(text: str, kept: Path) -> PointSummary:
     Raises
     ------
     InputError
-        If there is no such sweep or point, or it has no predictions.
+        If the sweep or point does not exist or has no predictions.
     """
     name, colon, wanted = text.rpartition(":")
     if not colon:
-        raise InputError(f"a point is SWEEP:POINT, as rates-cnn:lcs-4, not {text!r}")
+        raise InputError(f"a point must be SWEEP:POINT, such as rates-cnn:lcs-4, not {text!r}")
     own = kept / f"{name}.json"
     sweep = load_sweep(own if own.is_file() else Path(name))
     points = {point.name: point for point in sweep.points}
@@ -61,7 +62,7 @@ def find_point(text: str, kept: Path) -> PointSummary:
         raise InputError(f"sweep {name} has no point {wanted!r}; it has {', '.join(points)}")
     point = points[wanted]
     if point.last is None or not point.labels or not point.last.predictions:
-        raise InputError(f"{text} has no predictions of single images; run its sweep again")
+        raise InputError(f"{text} has no predictions for images; run its sweep again")
     return point
 
 
@@ -71,10 +72,10 @@ def pair(first: PointSummary, second: PointSummary, reading: str) -> Pair:
     Raises
     ------
     InputError
-        If the two were not tested on the same images.
+        If the two points have different test images.
     """
     if first.labels != second.labels or first.class_names != second.class_names:
-        raise InputError(f"{first.name} and {second.name} have other images or classes and cannot be paired")
+        raise InputError(f"{first.name} and {second.name} have different images or classes and cannot be compared")
     of_first, of_second = _correct(first, reading), _correct(second, reading)
     seeds = min(len(of_first), len(of_second))
     of_first, of_second = of_first[:seeds], of_second[:seeds]

@@ -41,8 +41,8 @@ class Result:
     confusion : list of list of int
         Rows are the classes, columns the predictions.
     predictions : list of str or None
-        One word a seed: the class of every image as a digit of DIGITS, ``.`` where it was no test image; None in files
-        of before.
+        One word per seed: the class of every image as a digit of DIGITS, ``.`` for images outside the test; None in
+        older files.
     """
 
     accuracy: float
@@ -76,16 +76,16 @@ class PointSummary:
     readout : str
         One of READOUTS.
     resolution : int
-        Bits: N of the encoder, or those of a sample in a frame.
+        Bits: N of the encoder, or bits of a frame's sample.
     preset : str or None
-        None of event files that a user recorded.
+        Preset; None for event files of a user.
     rate_hz, data_rate_bps, normalised_rate : float or None
         Events (values, of frames) and bits per second, and bits in units of 640 kb/s; None before the scans are made.
     bits_per_event : int
     class_names : list of str or None
     cells : Cells
     last, selected : Result or None
-        None before the first seed is whole.
+        None before the first seed is complete.
     labels : str or None
         The true class of every image, as in ``Result.predictions``.
     coded_bps : dict or None
@@ -211,9 +211,9 @@ class Sweep:
     Attributes
     ----------
     name : str
-        Of the folder, or of the file that was kept.
+        Name of the folder, or of a stored file.
     command : str
-        That made it.
+        Command that made the sweep.
     points : list of PointSummary
     """
 
@@ -239,13 +239,13 @@ def load_sweep(path: Path) -> Sweep:
     Raises
     ------
     InputError
-        If it cannot be read, or a point lacks what the figures need.
+        If the file cannot be read, or a point lacks values for the figures.
     """
     file = path / "sweep.json" if path.is_dir() else path
     content = read_json(file, "the sweep")
     points = content.get("points") if isinstance(content, dict) else None
     if not isinstance(points, list) or not points:
-        raise InputError(f"{file} holds no points of a sweep; make it with eskin sweep")
+        raise InputError(f"{file} contains no points of a sweep; make it with eskin sweep")
     read = [PointSummary.from_dict(point, f"{file}: point {number}") for number, point in enumerate(points)]
     name = file.resolve().parent.name if file.name == "sweep.json" else file.stem
     return Sweep(name, str(content.get("command", "")), read)

@@ -1,7 +1,7 @@
 """Test trained networks on disturbed scans: one cell for each fold, seed, disturbance and strength.
 
-A scan of an image is disturbed in the same way for all networks, so that their answers are paired. Cells are files, so
-that a run that was stopped goes on with those that are missing.
+A scan of an image is disturbed equally for all networks, so that their answers are paired. Each cell is a file, so a
+stopped run continues with the missing cells.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ class Subject:
     Attributes
     ----------
     network : str
-        Name under which its folds and seeds are one result: the folder above that of the training.
+        Name shared by its folds and seeds: the parent folder of the training.
     fold, seed : int
     weights : Weights
     experiment : Experiment
     images : int array
         Test images.
     digest : str
-        Of the weight file.
+        Digest of the weight file.
     """
 
     network: str
@@ -72,7 +72,7 @@ class Subject:
         if experiment.events is not None or experiment.variant:
             raise InputError(f"{file} was trained on event files or a variant of an encoder; train it on textures")
         if scenes and (experiment.frames is not None or experiment.preset != "physical"):
-            raise InputError(f"{file} was not trained on events of physical scans; only those are disturbed")
+            raise InputError(f"{file} was not trained on events of physical scans, which this study needs")
         dataset = open_dataset(experiment.dataset)
         if dataset.class_names != result.class_names:
             raise InputError(f"{file} was trained on other classes than those of {dataset.name}; give --dataset there")
@@ -96,7 +96,7 @@ def kept_cell(subject: Subject, out: Path, asked: dict[str, Any], make: Callable
     subject : Subject
     out : Path
     asked : dict
-        What the study was asked for, one entry.
+        One request of the study.
     make : callable
         Returns labels and answers.
 
@@ -111,7 +111,7 @@ def kept_cell(subject: Subject, out: Path, asked: dict[str, Any], make: Callable
         cell: dict[str, Any] = read_json(path, "the results of a network", dict)
         if {name: cell.get(name) for name in key} != key:
             (other,) = (name.removesuffix("_v") for name in asked)
-            raise InputError(f"{path} is of other weights, {other} or images; remove it or choose another --out")
+            raise InputError(f"{path} belongs to other weights, {other} or images; remove it or choose another --out")
         return cell
     cell = {name: getattr(subject, name) for name in ("network", "fold", "seed")} | key | make()
     out.mkdir(parents=True, exist_ok=True)
@@ -125,7 +125,7 @@ def cases(names: Sequence[str]) -> list[Case]:
     Raises
     ------
     InputError
-        If a disturbance is not known. ``NAME=STRENGTH`` stands for one strength.
+        If a disturbance is unknown. ``NAME=STRENGTH`` selects one strength.
     """
     found: list[Case] = [(CLEAN, 0.0)]
     for text in names:
@@ -211,11 +211,11 @@ def _test(subject: Subject, case: Case, data: ScanData) -> dict[str, Any]:
 def _read(path: Path, subject: Subject, case: Case) -> dict[str, Any]:
     cell: dict[str, Any] = read_json(path, "the cell", dict)
     if cell.get("weights") != subject.digest:
-        raise InputError(f"{path} is of other weights; remove the folder or choose another with --out")
+        raise InputError(f"{path} belongs to other weights; remove the folder or choose another with --out")
     same = (cell.get("disturbance"), cell.get("strength"), cell.get("images")) == (*case, subject.images.tolist())
     answers = cell.get("predicted")
     if not same or not isinstance(answers, list) or len(answers) != len(subject.images):
-        raise InputError(f"{path} is damaged or of another run; remove it")
+        raise InputError(f"{path} is damaged or belongs to another run; remove it")
     return cell
 
 

@@ -28,7 +28,9 @@ def parse_settings(texts: list[str], option: str = "--set") -> dict[str, Any]:
     for text in texts:
         name, equals, value = text.partition("=")
         if not equals or name not in hints:
-            raise InputError(f"{option} takes NAME=VALUE with a name of {', '.join(sorted(hints))}, not {text!r}")
+            raise InputError(
+                f"{option} needs NAME=VALUE with one of the names {', '.join(sorted(hints))}, not {text!r}"
+            )
         hint = hints[name]
         try:
             if hint is bool:
@@ -98,14 +100,14 @@ def experiment_of(
     recipe : str
         A name of ``snn.experiments.recipes.RECIPES``.
     settings : mapping of str to object
-        Fields of NetworkConfig and TrainConfig in place of those of the recipe.
+        Fields of NetworkConfig and TrainConfig that replace those of the recipe.
     epochs : int
     bins : BinConfig
         Time bins of events; their length is the step of frames.
     frames : str, optional
-        Frames instead of events, as ``FrameSteps.parse`` takes them.
+        Frames instead of events, in the form of ``FrameSteps.parse``.
     **fields
-        Other fields of Experiment; None stands for the default.
+        Other fields of Experiment; None means the default.
 
     Raises
     ------

@@ -91,13 +91,13 @@ def train_fold(
         Its grid is not used.
     fold : Fold
     seed : int
-        Of weights, order and augmentation.
+        Seed of weights, order and augmentation.
     out : Path
         Folder of checkpoint, result and weights.
     checkpoint_every : int
         Epochs between checkpoints.
     device : str
-        As torch names it.
+        Device name of torch.
     watch_test : bool
         Note the test accuracy of every epoch too; it selects nothing.
     progress : callable, optional

@@ -1,7 +1,7 @@
 """Cross-validate many points at once, resumable per cell, on this machine or a cluster (docs/guide/classifier.md).
 
-The cells of all points run side by side: all folds of seed 0 of every point, then those of seed 1, and so on, so that
-a sweep that is stopped early has whole seeds of every point.
+The cells of all points run in parallel: all folds of seed 0 of every point, then those of seed 1, and so on. A sweep
+that is stopped early therefore has complete seeds of every point.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class SweepPoint:
     Attributes
     ----------
     name : str
-        Empty where it is the only one.
+        Name of the point; empty for a single point.
     experiment : Experiment
     data : ScanData or None
         Its scans, if they are there already; else they are made when its first cell is due.
@@ -83,7 +83,7 @@ class PointRun:
     Attributes
     ----------
     done : dict
-        Results by (fold, seed); those found are in it after ``prepare``.
+        Results by (fold, seed); existing ones after ``prepare``.
     report : dict or None
         The content of ``result.json``.
     shared : Shared or None
@@ -92,7 +92,7 @@ class PointRun:
     Raises
     ------
     InputError
-        If the folder holds other files in the place of cells, or cells of another experiment.
+        If the folder contains other files in place of cells, or cells of another experiment.
     """
 
     def __init__(self, point: SweepPoint, folder: Path, folds: int, seeds: int, fold_seed: int) -> None:
@@ -204,7 +204,7 @@ def run_points(runs: Sequence[PointRun], pool: WorkerPool, progress: OnCell | No
     runs : sequence of PointRun
         With equal numbers of folds and seeds.
     pool : WorkerPool
-        Where the cells run; the results do not depend on it.
+        Pool for the cells; without effect on the results.
     progress : callable, optional
         Called with a point and None before its scans are made, with None again when they are made and cells were
         found done, and with every cell that was run.
@@ -212,8 +212,8 @@ def run_points(runs: Sequence[PointRun], pool: WorkerPool, progress: OnCell | No
     Raises
     ------
     InputError
-        If a point has no scans or a cell cannot be trained: after the cells that were on their way, of which the
-        results are kept. No other cell is begun.
+        If a point has no scans or a cell cannot be trained. The running cells are finished first and their results
+        stored; no other cell starts.
     """
     flight = _Flight(pool, progress or (lambda run, result: None))
     order = [(run, fold, seed) for seed in range(runs[0].seeds) for run in runs for fold in range(runs[0].folds)]
@@ -310,12 +310,12 @@ def cross_validate(
     data : ScanData, optional
         The scans of the experiment, if they are there already.
     progress : callable, optional
-        Called with every cell, also those found done.
+        Called with every cell, including existing ones.
 
     Raises
     ------
     InputError
-        If the folder holds cells of another experiment.
+        If the folder contains cells of another experiment.
     """
     run = PointRun(SweepPoint("", experiment, data), folder, folds, seeds, fold_seed)
 
@@ -350,20 +350,20 @@ def sweep(
         Takes ``POINT/fold-F-seed-S.json``, ``POINT/result.json`` and ``sweep.json``, which is up to date after
         every cell.
     pool, progress
-        As ``run_points`` takes them; points are told apart by ``progress`` through their name.
+        Same as for ``run_points``; ``progress`` receives the names of the points.
     folds, seeds, fold_seed : int
         Seeds are 0 .. seeds - 1.
     command : str, optional
-        What the summary names as the command that gives it.
+        Command stored in the summary.
 
     Raises
     ------
     InputError
-        As ``run_points``, and if a folder holds cells of another experiment.
+        Same as for ``run_points``, and if a folder contains cells of another experiment.
     """
     names = [point.name for point in points]
     if twice := [name for name in names if names.count(name) > 1]:
-        raise InputError(f"point {twice[0]} is there twice; leave one out")
+        raise InputError(f"point {twice[0]} is given twice; leave one out")
     runs = [PointRun(point, folder / point.name, folds, seeds, fold_seed) for point in points]
     check_file(folder / "sweep.json")
 

@@ -39,13 +39,13 @@ class TrainingResult:
     class_names : tuple of str
     fold, folds : int
     labels : list of int
-        Of the test images.
+        Labels of the test images.
     own : OwnReadout or None
-        Where they were a user's own recordings.
+        Readout, if the data were a user's recordings.
     predicted : list of int
-        What the network said of them; empty in a file that does not say it.
+        Predictions for the test images; empty if the file has none.
     tested : list of int or None
-        The test images, where their names chose them and not a fold.
+        Test images, if selected by name instead of by fold.
     """
 
     experiment: Experiment
@@ -73,7 +73,7 @@ class TrainingResult:
         else:
             test = np.array([number for number in self.tested if number < len(labels)], np.int64)
         if labels[test].tolist() != self.labels:
-            raise InputError("the images found here are not those of the training; give its textures with --dataset")
+            raise InputError("the images differ from those of the training; give its textures with --dataset")
         return test
 
 
@@ -107,7 +107,7 @@ def read_result(path: Path, weights_file: Path, weights: Weights) -> TrainingRes
     same_bins = result.experiment.frames is not None or result.experiment.bins.bin_s == weights.step_s
     if result.class_names != weights.class_names or not same_bins:
         raise InputError(
-            f"{path} has other classes or time bins than {weights_file.name}; keep only what belongs together"
+            f"{path} has other classes or time bins than {weights_file.name}; keep matching files together"
         )
     return result
 
@@ -120,15 +120,15 @@ class Trained:
     ----------
     weights : Weights
     bins : BinConfig
-        Of the training; without its result the defaults with the step of the weights.
+        Time bins of the training; without its result the defaults with the step of the weights.
     parts : dict
-        TEST or TRAINING by name of the image; empty where that is not known.
+        TEST or TRAINING by image name; empty if unknown.
     dataset : str or None
         Name of the dataset of these images, or of the folder of own recordings; None of other event files.
     unknown : str
         Why ``parts`` is empty.
     readout : ReadoutConfig or None
-        That of the training, where it is known.
+        Readout of the training, if known.
     own : OwnReadout or None
         How own recordings of the training were taken.
     of_recordings : bool
@@ -185,7 +185,7 @@ def load_trained(path: Path) -> Trained:
     try:
         names, labels, dataset = _images_of(experiment, result.class_names, own is not None)
     except InputError as error:
-        unknown = f"the images of the training are not there ({error})"
+        unknown = f"the images of the training are missing ({error})"
         return Trained(
             weights,
             experiment.bins,
@@ -219,7 +219,7 @@ def load_test_scans(
     Raises
     ------
     InputError
-        If there is no such result, or the images of the training are not there.
+        If the result or the images of the training are missing.
     """
     note = path.parent / "result.json"
     if not note.exists():
@@ -227,7 +227,7 @@ def load_test_scans(
     result = read_result(note, path, weights)
     data = result.experiment.data(progress)
     if data.class_names != result.class_names:
-        raise InputError("the images found here are not those of the training; give its textures with --dataset")
+        raise InputError("the images differ from those of the training; give its textures with --dataset")
     return result, data, result.test_images(data.image_labels)
 
 
@@ -260,9 +260,8 @@ def said_of_training(path: Path, weights: Weights) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``readout``, ``preset``, ``dataset``, ``bin_s``, ``tested``: what the network with its trained weights
-        says (the number of a class) of every image that it has not learned, by name; and ``recordings``, how own
-        ones were taken.
+        ``readout``, ``preset``, ``dataset``, ``bin_s``; ``tested``: the predicted class number of every image outside
+        the training, by name; and ``recordings``: how a user's recordings were prepared.
     """
     note = path.parent / "result.json"
     if not note.exists():

@@ -27,7 +27,7 @@ def confusion_data(sweeps: Sequence[Sweep], reading: str, name: str | None = Non
         chosen = [(sweep, point) for sweep, point in candidates if point.name == name]
         if not chosen:
             known = dict.fromkeys(point.name for _, point in candidates)
-            raise InputError(f"no point is called {name!r}; there are {', '.join(known) or 'none with results'}")
+            raise InputError(f"there is no point {name!r}; the points are {', '.join(known) or 'without results'}")
     else:
         chosen = []
         for preset in (*PRESETS, None):

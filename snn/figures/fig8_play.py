@@ -63,7 +63,7 @@ class Places:
     Attributes
     ----------
     dataset : str or None
-        Of the textures, where it is another than in training.
+        Path of the textures, if it differs from the training.
     data : Path or None
         Folder of own recordings.
     """
@@ -81,8 +81,8 @@ def play(weights_file: Path, result_file: Path, places: Places | None = None, im
         What ``eskin train`` wrote: the network, and the experiment that says how scans are made.
     places : Places, optional
     image : str, optional
-        Name of the texture or recording; by default the first of the test fold that the network classifies rightly, as
-        its result says, or the first one where there is none.
+        Name of the texture or recording. By default the first image of the test fold that the result lists as correctly
+        classified, else the first one.
 
     Raises
     ------
@@ -92,8 +92,7 @@ def play(weights_file: Path, result_file: Path, places: Places | None = None, im
     weights, places = load_weights(weights_file), places or Places()
     if not result_file.is_file():
         raise InputError(
-            f"{result_file} does not exist, and only the result of the training says how its scans were made; "
-            f"name it with --result"
+            f"{result_file} does not exist, but fig8 needs the result of the training; name it with --result"
         )
     if not isinstance(weights.network, SpikingNetwork):
         raise InputError(f"{weights_file} holds a baseline for frames; fig8 needs a spiking network")
@@ -137,7 +136,7 @@ def _play_own(weights: Weights, result: TrainingResult, place: Path, image: str 
     found = result.own.read(place)
     names, classes = [source.name for source in found.sources], weights.class_names
     if strange := [source for source in found.sources if source.class_name not in classes]:
-        raise InputError(f"{strange[0].path} is in none of the classes of the network: {', '.join(classes)}")
+        raise InputError(f"{strange[0].path} is not in a class of the network: {', '.join(classes)}")
     labels = np.array([classes.index(str(source.class_name)) for source in found.sources])
     test = result.test_images(labels)
     index = result.default_image(test) if image is None else _index(image, names)
@@ -159,7 +158,7 @@ def _play_own(weights: Weights, result: TrainingResult, place: Path, image: str 
 
 def _index(image: str, names: list[str]) -> int:
     if image not in names:
-        raise InputError(f"no image is called {image!r}; there are {len(names)}, from {names[0]} to {names[-1]}")
+        raise InputError(f"there is no image {image!r}; there are {len(names)} images, from {names[0]} to {names[-1]}")
     return names.index(image)
 
 

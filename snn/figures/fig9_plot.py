@@ -51,8 +51,8 @@ def plot_fig9(data: Data, path: Path) -> None:
 def draw_fig9(data: Data) -> Figure:
     """Return accuracy against normalised data rate, one panel for each preset.
 
-    Published points are hollow, with their standard deviation over folds where it is known; own ones are filled,
-    with the interval over images and seeds. Points of unfinished cross-validations are ringed.
+    Published points are hollow, with their standard deviation over folds if known. Own points are filled, with the
+    interval over images and seeds. Points of unfinished cross-validations have a ring.
     """
     presets = [preset for preset in (*PRESETS, None) if any(point["preset"] == preset for point in data["points"])]
     sweeps = list(data["commands"])

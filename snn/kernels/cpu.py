@@ -1,7 +1,7 @@
 """Call the compiled kernel (cpu.cpp) through ctypes; g++ builds it once into the user's cache.
 
-Where there is no compiler, ``available()`` is false and the pure torch path of ``snn.kernels.dense`` does the work.
-The functions here take contiguous float32 CPU tensors and check nothing else.
+Without a compiler, ``available()`` is false and ``snn.kernels.dense`` computes the layer with torch. The functions here
+need contiguous float32 CPU tensors and check nothing else.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ class Entries(NamedTuple):
     first : int32 tensor, shape (rows + 1,)
         Entries of row r are ``first[r] .. first[r + 1]``.
     column : int32 tensor
-        Column of each entry; longer than there are entries.
+        Column of each entry; may be longer than the number of entries.
     value : float32 tensor or None
-        None where all are 1.
+        Values; None if all are 1.
     """
 
     first: Tensor
@@ -179,7 +179,7 @@ def _call(name: str, *arguments: Any) -> None:
 def _require() -> ctypes.CDLL:
     library = _library()
     if library is None:
-        raise RuntimeError("the compiled kernel is not available; ask available() first")
+        raise RuntimeError("the compiled kernel is not available; check available() first")
     return library
 
 

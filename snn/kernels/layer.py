@@ -6,10 +6,10 @@ The rule of one step (physics of the paper's network, section II-D; variants as 
     s <- 1 if v > 1 else 0
     carry <- 0 where it fired (reset "zero"), or v - s (reset "subtract")
 
-Forward is one product with W_rec per step, backward one with its transpose; the weight gradients are one product
-each at the end. On the CPU every product with spikes or sparse inputs on one side is done over the events only,
-in a compiled kernel; on a GPU the whole time loop is one Triton kernel. The pure torch path does the same steps with
-dense products on any device and in any float type; ``layer_reference`` is the plain loop that all are held to.
+Forward is one product with W_rec per step, and backward one with its transpose; the weight gradients are one product
+each at the end. On the CPU a compiled kernel computes products with spikes or sparse inputs over the events only. On a
+GPU the whole time loop is one Triton kernel. The torch path computes the same steps with dense products, on any device
+and in any float type. ``layer_reference`` is the plain loop and the reference for all.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ def layer(
     w_rec : shape (neurons, neurons), optional
         Entry (i, j) is the weight from neuron j to neuron i, one step later.
     backend : "auto", "kernel", "triton" or "torch"
-        "auto" takes the kernel for float32 on the CPU where it can be compiled, and Triton for float32 on a GPU where
-        it is installed.
+        "auto" selects the kernel for float32 on the CPU if it can be compiled, and Triton for float32 on a GPU if it is
+        installed.
 
     Returns
     -------

@@ -1,7 +1,7 @@
 """Study accuracy, event rate and power of trained networks at each AFE noise v_n.
 
-The scans of the test images are recorded anew with noise at the outputs of the AFE. The events that then leave the
-array feed the power model, so that all three numbers belong to the same v_n.
+The scans of the test images are recorded again with noise at the outputs of the AFE. The resulting events feed the
+power model, so that accuracy, rate and power belong to the same v_n.
 """
 
 from __future__ import annotations
@@ -218,8 +218,8 @@ def points_of(subjects: Sequence[Subject], cells: Sequence[dict[str, Any]]) -> l
 def power_of(experiment: Experiment, mode: Mode, noise_v: float, rates: Rates) -> dict[str, float]:
     """Return AFE, converter, I/O and total in watts.
 
-    Encoders take the equations of ``power.readouts``. Frames cost 2 BW M samples a
-    second in ``paper``, of which the receiver drops what it does not use, and those that are used in ``consistent``.
+    Encoders use the equations of ``power.readouts``. Frames cost 2 BW M samples per second in ``paper``, of which the
+    receiver ignores unused ones; in ``consistent`` only the used samples count.
     """
     parameters = PowerParameters(rows=experiment.readout.rows, columns=experiment.readout.columns)
     readout: Readout = "frame"

@@ -1,7 +1,7 @@
 """Study the cost of rounding: classify each test image with integer networks of few bits.
 
-What the hardware does is what is counted here (docs/results/classifier.md#in-whole-numbers): the integer network is the
-golden model of the RTL, with every rounding and every end of a width.
+The integer network is the golden model of the RTL, with every rounding and every saturation, so these are results of
+the hardware (docs/results/classifier.md#in-whole-numbers).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def parse_variants(text: str) -> dict[str, Precision]:
     Raises
     ------
     InputError
-        If it is nothing of this kind, or says one twice.
+        If the text has another form, or repeats a variant.
     """
     found: dict[str, Precision] = {}
     for name in (part.strip() for part in text.split(",")):
@@ -149,5 +149,5 @@ def _right(cells: Sequence[dict[str, Any]], variant: str) -> NDArray[np.float64]
         by_seed.setdefault(cell["seed"], {}).update(zip(cell["images"], right.tolist(), strict=True))
     images = sorted(set.intersection(*(set(seed) for seed in by_seed.values())))
     if not images:
-        raise InputError(f"the seeds of {cells[0]['network']} have no test image in common; train whole folds")
+        raise InputError(f"the seeds of {cells[0]['network']} have no common test image; train complete folds")
     return np.array([[seed[image] for seed in by_seed.values()] for image in images], float)

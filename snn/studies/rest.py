@@ -1,7 +1,7 @@
 """Study the data rate of every readout during movement and at rest (docs/results/what_events_are_good_for.md).
 
-The array slides over a texture and then over its last column, continued: the pressure no longer changes, and the
-high-pass of the sensor lets the signal die away. All readouts take the same signals with the same AFE noise.
+The array slides over a texture, and then its last column repeats: the pressure no longer changes, and the high-pass of
+the sensor lets the signal decay. All readouts receive the same signals with the same AFE noise.
 """
 
 from __future__ import annotations

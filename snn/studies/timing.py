@@ -1,7 +1,7 @@
 """Study the precision of level-crossing times from events and frames (docs/results/what_events_are_good_for.md).
 
-The true crossings are those of the same levels by a signal that is sampled FINE_HZ times a second. A crossing that is
-found counts for the nearest true one of the same taxel, level and direction; each may be found once.
+The true crossings come from the same levels and a signal sampled FINE_HZ times per second. A found crossing is assigned
+to the nearest true crossing of the same taxel, level and direction; each true crossing may be found once.
 """
 
 from __future__ import annotations

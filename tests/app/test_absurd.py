@@ -71,7 +71,7 @@ def test_a_file_with_a_number_beyond_floats_is_named(line: str, call: Any, folde
     (folder / "s.json").write_text(f'{{"readout": "lcs", "clock_hz": {HUGE}}}')
     code, out, err = call(line)
     assert (code, out) == (2, "")
-    assert err == "error: the synthesis report s.json is not JSON: a number of 401 digits stands in it\n"
+    assert err == "error: the synthesis report s.json is not JSON: it contains a number of 401 digits\n"
 
 
 @pytest.mark.parametrize("line", ["power --mode consistent --synthesis s.json", "explore --synthesis s.json"])
@@ -89,8 +89,8 @@ def test_numbers_of_a_report_have_a_range(line: str, call: Any, folder: Path) ->
         ("{", "the configuration c.json is not JSON: "),
         ("[]", "the configuration c.json must be a JSON object, not list"),
         ('{"rows": 0}', "the configuration c.json: rows must be in 1..64, not 0"),
-        ('{"row": 3}', "the configuration c.json: unknown configuration field 'row'; known are "),
-        (f'{{"rows": {HUGE}}}', "the configuration c.json is not JSON: a number of 401 digits stands in it"),
+        ('{"row": 3}', "the configuration c.json: unknown configuration field 'row'; known fields are "),
+        (f'{{"rows": {HUGE}}}', "the configuration c.json is not JSON: it contains a number of 401 digits"),
         (f'{{"sample_rate_hz": {HUGE[:300]}}}', "the configuration c.json: sample_rate_hz must be of type float"),
     ],
 )
@@ -169,7 +169,7 @@ def test_files_that_unpack_to_more_than_anybody_means_are_refused(
     monkeypatch.setattr("eskin.skin.samples.MOST_VALUES", 2**20)
     monkeypatch.setattr("eskin.base.files.MOST_UNPACKED", 2**20)
     for name, sentence in (
-        ("npz", "x.npz claims 2 MiB of data, more than 1; it is not read"),
+        ("npz", "x.npz claims 2 MiB of data, more than 1, and is refused"),
         ("npy", "x.npy holds 2097152 values, more than 1048576; cut it into shorter recordings"),
         ("csv", "x.csv holds 2097152 values, more than 1048576; cut it into shorter recordings"),
     ):

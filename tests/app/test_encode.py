@@ -198,7 +198,7 @@ ENCODE_ERRORS: list[tuple[str, bytes | None, str, str]] = [
         "",
         f"x.wav is of unknown kind; give an image ({IMAGES}) or samples (.npy, .npz, .csv)",
     ),
-    ("x.npy", save_npy(GOOD), "", "x.npy does not say its sampling rate; add --sample-rate HZ"),
+    ("x.npy", save_npy(GOOD), "", "x.npy contains no sampling rate; add --sample-rate HZ"),
     (
         "x.npy",
         save_npy(np.zeros(5)),
@@ -298,27 +298,27 @@ ENCODE_ERRORS: list[tuple[str, bytes | None, str, str]] = [
         "x.npy",
         save_npy(np.zeros((5, 12))),
         RATE,
-        "the samples have 12 columns, the array has 8 x 8 = 64 taxels; use --rows 1 --columns 12",
+        "the samples have 12 columns, but the array has 8 x 8 = 64 taxels; use --rows 1 --columns 12",
     ),
     (
         "x.npy",
         save_npy(np.zeros((5, 192))),
         RATE + " --rows 4",
-        "the samples have 192 columns, the array has 4 x 8 = 32 taxels; "
+        "the samples have 192 columns, but the array has 4 x 8 = 32 taxels; "
         "use --rows 12 --columns 16, or another split of 192",
     ),
     (
         "x.npy",
         save_npy(np.zeros((5, 67))),
         RATE,
-        "the samples have 67 columns, the array has 8 x 8 = 64 taxels; "
+        "the samples have 67 columns, but the array has 8 x 8 = 64 taxels; "
         "no array of at most 64 x 64 has 67 taxels, so leave some out",
     ),
     (
         "x.npy",
         save_npy(np.zeros((5, 3, 4))),
         RATE + " --rows 4",
-        "the samples are of 3 x 4 taxels, the array has 4 x 8; use --rows 3 --columns 4",
+        "the samples have 3 x 4 taxels, but the array has 4 x 8; use --rows 3 --columns 4",
     ),
     ("x.npy", save_npy(np.zeros((5, 99, 2))), RATE, "rows must be in 1..64, not 99"),
     (
@@ -328,18 +328,18 @@ ENCODE_ERRORS: list[tuple[str, bytes | None, str, str]] = [
         "x.npy has the code -2049 at tick 0, taxel 0, outside -2048..2047 of 12 bits; "
         "add --sample-bits, or --scale FACTOR to read them as numbers",
     ),
-    ("x.npy", save_npy(GOOD), RATE + " --scale 0", "--scale takes a number other than 0, or max, not '0'"),
+    ("x.npy", save_npy(GOOD), RATE + " --scale 0", "--scale needs a number other than 0, or max, not '0'"),
     (
         "x.npy",
         save_npy(GOOD),
         RATE + " --scale nan",
-        "--scale takes a number other than 0, or max, not 'nan'",
+        "--scale needs a number other than 0, or max, not 'nan'",
     ),
     (
         "x.npy",
         save_npy(GOOD),
         RATE + " --scale min",
-        "--scale takes a number other than 0, or max, not 'min'",
+        "--scale needs a number other than 0, or max, not 'min'",
     ),
     (
         "x.npy",

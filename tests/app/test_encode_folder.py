@@ -23,7 +23,7 @@ def test_a_skin_becomes_one_event_file_per_recording(call: Any, folder: Path) ->
     assert "0 events late, 0 decisions merged; reconstruction 3" in out
     assert "the decoder's bound holds" in out
     assert err == ""
-    assert "note: 6 of 6 recordings have uneven time stamps: resampled, linearly\n" in out
+    assert "note: 6 of 6 recordings have uneven time stamps and were resampled linearly\n" in out
     files = sorted((folder / "events").rglob("*.npz"))
     assert [file.relative_to(folder / "events").as_posix() for file in files] == [
         f"{kind}/{k}.npz" for kind in CLASSES for k in (0, 1)
@@ -62,7 +62,7 @@ def test_a_single_file_with_time_stamps_is_read_as_one(call: Any, folder: Path) 
     write_csv(folder / "x.csv", values)
     code, out, _ = call("encode x.csv -o e.npz --baseline first")
     assert code == 0
-    assert "note: column 'time_ms' is taken as time stamps" in out
+    assert "note: column 'time_ms' is used as time stamps" in out
     recording = Recording.load(folder / "e.npz")
     assert recording.config.taxels == 16
     rest = values - values[0]
@@ -78,15 +78,15 @@ def test_a_single_file_with_time_stamps_is_read_as_one(call: Any, folder: Path) 
     ("line", "sentence"),
     [
         ("encode none -o e.npz", "none is of unknown kind"),
-        ("encode empty -o e", "empty holds no recordings; give a folder with one folder for each class"),
+        ("encode empty -o e", "empty contains no recordings; give a folder with a folder for each class"),
         ("encode skin -o taken", "cannot write to taken: it is a file; give the name of a folder"),
         ("encode skin -o e --class a", "--class belongs to one input"),
         ("encode skin -o e --model functional", "--model functional belongs to one input"),
-        ("encode skin -o e --scale p", "--scale takes a percentile as p99.9"),
-        ("encode skin -o e --time-column none", "does not say its sampling rate; add --sample-rate HZ"),
+        ("encode skin -o e --scale p", "--scale needs a percentile such as p99.9"),
+        ("encode skin -o e --time-column none", "contains no sampling rate; add --sample-rate HZ"),
         ("encode skin/tap/0.csv -o e.npz --workers 2", "--workers is for the recordings of a folder"),
         ("encode skin -o e --workers 2 --scheduler tcp://a:1", "--workers counts processes of this machine"),
-        ("encode skin/tap/0.csv -o e.npz", "values beyond full scale; take the baseline off with --baseline first"),
+        ("encode skin/tap/0.csv -o e.npz", "values beyond full scale; subtract the baseline with --baseline first"),
         ("encode skin -o e --baseline highpass --highpass 40", "--highpass must be below half of 35 samples/s"),
     ],
 )
@@ -107,14 +107,14 @@ def test_training_refuses_what_is_not_fetched_and_encoding_says_so(call: Any, fo
     write_skin(folder / "skin", each=1)
     (folder / "skin/tap/gone.csv").symlink_to("nowhere")
     what = "1 recordings of skin cannot be read"
-    refused = f"error: {what}: skin/tap/gone.csv is a link to nothing; fetch or remove them, or leave them out with "
+    refused = f"error: {what}: skin/tap/gone.csv is a broken link; fetch or remove them, or leave them out with "
     for line in ("train --data skin", "crossval --data skin", "encode skin -o e --strict"):
         assert call(line) == (2, "", f"{refused}--no-strict\n")
     code, out, err = call("encode skin -o e")
     assert (code, "skin: 3 recordings" in out) == (0, True)
-    assert err.splitlines()[0] == f"warning: {what} and are left out: skin/tap/gone.csv is a link to nothing"
+    assert err.splitlines()[0] == f"warning: {what} and are left out: skin/tap/gone.csv is a broken link"
     (folder / "e/tap/gone.npz").symlink_to("nowhere")
-    what = "event folder e holds what is no event file: e/tap/gone.npz is a link to nothing"
+    what = "event folder e has an entry that is not an event file: e/tap/gone.npz is a broken link"
     assert call("train --events e")[2] == f"error: {what}; fetch or remove it\n"
     what = "--strict is for the recordings of a folder; x.csv is one input"
     assert call("encode x.csv -o e.npz --strict")[2] == f"error: {what}, leave it out\n"
@@ -123,4 +123,4 @@ def test_training_refuses_what_is_not_fetched_and_encoding_says_so(call: Any, fo
 def test_an_image_of_floats_is_refused(call: Any, folder: Path) -> None:
     Image.fromarray(np.random.default_rng(0).random((600, 600)).astype(np.float32)).save(folder / "x.tif")
     code, _, err = call("encode x.tif -o e.npz")
-    assert (code, err) == (2, "error: x.tif holds floats, whose scale no file states; save it with 8 or 16 bits\n")
+    assert (code, err) == (2, "error: x.tif contains floats of unknown scale; save it with 8 or 16 bits\n")

@@ -183,8 +183,8 @@ def test_a_link_too_slow_for_the_signal_is_said_before_and_is_no_failure(
     assert done.returncode == 0, done.stdout + done.stderr
     warning, *waiting = done.stderr.splitlines()
     assert warning == (
-        "warning: nlcs 8 b, 4 x 4 taxels: the link is too slow for this signal: it is busy 100% of the time; of 2559 "
-        "events 0 wait for a later sample and 2536 merge with others; try --clocks-per-sample 16384, about enough for "
+        "warning: nlcs 8 b, 4 x 4 taxels: the link is too slow for this signal: its load is 100%; of 2559 "
+        "events 0 wait for a later sample and 2536 merge with others; try --clocks-per-sample 16384, an estimate for "
         "the busiest sample"
     )
     assert re.fullmatch(r"building 4 x 4 taxels for icarus: \d+ s so far", waiting[0])

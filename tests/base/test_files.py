@@ -15,7 +15,7 @@ from eskin.base.files import keep_line, kept_lines, read_json
     [
         ("{", None, "the sweep a.json is not JSON: Expecting property name"),
         (b"\xff\xfe{", None, "the sweep a.json is not JSON: "),
-        ("[" * 100_000, None, "the sweep a.json is not JSON that can be read: it is nested too deeply"),
+        ("[" * 100_000, None, "the sweep a.json cannot be read as JSON: it is nested too deeply"),
         ("[1]", dict, "the sweep a.json must be a JSON object, not list"),
         ("{}", list, "the sweep a.json must be a JSON list, not dict"),
         (None, None, "cannot read the sweep a.json: No such file or directory"),

@@ -59,5 +59,5 @@ def test_a_process_that_dies_costs_nothing_but_time(tmp_path: Path) -> None:
 
 
 def test_work_that_always_kills_its_process_is_given_up_with_a_sentence() -> None:
-    with pytest.raises(InputError, match=r"^a worker process died, .*; take fewer --workers$"), Local(2) as pool:
+    with pytest.raises(InputError, match=r"^a worker process died, .*; use fewer --workers$"), Local(2) as pool:
         list(each(pool, die, [(1,)]))

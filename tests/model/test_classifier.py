@@ -88,9 +88,9 @@ def test_ends_are_those_of_the_worst_bin_of_every_neuron(fields: dict[str, Any])
 def test_arrays_that_do_not_fit_are_refused() -> None:
     own = network()
     for rows in (5, 7):
-        with pytest.raises(InputError, match=rf"w_in has the shape \({rows}, 20\), the network takes \(6, 20\)"):
+        with pytest.raises(InputError, match=rf"w_in has the shape \({rows}, 20\), but the network needs \(6, 20\)"):
             IntegerNetwork(own.config, np.zeros((rows, 20), np.int64), own.w_rec, own.w_out, own.b_hidden, own.b_out)
-    with pytest.raises(InputError, match="the network takes 6 channels, the scans have 7"):
+    with pytest.raises(InputError, match="the network has 6 input channels, but the scans have 7"):
         own.run_counts(np.zeros((2, 3, 7), np.int64))
 
 
@@ -228,7 +228,7 @@ def test_damaged_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="damaged or not an integer network"):
         IntegerWeights.load(path)
     np.savez(path, w_in=np.zeros(3))
-    with pytest.raises(InputError, match="an archive, but no integer network"):
+    with pytest.raises(InputError, match="an archive, but not an integer network"):
         IntegerWeights.load(path)
     with pytest.raises(InputError, match=r"w_in must be in -2\.\.1, 2 bits, not -?\d"):
         network().__class__(network().config.replace(in_bits=2), *(getattr(network(), n) for n in

@@ -215,9 +215,9 @@ def test_from_json_refuses(text: str, sentence: str) -> None:
 
 
 def test_unknown_fields_are_named() -> None:
-    with pytest.raises(InputError, match=r"^unknown configuration field 'row'; known are clocks_per_sample, "):
+    with pytest.raises(InputError, match=r"^unknown configuration field 'row'; known fields are clocks_per_sample, "):
         ReadoutConfig.from_dict({"row": 8})
-    with pytest.raises(InputError, match=r"^unknown configuration field 'row'; known are clocks_per_sample, "):
+    with pytest.raises(InputError, match=r"^unknown configuration field 'row'; known fields are clocks_per_sample, "):
         ReadoutConfig().replace(row=8)
 
 

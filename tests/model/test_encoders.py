@@ -23,7 +23,7 @@ def test_every_encoder_is_found_by_its_name() -> None:
 
 
 def test_an_unknown_name_is_refused_with_the_known_ones() -> None:
-    sentence = f"no encoder is named 'dpcm'; the encoders are {', '.join(registry.NAMES)}"
+    sentence = f"there is no encoder 'dpcm'; the encoders are {', '.join(registry.NAMES)}"
     with pytest.raises(InputError, match=re.escape(sentence)):
         registry.named("dpcm")
 
@@ -32,7 +32,7 @@ def test_no_two_encoders_share_a_name_a_code_or_a_look() -> None:
     class Twin(Lcs):
         name, title, colour, marker = "twin", "Twin", "#000000", "x"
 
-    with pytest.raises(ValueError, match="two encoders have the code 0; every encoder has its own"):
+    with pytest.raises(ValueError, match="two encoders have the code 0; use different ones"):
         registry.check((Lcs(), Twin()))
 
 

@@ -77,7 +77,7 @@ def test_decisions_and_signals_that_do_not_fit_are_refused() -> None:
         held(digital, 0).from_samples(digital, np.array([[0, 0, 0, 2048]]))
     with pytest.raises(InputError, match=r"^samples must be in -8192\.\.8191 .* not 0\.\.8192$"):
         held(BASE, 0).from_samples(BASE, np.array([[0, 0, 0, 8192]]))
-    with pytest.raises(InputError, match=r"^decisions are those of analog comparators; set frontend to analog$"):
+    with pytest.raises(InputError, match=r"^decisions need the analog front end; set frontend to analog$"):
         simulate(digital, dataclasses.replace(held(digital, 0), decisions=some))
     with pytest.raises(InputError, match=r"^decisions must have shape \(4000, 4\), a row for every clock$"):
         simulate(BASE, dataclasses.replace(held(BASE, 0), decisions=some[1:]))

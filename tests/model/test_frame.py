@@ -232,7 +232,7 @@ def test_other_refusals_are_one_sentence() -> None:
         (lambda: adc_code(config, np.array([2048])), "samples must be in -2048..2047 (12 bits), not 2048..2048"),
         (lambda: pack(config, np.zeros((1, 2), int)), "codes must have shape (frames, 3), not (1, 2)"),
         (lambda: pack(config, np.full((1, 3), 64)), "codes must be in -32..63 (6 bits), not 64..64"),
-        (lambda: unpack(config, words, np.array([1, 0, 0, 1])), "word 2: a frame of 2 words does not begin here"),
+        (lambda: unpack(config, words, np.array([1, 0, 0, 1])), "word 2: a frame of 2 words must not begin here"),
         (
             lambda: unpack(config, words, np.array([1])),
             "words and sync must have one shape (words,), not (4,) and (1,)",
@@ -245,7 +245,7 @@ def test_other_refusals_are_one_sentence() -> None:
         ),
         (
             lambda: simulate(config, FrameStimulus.from_samples(config, np.zeros((1, 3)), conversion=np.array([0]))),
-            "conversion must be 1 clock or more",
+            "conversion must be at least 1 clock",
         ),
     ]
     for call, sentence in cases:

@@ -242,17 +242,17 @@ def header_with(**changes: Any) -> dict[str, Any]:
 
 
 FOREIGN: list[tuple[Any, Any, str]] = [
-    (sample_events(), header_with(format_version=2), "it has format version 2, this program reads 1"),
-    (sample_events(), header_with(format_version=None), "it has format version None, this program reads 1"),
+    (sample_events(), header_with(format_version=2), "it has format version 2; this program reads version 1"),
+    (sample_events(), header_with(format_version=None), "it has format version None; this program reads version 1"),
     (sample_events(), header_with(format="other"), "its format is not 'spiking-eskin-readout events'"),
     (sample_events(), "[]", "its format is not 'spiking-eskin-readout events'"),
     (sample_events(), "{", "its metadata are not JSON"),
     (sample_events(), "[" * 100_000, "its metadata are not JSON"),
-    (sample_events(), header_with(duration_clocks=True), "its metadata have no usable duration_clocks"),
-    (sample_events(), header_with(duration_clocks=1e3), "its metadata have no usable duration_clocks"),
-    (sample_events(), header_with(metadata=[]), "its metadata have no usable metadata"),
-    (sample_events(), header_with(config=None), "its metadata have no usable config"),
-    (sample_events(), header_with(clock_hz=5.0), "its clock_hz 5 is not that of its configuration"),
+    (sample_events(), header_with(duration_clocks=True), "its metadata lack a valid duration_clocks"),
+    (sample_events(), header_with(duration_clocks=1e3), "its metadata lack a valid duration_clocks"),
+    (sample_events(), header_with(metadata=[]), "its metadata lack a valid metadata"),
+    (sample_events(), header_with(config=None), "its metadata lack a valid config"),
+    (sample_events(), header_with(clock_hz=5.0), "its clock_hz 5 differs from its configuration"),
     (
         sample_events(),
         header_with(config=CONFIG.to_dict() | {"rows": 2}),

@@ -138,7 +138,7 @@ def test_the_python_class_reads_what_it_wrote_through_slave_and_file() -> None:
         (lambda chip: chip.write("resolution", bits=0), "resolution.bits must be in 1..6, not 0"),
         (lambda chip: chip.write("id", map=2), "register id can only be read"),
         (lambda chip: chip.write("test", speed=1), "test has no field 'speed'; it has mode, on, turns"),
-        (lambda chip: chip.read("gain"), "there is no register 'gain'; there are id, version"),
+        (lambda chip: chip.read("gain"), "there is no register 'gain'; the registers are id, version"),
         (lambda chip: Registers(ReadoutConfig(), chip.exchange), "the configuration has no registers"),
     ],
 )
@@ -215,7 +215,7 @@ def test_settings_are_those_of_a_host_from_clock_0_on_or_one_sentence() -> None:
         with pytest.raises(InputError, match="the clocks of settings must rise from 0"):
             settings.check(config, given(wrong))
     for coarser in (-1, 6):
-        with pytest.raises(InputError, match=re.escape("a resolution must be in 1..6, as built")):
+        with pytest.raises(InputError, match=re.escape("a resolution must be in 1..6, the built one")):
             settings.check(config, given([0], coarser))
     with pytest.raises(InputError, match="settings need registers; build the readout with registers=spi"):
         settings.check(config.replace(registers="none"), given([0]))
@@ -248,7 +248,7 @@ def test_a_window_without_room_for_all_settings_is_refused() -> None:
     for resolution, closing, most in ((10, 2, 0), (8, 4, 2), (9, 2, 1)):
         sentence = (
             f"closing_shift must be in 0..{most} = sample_bits - 2 - resolution with registers=spi, not {closing}; "
-            f"otherwise a coarser resolution set at run time has no room for its window: lower closing_shift, "
+            f"otherwise the window of a coarser resolution does not fit: lower closing_shift, "
             f"or raise sample_bits to {resolution + 2 + closing}"
         )
         fields = {"encoding": "cw-lcs", "resolution": resolution, "closing_shift": closing}

@@ -118,7 +118,7 @@ def test_a_recording_of_a_skin_is_read_as_any_other(tmp_path: Path) -> None:
     [
         ({"rows": 5}, "rows must be a multiple of the 2 tiles along them, not 5"),
         ({"rows": 256}, "rows must be in 1..64, not 128"),
-        ({"link": "four_phase"}, "tiles talk to their merge by the link stream, not four_phase"),
+        ({"link": "four_phase"}, "tiles need the link stream to their merge, not four_phase"),
         ({"tile_rows": 65}, "tile_rows must be in 1..64, not 65"),
         ({"tile_rows": 16, "tile_columns": 8}, "a merge takes at most 64 tiles, not 16 x 8"),
         ({"relays": -1}, "relays must be in 0..16, not -1"),
@@ -141,7 +141,7 @@ def test_stimuli_that_do_not_belong_together_are_one_sentence() -> None:
     )
     assert len(simulate_skin(SKIN, [one] * 4)) == 0
     for wrong in (other, moved, longer):
-        with pytest.raises(InputError, match="the tiles' stimuli must have the same clocks"):
+        with pytest.raises(InputError, match="the tiles' stimuli must share the clocks"):
             simulate_skin(SKIN, [one, one, one, wrong])
 
 
@@ -149,5 +149,5 @@ def test_tiles_in_words_are_rows_and_columns() -> None:
     assert tiles_of("2x3") == (2, 3)
     assert (TilesConfig().tile_rows, TilesConfig().tile_columns) == (1, 1)
     for wrong in ("2", "x3", "2x", "ax3", "2x-3"):
-        with pytest.raises(InputError, match=f"tiles must be rows and columns, as 4x4, not '{wrong}'"):
+        with pytest.raises(InputError, match=f"tiles must be rows and columns such as 4x4, not '{wrong}'"):
             tiles_of(wrong)

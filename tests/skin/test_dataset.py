@@ -91,7 +91,7 @@ def test_missing_directory_is_refused(tmp_path):
     with pytest.raises(
         InputError,
         match=r"^dataset directory .*/gone is not a directory; "
-        r"give one with a folder of PNG images per class, or 'embedded'$",
+        r"give a directory with a folder of PNG images per class, or 'embedded'$",
     ):
         open_dataset(tmp_path / "gone")
 
@@ -115,8 +115,8 @@ def test_unknown_class_folder_is_refused(textures):
     (textures / "wool").mkdir()
     with pytest.raises(
         InputError,
-        match=r"^unknown class folder wool in .*/cloth: SHA256SUMS lists no image of it; "
-        r"remove it, or remove SHA256SUMS to use the directory unchecked$",
+        match=r"^unknown class folder wool in .*/cloth: SHA256SUMS lists no image of this class; "
+        r"remove the folder, or remove SHA256SUMS to use the directory unchecked$",
     ):
         open_dataset(textures)
 
@@ -169,7 +169,7 @@ def test_truncated_png_is_refused(textures):
     path = textures / "silk" / "silk-1.png"
     path.write_bytes(path.read_bytes()[:-700])
     write_sums(textures)
-    with pytest.raises(InputError, match=r"^image .*silk-1\.png is damaged or no PNG file \(.*\); copy it again$"):
+    with pytest.raises(InputError, match=r"^image .*silk-1\.png is damaged or not a PNG file \(.*\); copy it again$"):
         open_dataset(textures)[2].load()
 
 
@@ -177,7 +177,7 @@ def test_truncated_png_is_refused(textures):
 def test_file_that_is_no_png_is_refused(tmp_path, content):
     path = tmp_path / "x.png"
     path.write_bytes(content)
-    with pytest.raises(InputError, match=r"^image .*x\.png is damaged or no PNG file \(.*\); copy it again$"):
+    with pytest.raises(InputError, match=r"^image .*x\.png is damaged or not a PNG file \(.*\); copy it again$"):
         read_gray_png(path)
 
 
@@ -253,7 +253,7 @@ def test_embedded_is_the_last_resort(monkeypatch):
 @pytest.mark.usefixtures("nowhere")
 def test_variable_that_names_no_directory_is_refused(monkeypatch):
     monkeypatch.setenv("ESKIN_DATA", "gone")
-    with pytest.raises(InputError, match=r"^\$ESKIN_DATA gone is not a directory; give one with a folder"):
+    with pytest.raises(InputError, match=r"^\$ESKIN_DATA gone is not a directory; give a directory with a folder"):
         open_dataset()
 
 

@@ -162,7 +162,7 @@ def test_paper_refuses_a_sample_rate_that_is_no_loop_time():
     with pytest.raises(
         InputError,
         match=r"^sample_rate_hz must be 200000 divided by a whole number in the paper preset, not 30000; "
-        r"take the configuration from configure\(\)$",
+        r"use the configuration from configure\(\)$",
     ):
         PAPER.signals(ReadoutConfig(sample_rate_hz=30_000), noise(90, 90))
 

@@ -233,7 +233,7 @@ def test_table_names_the_rate_and_follows_options(tmp_path, monkeypatch):
         (["--preset", "chip"], "preset must be one of paper, physical, not 'chip'"),
         (
             ["--dataset", "gone"],
-            "dataset directory gone is not a directory; give one with a folder of PNG images ",
+            "dataset directory gone is not a directory; give a directory with a folder of PNG images ",
         ),
         (["--limit", "0"], "the number of images must be at least 1, not 0"),
         (["--encoding", "nlcs", "--tau", "0"], "tau must be a positive number of seconds, not 0.0"),
@@ -263,5 +263,5 @@ def test_damaged_image_stops_the_run_with_its_name(tmp_path):
     for name in "abc":
         Image.fromarray(np.full((90, 90), 99, np.uint8)).save(folder / f"{name}.png")
     (folder / "b.png").write_bytes((folder / "a.png").read_bytes()[:60])
-    with pytest.raises(InputError, match=r"^image .*felt/b\.png is damaged or no PNG file"):
+    with pytest.raises(InputError, match=r"^image .*felt/b\.png is damaged or not a PNG file"):
         measure_rates(directory_dataset(tmp_path), PHYSICAL, ReadoutConfig())

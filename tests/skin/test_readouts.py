@@ -20,6 +20,6 @@ def test_encoders_and_frames_have_looks_of_their_own() -> None:
 
 
 def test_an_unknown_readout_has_no_look() -> None:
-    sentence = f"no encoder is named 'pcm'; the encoders are {', '.join(registry.NAMES)}"
+    sentence = f"there is no encoder 'pcm'; the encoders are {', '.join(registry.NAMES)}"
     with pytest.raises(InputError, match=f"^{re.escape(sentence)}$"):
         look("pcm")

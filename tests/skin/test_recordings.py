@@ -64,14 +64,14 @@ def test_time_stamps_are_no_taxel_and_give_the_rate(tmp_path, name, step, unit_s
     assert table.names == ("a", "b")
     assert table.time_s[0] == 0
     assert 39 / table.time_s[-1] == pytest.approx(1 / (step * unit_s), rel=0.02)
-    assert table.notes[0] == f"column {name!r} is taken as time stamps, by its name"
+    assert table.notes[0] == f"column {name!r} is used as time stamps, because of its name"
 
 
 def test_time_stamps_without_a_name_are_known_by_their_rise(tmp_path):
     rows = "".join(f"{k * 28.57:.2f},{k % 5},{-k % 7}\n" for k in range(40))
     table = table_of(tmp_path, rows)
     assert table.values.shape == (40, 2)
-    assert "rises steadily: taken as time stamps" in table.notes[0]
+    assert "rises steadily: used as time stamps" in table.notes[0]
     kept = table_of(tmp_path, rows, Preparation(time_column="none"))
     assert kept.values.shape == (40, 3)
     assert kept.time_s is None
@@ -82,7 +82,7 @@ def test_a_counter_of_samples_is_neither_a_taxel_nor_time(tmp_path):
     table = table_of(tmp_path, "".join(f"{k},{k % 5},{-k % 7}\n" for k in range(40)))
     assert table.values.shape == (40, 2)
     assert table.time_s is None
-    assert "taken as a counter, and left out" in table.notes[0]
+    assert "ignored as a counter" in table.notes[0]
 
 
 def test_columns_of_an_array_are_named_by_their_number(tmp_path):
@@ -100,8 +100,8 @@ def test_chosen_columns_are_the_taxels(tmp_path):
     ("text", "options", "sentence"),
     [
         ("t,a\n0,1\n0,2\n", {}, "x.csv: the time stamp of sample 2 is not later than the one before"),
-        ("t,a\n0,1\n1,2\n2,0\n", {}, "x.csv: the time stamps rise by one; say of what by --time-unit"),
-        ("t\n0\n0.1\n", {}, "x.csv has no column but its time stamps"),
+        ("t,a\n0,1\n1,2\n2,0\n", {}, "x.csv: the time stamps rise by one; give their unit with --time-unit"),
+        ("t\n0\n0.1\n", {}, "x.csv has only time stamps"),
         ("t,a\n0,nan\n0.1,2\n", {}, "x.csv has nan in sample 1, column 2"),
         ("t,a\n0,x\n", {}, "x.csv is not a table of numbers: could not convert string 'x'"),
         ("t,a\n", {}, "x.csv holds no samples below its header"),
@@ -162,7 +162,7 @@ def test_stamps_of_whole_milliseconds_are_even_and_gaps_are_filled(tmp_path):
     assert (even.warnings, [note for note in even.notes if "resampled" in note]) == ((), [])
     assert np.array_equal(even.codes[0][:, 0], np.rint((wave - 200) * 2047 / 200))
     twice = set_of(stamps, wave)
-    assert any("2 of 2 recordings have uneven time stamps: resampled" in note for note in twice.notes)
+    assert any("2 of 2 recordings have uneven time stamps and were resampled" in note for note in twice.notes)
     kept = np.delete(np.arange(400), [50, 51, 300])
     holed = ["" if k in (10, 90) else str(wave[k]) for k in kept]
     found = set_of(np.floor(time_s * 1e3)[kept], holed)
@@ -243,7 +243,7 @@ def test_a_baseline_that_is_left_and_dead_columns_are_named(tmp_path):
     warnings = read_set(tmp_path / "s", Preparation(), ReadoutConfig()).warnings
     assert any("column 's3' never changes; leave it out with --taxel-columns" in text for text in warnings)
     assert any("column 's5' rises steadily" in text for text in warnings)
-    assert any("stand on a baseline" in text and "--baseline first" in text for text in warnings)
+    assert any("have a baseline" in text and "--baseline first" in text for text in warnings)
 
 
 def test_warnings_say_what_is_there_and_no_more():
@@ -260,7 +260,7 @@ def test_warnings_say_what_is_there_and_no_more():
 def test_nlcs_warns_of_what_lies_below_zero(tmp_path):
     write_csv(tmp_path / "s/tap/0.csv", -counts("press"))
     found = read_set(tmp_path / "s", FIRST, ReadoutConfig(encoding="nlcs"), {"encoding"})
-    assert any("below zero, which N-LCS cannot see" in text for text in found.warnings)
+    assert any("below zero, which N-LCS cannot represent" in text for text in found.warnings)
 
 
 # -- configuration -----------------------------------------------------------------------------------
@@ -362,14 +362,14 @@ def test_equal_file_names_in_two_classes_stay_apart(tmp_path):
 
 
 def test_folders_that_are_no_set_get_one_sentence(tmp_path):
-    with pytest.raises(InputError, match="holds no recordings; give a folder with one folder for each class"):
+    with pytest.raises(InputError, match="contains no recordings; give a folder with a folder for each class"):
         sources_of(tmp_path)
     write_csv(tmp_path / "a/0.csv", counts("tap"))
     np.save(tmp_path / "a/0.npy", counts("tap"))
     with pytest.raises(InputError, match="holds a/0 twice, with two endings"):
         sources_of(tmp_path)
     write_csv(tmp_path / "b.csv", counts("tap"))
-    with pytest.raises(InputError, match="lies beside the class folders"):
+    with pytest.raises(InputError, match="is beside the class folders"):
         sources_of(tmp_path)
 
 
@@ -388,7 +388,7 @@ def test_what_only_has_the_name_of_a_recording_is_told_or_refused(tmp_path):
     assert len(sources) == 4
     for odd in (
         "folder.csv is a folder",
-        "gone.csv is a link to nothing",
+        "gone.csv is a broken link",
         "pipe.npy is a FIFO",
         "zero.csv is a device",
     ):
@@ -431,7 +431,9 @@ def test_recordings_of_other_arrays_or_rates_are_refused(tmp_path):
     write_csv(tmp_path / "s/b/0.csv", counts("tap", rate_hz=10), rate_hz=10)
     with pytest.raises(InputError, match="has 10 samples/s, the others 35"):
         read_set(tmp_path / "s", FIRST, ReadoutConfig())
-    with pytest.raises(InputError, match="16 taxels, the array has 2 x 4 = 8; give --rows and --columns, or neither"):
+    with pytest.raises(
+        InputError, match="16 taxels, but the array has 2 x 4 = 8; give --rows and --columns, or neither"
+    ):
         read_set(tmp_path / "s/a/0.csv", FIRST, ReadoutConfig(rows=2, columns=4), {"rows", "columns"})
 
 

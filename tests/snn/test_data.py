@@ -146,9 +146,9 @@ def test_variants_are_of_the_same_scans() -> None:
     one, both = (Experiment(**fields, readout=r).data() for r in (leaky, small.replace(encoding="nlcs-bipolar")))
     assert (one.channels, both.channels) == (4, 8)
     assert both.values[:, :, 4:].sum() > 0.5 * both.values[:, :, :4].sum() > 100
-    with pytest.raises(InputError, match="nlcs has no other events than ON; leave the variant out"):
+    with pytest.raises(InputError, match="nlcs has only ON events; leave the variant out"):
         Experiment(readout=leaky, variant="on")
-    with pytest.raises(InputError, match="variants are of events of the model, without disturbances"):
+    with pytest.raises(InputError, match="variants need events of the model without disturbances"):
         Experiment(readout=small, variant="on", disturbed=1)
 
 
@@ -176,7 +176,7 @@ def test_the_name_of_frames_says_rate_bits_and_what_the_receiver_makes_of_them()
     for name in ("frame-onoff:250:8:4", "frame-onoff:250:8"):
         assert FrameSteps.parse(name, 0.004).name == "frame-onoff:250:8"
     for name in ("frame:250:8:4", "frame:250", "frames:250:8", "frame-onoff:250:8:4:2"):
-        with pytest.raises(InputError, match=r"frames are given as KIND:RATE:BITS"):
+        with pytest.raises(InputError, match=r"frames need KIND:RATE:BITS"):
             FrameSteps.parse(name, 0.004)
     assert FrameSteps(rate_hz=5000.0, bits=10, frames_per_step=20) == FrameSteps(), "as older files have it"
 
@@ -279,20 +279,20 @@ def test_bad_recordings_are_refused_in_one_sentence(tmp_path: Path) -> None:
     assert refused([recording([], [], [])], bins) == (
         "a has no event in the time window; record it again or choose another window"
     )
-    assert refused([good], bins, ["rice"]) == "a is of unknown class 'sand'; known are rice"
+    assert refused([good], bins, ["rice"]) == "a has the unknown class 'sand'; known classes are rice"
     other = Recording(no_events(), CONFIG.replace(rows=1), 100, metadata={"class": "sand", "name": "b"})
     assert refused([good, other], bins) == "b has 3 taxels, a has 6; train on recordings of one array"
     other = Recording(no_events(), CONFIG.replace(resolution=5), 100, metadata={"class": "sand", "name": "b"})
     assert "another readout configuration" in refused([good, other], bins)
     assert refused([good], BinConfig(bin_s=1.0)) == (
-        "a lasts 0.01 s and leaves no whole bin of 1 s in the time window; choose a shorter bin or another window"
+        "a lasts 0.01 s and contains no complete bin of 1 s in the time window; choose a shorter bin or another window"
     )
     with pytest.raises(InputError, match="holds no event files"):
         load_recordings(tmp_path, bins)
     with pytest.raises(InputError, match="does not exist"):
         load_recordings(tmp_path / "none", bins)
     Recording(good.events, CONFIG, 100).save(tmp_path / "a.npz")
-    with pytest.raises(InputError, match="does not say its class"):
+    with pytest.raises(InputError, match="has no class"):
         load_recordings(tmp_path, bins)
 
 

@@ -397,7 +397,7 @@ def test_confusion_of_a_named_point(snn: Call, files: list[str], folder: Path) -
     points = json.loads((folder / "out" / "confusion.json").read_text())["points"]
     assert [point["class_names"] for point in points] == [CLASSES, ["a", "b", "c"]]
     assert points[1]["confusion"] == PHYSICAL["points"][0]["selected"]["confusion"]
-    refused(snn, "no point is called 'lcs-5b'; there are lcs-4b, lcs-6b,", "fig9", *files, "--confusion", "lcs-5b")
+    refused(snn, "there is no point 'lcs-5b'; the points are lcs-4b, lcs-6b,", "fig9", *files, "--confusion", "lcs-5b")
 
 
 # -- bad sweeps --------------------------------------------------------------------------------------
@@ -407,8 +407,8 @@ def test_confusion_of_a_named_point(snn: Call, files: list[str], folder: Path) -
     ("text", "sentence"),
     [
         ("", "the sweep bad.json is not JSON"),
-        ("[]", "bad.json holds no points of a sweep; make it with eskin sweep"),
-        ('{"points": []}', "bad.json holds no points of a sweep"),
+        ("[]", "bad.json contains no points of a sweep; make it with eskin sweep"),
+        ('{"points": []}', "bad.json contains no points of a sweep"),
         ('{"points": [3]}', "bad.json: point 0 needs the fields of a point, not 3; run the sweep again"),
         ('{"points": [{"name": "a", "readout": "x"}]}', f"point 0 (a) needs readout, one of {', '.join(LOOKS)}"),
     ],
@@ -631,8 +631,8 @@ def test_a_time_constant_of_zero_is_not_the_default(folder: Path) -> None:
 def test_fig8_refuses_what_does_not_belong_together(snn: Call, folder: Path) -> None:
     refused(snn, "weight file out/train/weights.npz does not exist; make one with eskin train", "fig8")
     options = trained(folder / "train")
-    refused(snn, "no image is called 'x'; there are 48, from brick/brick-00 to", "fig8", *options, "--image", "x")
-    refused(snn, "nowhere.json does not exist, and only the result of the training says", "fig8", *options,
+    refused(snn, "there is no image 'x'; there are 48 images, from brick/brick-00 to", "fig8", *options, "--image", "x")
+    refused(snn, "nowhere.json does not exist, but fig8 needs the result of the training", "fig8", *options,
             "--result", "nowhere.json")  # fmt: skip
     (folder / "other.json").write_text('{"experiment": {}}')
     refused(snn, "other.json is damaged or not the result of a training", "fig8", *options, "--result", "other.json")
@@ -642,7 +642,7 @@ def test_fig8_refuses_what_does_not_belong_together(snn: Call, folder: Path) -> 
         ({"bins": {"bin_s": 0.002}}, "other.json has other classes or time bins than"),
         ({"events": "replay"}, "is of a training on event files or frames; fig8 needs one on textures"),
         ({"dataset": str(folder / "cloth")}, "the textures are cloth, wool; give the textures of the training"),
-        ({"readout": {"rows": 2, "columns": 2}}, "the network takes 12 channels, the scans have 8"),
+        ({"readout": {"rows": 2, "columns": 2}}, "the network has 12 input channels, but the scans have 8"),
         ({"preset": "flat"}, "preset must be one of paper, physical, not 'flat'"),
     ):
         (folder / "other.json").write_text(json.dumps(result | {"experiment": result["experiment"] | change}))
@@ -654,7 +654,7 @@ def test_fig8_refuses_what_does_not_belong_together(snn: Call, folder: Path) -> 
         ({"fold": -1}, "other.json is damaged or not the result of a training"),
         (
             {"labels": [0, 1, 2]},
-            "the images found here are not those of the training; give its textures with --dataset",
+            "the images differ from those of the training; give its textures with --dataset",
         ),
         ({"labels": 3}, "other.json is damaged or not the result of a training"),
     ):

@@ -81,13 +81,13 @@ def recording(**fields: Any) -> Recording:
 def test_weights_that_are_no_numbers_are_refused(tmp_path: Path, bad: float) -> None:
     matrix = np.zeros((5, 5), np.float32)
     matrix[2, 2] = bad
-    with pytest.raises(InputError, match="w_rec has values that are no finite numbers; train again"):
+    with pytest.raises(InputError, match="w_rec has values that are not finite; train again"):
         load_weights(changed(tmp_path / "w.npz", w_rec=matrix))
 
 
 @pytest.mark.parametrize("kind", [np.complex64, np.bool_, "U3"])
 def test_weights_of_another_type_are_refused(tmp_path: Path, kind: Any) -> None:
-    with pytest.raises(InputError, match=r"w_rec holds values of type .*, where real numbers belong; train again"):
+    with pytest.raises(InputError, match=r"w_rec holds values of type .*, instead of real numbers; train again"):
         load_weights(changed(tmp_path / "w.npz", w_rec=np.zeros((5, 5), kind)))
 
 
@@ -104,7 +104,7 @@ def test_a_time_step_that_is_none_is_refused(tmp_path: Path, step: object) -> No
         (None, "class names must be a list of texts, not None"),
         ([1, 2, 3], "class names must be a list of texts"),
         (["a", None, "c"], "class names must be a list of texts"),
-        (["a", "a", "b"], "class 'a' is named twice; every class needs a name of its own"),
+        (["a", "a", "b"], "class 'a' is named twice; give every class a unique name"),
         (["a", "b"], "there are 2 class names for 3 classes; name every class once"),
         (["a", "b", "c", "d"], "there are 4 class names for 3 classes"),
     ],
@@ -129,7 +129,7 @@ def test_a_file_that_claims_a_large_network_is_refused_before_it_is_built(
         return tensor
 
     monkeypatch.setattr(torch, "empty", noted)
-    with pytest.raises(InputError, match=r"w_in has the shape \(5, 6\), where the network has \(12000, 6\)"):
+    with pytest.raises(InputError, match=r"w_in has the shape \(5, 6\), but the network has \(12000, 6\)"):
         load_weights(path)
     assert set(made) == {"meta"}, "shapes alone"
 
@@ -153,7 +153,7 @@ def test_an_archive_that_unpacks_to_more_than_memory_is_for_is_not_read(tmp_path
     path = bomb(tmp_path / "a.npz", "events.npy")
     assert path.stat().st_size < 2e6
     for read in (load_weights, Recording.load):
-        with pytest.raises(InputError, match=r"a\.npz claims 1100 MiB of data, more than 1024; it is not read"):
+        with pytest.raises(InputError, match=r"a\.npz claims 1100 MiB of data, more than 1024, and is refused"):
             read(path)
 
 
@@ -185,12 +185,12 @@ def test_a_nir_file_reads_no_other_file_and_no_more_than_it_may(tmp_path: Path, 
         else:
             file.create_group("more")["again"] = file["/"]
     sentence = {
-        "external link": "links 'more' to another place, perhaps another file; export it whole",
-        "soft link": "links 'more' to another place",
-        "external storage": "takes the data of '/more' from another file; export it whole",
-        "virtual": "takes the data of '/more' from another file",
-        "bomb": "claims more than 1024 MiB of data; it is not read",
-        "circle": "has a group that holds itself",
+        "external link": "links 'more' to another object or file; export it completely",
+        "soft link": "links 'more' to another object or file",
+        "external storage": "refers to another file for '/more'; export it completely",
+        "virtual": "refers to another file for '/more'",
+        "bomb": "claims more than 1024 MiB of data, and is refused",
+        "circle": "has a group that contains itself",
     }[kind]
     with pytest.raises(InputError) as error:
         reader(path)
@@ -217,7 +217,7 @@ def test_weights_that_are_no_numbers_after_an_epoch_stop_the_training(monkeypatc
             self.parameters[0].view(-1)[0] = math.nan
 
     monkeypatch.setattr(Adam, "step", broken)
-    with pytest.raises(DivergedError, match="a weight is no number; lower the learning rate"):
+    with pytest.raises(DivergedError, match="a weight is not a number; lower the learning rate"):
         train(Split(easy_data(), range(21)), small_network(), TrainConfig(epochs=1, batch=64), 0)
 
 
@@ -247,7 +247,7 @@ def test_a_checkpoint_that_is_no_training_does_not_go_on(tmp_path: Path, change:
     content = torch.load(path, weights_only=True)
     change(content)
     torch.save(content, path)
-    with pytest.raises(InputError, match="is damaged; remove it to start anew"):
+    with pytest.raises(InputError, match="is damaged; remove it to start again"):
         train(Split(data, range(21)), small_network(), TrainConfig(epochs=1), 0, checkpoint=Checkpoint(path))
 
 
@@ -353,7 +353,7 @@ def test_export_of_an_absurd_time_step_is_one_sentence(snn: Call) -> None:
     save_weights(Path("w.npz"), Weights(some_weights(decay=0.5).network, CLASSES, 1e308))
     code, _, error = snn("export", "w.npz", "-o", "w.nir")
     assert (code, error.count("\n")) == (2, 1)
-    assert "has no time constants that NIR can hold" in error
+    assert "gives time constants that NIR cannot store" in error
     assert not Path("w.nir").exists()
 
 
@@ -395,7 +395,7 @@ def test_commands_and_errors_print_names_safely(snn: Call) -> None:
     Recording(made.events, made.config, 100, metadata={"name": evil, "class": f"not {evil}"}).save(Path("a.npz"))
     code, out, error = snn("predict", "w.npz", "--events", "a.npz", "-o", "p.json")
     assert code == 2
-    assert "is of unknown class" in error
+    assert "has the unknown class" in error
     assert "\x1b" not in out + error
     save_nir(Path("w.nir"), load_weights(Path("w.npz")))
     code, out, _ = snn("import", "w.nir", "-o", "b.npz")
@@ -416,7 +416,7 @@ def test_a_checkpoint_without_its_history_is_damaged(tmp_path: Path, emptied: in
     train(split, small_network(), config, 0, checkpoint=Checkpoint(path))
     content = torch.load(path, weights_only=True)
     torch.save(content | {"history": content["history"][:emptied]}, path)
-    with pytest.raises(InputError, match=r"^checkpoint .*c.pt is damaged; remove it to start anew$"):
+    with pytest.raises(InputError, match=r"^checkpoint .*c.pt is damaged; remove it to start again$"):
         train(split, small_network(), config, 0, checkpoint=Checkpoint(path))
 
 

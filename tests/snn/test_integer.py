@@ -109,9 +109,12 @@ def test_the_nearest_leak_is_taken_and_said() -> None:
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
-        ({"decay": 0.9, "output_decay": 0.9, "learn_decay": True}, "one decay for all neurons, the network learned"),
-        ({"floor": 0.5}, "from a floor of at most 0, the network's is 0.5"),
-        ({"kind": "gru"}, "only a spiking network becomes hardware, not one of kind gru"),
+        (
+            {"decay": 0.9, "output_decay": 0.9, "learn_decay": True},
+            "one decay for all neurons, but the network learned",
+        ),
+        ({"floor": 0.5}, "needs a floor of at most 0, but the network has 0.5"),
+        ({"kind": "gru"}, "the hardware needs a spiking network, not kind gru"),
     ],
 )
 def test_what_the_hardware_has_not_is_refused(fields: dict[str, Any], said: str) -> None:
@@ -128,7 +131,7 @@ def test_a_network_that_has_diverged_is_refused() -> None:
     made = network()
     with torch.no_grad():
         made.w_out[1, 2] = torch.inf
-    with pytest.raises(InputError, match="w_out has values that are no finite numbers; train again"):
+    with pytest.raises(InputError, match="w_out has values that are not finite; train again"):
         quantise(weights_of(made), Precision())
 
 
@@ -145,7 +148,7 @@ def test_a_network_that_rounds_its_weights_learns_through_it_and_becomes_what_it
     for name, matrix, scale in (("w_in", w_in, 0.5), ("w_rec", w_rec, 1.0), ("w_out", w_out, 1.0)):
         integers = getattr(whole.network, name).T
         assert np.allclose(integers * whole.notes[name]["step"], matrix * scale, atol=1e-6)
-    with pytest.raises(InputError, match="rounds its weights to 3 bits, for which NIR has no word"):
+    with pytest.raises(InputError, match="rounds its weights to 3 bits, which NIR cannot express"):
         to_nir(weights_of(made))
     with pytest.raises(InputError, match=r"weight_bits must be 0 or in 2\.\.8, not 9"):
         network(weight_bits=9)

@@ -281,5 +281,5 @@ def test_weights_may_have_any_bits_that_the_hardware_has() -> None:
 
 
 def test_scans_of_another_array_are_refused() -> None:
-    with pytest.raises(InputError, match="the network takes 4 channels, the scans have 5"):
+    with pytest.raises(InputError, match="the network has 4 input channels, but the scans have 5"):
         build(NetworkConfig.from_dict({"inputs": 4, "classes": 2}), 0)(torch.zeros(3, 1, 5))

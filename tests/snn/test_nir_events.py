@@ -93,7 +93,7 @@ def test_limits_of_nir_data() -> None:
     with pytest.raises(InputError, match=r"more than 2\*\*51; split it"):
         to_nir_data(Recording(make_events(0, 0, 0), READOUT, 2**51 + 1))
     data = to_nir_data(recording())
-    with pytest.raises(InputError, match="the data have 12 channels, the readout 2"):
+    with pytest.raises(InputError, match="the data have 12 channels, but the readout has 2"):
         from_nir_data(data, READOUT.replace(rows=1, columns=1))
     events = data.nodes["input"].observables["spikes"]
     events.idx[0, 3] = 12
@@ -155,7 +155,7 @@ def test_events_go_out_and_come_back(
         ("convert e.npz -o e.npy --unit ms", "--unit must be us or clocks, not 'ms'"),
         (
             "convert e.dat -o e.npy",
-            "e.dat is of unknown kind; give events as .npz, .nir, .aedat4, or as a table",
+            "e.dat has an unknown format; give events as .npz, .nir, .aedat4, or as a table",
         ),
         ("convert broken.nir -o e.npz", "broken.nir is damaged or not NIRData; convert its event file again"),
     ],

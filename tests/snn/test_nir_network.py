@@ -216,7 +216,7 @@ def run_foreign(graph: nir.NIRGraph, x: NDArray[Any], dt: float) -> tuple[NDArra
 
 def test_a_graph_of_another_program_is_run_as_it_says(tmp_path: Path) -> None:
     nir.write(tmp_path / "other.nir", foreign())
-    with pytest.raises(InputError, match="does not say its time step; give it in seconds"):
+    with pytest.raises(InputError, match="has no time step; give it in seconds"):
         load_nir(tmp_path / "other.nir")
     loaded = load_nir(tmp_path / "other.nir", step_s=0.001, class_names=("x", "y"))
     x = torch.poisson(torch.full((80, 6, 4), 0.8), generator=torch.Generator().manual_seed(5))
@@ -307,7 +307,7 @@ def test_other_forms_and_broken_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="node 'lif1' has 2 recurrent connections; the network has one"):
         from_nir(graph, step_s=0.001)
     graph.edges = [*foreign().edges, ("in", "nowhere")]
-    with pytest.raises(InputError, match="the graph is not whole"):
+    with pytest.raises(InputError, match="the graph is incomplete"):
         from_nir(graph, step_s=0.001)
     with pytest.raises(InputError, match=r"export it as \.npz"):
         to_nir(
@@ -332,7 +332,7 @@ def test_metadata_that_contradict_the_nodes_are_refused() -> None:
     graph = to_nir(made(**VARIANTS["tuned"]))
     graph.nodes["hidden"].tau = graph.nodes["hidden"].tau * 1.1
     graph.nodes["hidden"].r = graph.nodes["hidden"].r * 1.1
-    with pytest.raises(InputError, match="node 'hidden' has a tau that its decay in the metadata does not give"):
+    with pytest.raises(InputError, match="node 'hidden' has a tau that contradicts the decay in the metadata"):
         from_nir(graph)
     graph = to_nir(made())
     for name in ("hidden", "readout"):
@@ -346,7 +346,7 @@ def test_metadata_that_contradict_the_nodes_are_refused() -> None:
         from_nir(to_nir(made()), step_s=0.001)
     graph = to_nir(made())
     graph.nodes["hidden_in"].metadata["input_scale"] = 0.0
-    with pytest.raises(InputError, match=r"hold an input_scale of 0\.0, which is no positive number"):
+    with pytest.raises(InputError, match=r"hold an input_scale of 0\.0, which is not a positive number"):
         from_nir(graph)
     graph = to_nir(made())
     graph.metadata["header"] = "{"
@@ -393,9 +393,9 @@ def test_an_export_says_what_other_libraries_lack(
     assert code == 0
     for line in (
         "input scale 0.4: in the weights of hidden_in",
-        "floor -1: NIR, snnTorch and Norse have none",
-        "reset by subtraction: NIR has reset to a value only",
-        "readout LI: snnTorch and Norse read no such node",
+        "floor -1: NIR, snnTorch and Norse have no floor",
+        "reset by subtraction: NIR only has a reset to a value",
+        "readout LI: snnTorch and Norse cannot read this node",
         "what that costs was not measured: there is no result.json of the training beside w.npz",
     ):
         assert line in text
@@ -430,7 +430,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("export w.npz -o net.onnx", "networks are written as .nir or .npz, not net.onnx; rename the output"),
         ("export w.npz -o net.nir --eight-bits", "NIR has no 8-bit weights; write an .npz, or leave --eight-bits out"),
         ("export none.npz -o net.nir", "weight file none.npz does not exist; make one with eskin train"),
-        ("export gru.npz -o net.nir", "a network of kind gru has no neurons that NIR knows; export it as .npz"),
+        ("export gru.npz -o net.nir", "a network of kind gru has no NIR neurons; export it as .npz"),
         ("export none.npz -o none/net.nir", "cannot write none/net.nir: the folder none does not exist"),
         ("import w.npz -o back.npz", "w.npz is damaged or not a NIR graph; export it again"),
         ("import net.nir -o back.nir", "weight files end in .npz, back.nir does not; rename the output"),

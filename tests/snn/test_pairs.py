@@ -46,7 +46,7 @@ def test_two_points_are_compared_image_by_image() -> None:
     assert found.interval[0] < 0.3 < found.interval[1]
     same = pair(point("a", "00110"), point("b", "00110"), "selected")
     assert (same.difference, same.interval, same.p) == (0.0, (0.0, 0.0), [1.0])
-    with pytest.raises(InputError, match="a and b have other images or classes and cannot be paired"):
+    with pytest.raises(InputError, match="a and b have different images or classes and cannot be compared"):
         pair(point("a", "00110"), point("b", "00110", labels="00111"), "last")
 
 
@@ -80,9 +80,9 @@ def test_a_sweep_keeps_every_prediction_and_pairs_are_made_from_its_file(tmp_pat
 @pytest.mark.parametrize(
     ("names", "message"),
     [
-        (["lcs-4", "x:y"], "a point is SWEEP:POINT, as rates-cnn:lcs-4, not 'lcs-4'"),
+        (["lcs-4", "x:y"], "a point must be SWEEP:POINT, such as rates-cnn:lcs-4, not 'lcs-4'"),
         (["tuned:lcs-5", "x:y"], "sweep tuned has no point 'lcs-5'; it has lcs-2, lcs-3"),
-        (["tuned:lcs-4", "x:y"], "tuned:lcs-4 has no predictions of single images; run its sweep again"),
+        (["tuned:lcs-4", "x:y"], "tuned:lcs-4 has no predictions for images; run its sweep again"),
         (["nowhere:lcs-4", "x:y"], "cannot read the sweep nowhere: "),
         (["a:b", "x:y", "--reading", "best"], "reading must be one of last, selected, not 'best'"),
     ],

@@ -52,7 +52,7 @@ def test_an_image_counts_once_with_all_its_seeds() -> None:
     assert (four["images"], four["seeds"], four["accuracy"], four["within"]) == (3, 2, 0.5, 0.5)
     assert four["memory_bits"] == 801
     assert [(point["network"], point["images"]) for point in others] == [("b", 1), ("b", 1)]
-    with pytest.raises(InputError, match="no test image in common"):
+    with pytest.raises(InputError, match="no common test image"):
         points_of([cell(0, [0], "0"), cell(1, [1], "0")])
 
 
@@ -84,7 +84,7 @@ def test_answers_are_those_of_the_integer_model_and_are_kept(
     assert (tmp_path / "out" / "a-fold-0-seed-0.json").stat().st_mtime_ns == before
     code, text = call("precision nets --variants 8 -o out", capsys)
     assert (code, text.count("\n")) == (2, 1)
-    assert "a-fold-0-seed-0.json is of other weights, variants or images; remove it" in text
+    assert "a-fold-0-seed-0.json belongs to other weights, variants or images; remove it" in text
 
 
 def test_additions_are_rows_of_events_and_of_spikes() -> None:

@@ -171,10 +171,10 @@ def test_other_images_than_those_of_the_training_are_noticed(tmp_path: Path, tra
     (tmp_path / "result.json").write_text(json.dumps(result | {"labels": result["labels"][1:], "predicted": []}))
     found = load_trained(tmp_path / "weights.npz")
     assert found.parts == {}
-    assert found.unknown == "the images found here are not those of the training; give its textures with --dataset"
+    assert found.unknown == "the images differ from those of the training; give its textures with --dataset"
     result["experiment"]["dataset"] = "gone"
     (tmp_path / "result.json").write_text(json.dumps(result))
-    assert "the images of the training are not there (dataset directory gone" in (
+    assert "the images of the training are missing (dataset directory gone" in (
         load_trained(tmp_path / "weights.npz").unknown
     )
 
@@ -213,7 +213,7 @@ def test_the_bins_are_those_of_the_training(tmp_path: Path, trained: Path, repla
     save_weights(tmp_path / "weights.npz", weights)
     code, _, error = call("--events", replayed, weights=tmp_path / "weights.npz")
     assert code == 2
-    assert error.startswith("error: the network takes 4 channels, the scans have 8 (4 taxels)")
+    assert error.startswith("error: the network has 4 input channels, but the scans have 8 (4 taxels)")
     bins = BinConfig(bin_s=0.02, start_s=0.04, stop_s=0.1, polarity=False)
     result["experiment"]["bins"] = dataclasses.asdict(bins)
     (tmp_path / "result.json").write_text(json.dumps(result))
@@ -332,7 +332,7 @@ def test_a_changed_event_is_found(
         ({"config": CONFIG.replace(link="four_phase")}, "differs in clock: model"),
         ({"metadata": {"name": "gravel/gravel-05"}}, "gravel/gravel-05: RTL and model differ"),
         ({"metadata": {"start_row": 3.0}}, "RTL and model differ"),
-        ({"metadata": {"class": "grass"}}, "gravel/gravel-00 says class 'grass', its texture is 'gravel'"),
+        ({"metadata": {"class": "grass"}}, "gravel/gravel-00 says class 'grass', but its texture is 'gravel'"),
         ({"duration_clocks": -1}, "gravel/gravel-00 ends at clock"),
     ],
     ids=str,
@@ -406,8 +406,8 @@ def test_nothing_compared_is_a_failure(tmp_path: Path, replayed: Path, call: Cal
     [
         ({"events": no_events()}, "has no event in the time window; record it again or choose another window"),
         ({"events": no_events(), "config": CONFIG.replace(columns=3)}, "has 3 taxels, brick/brick-00 has 4"),
-        ({"config": CONFIG.replace(resolution=5)}, "comes from another readout configuration than brick/brick-00"),
-        ({"metadata": {"class": "sand"}}, "is of unknown class 'sand'; known are brick, grass, gravel"),
+        ({"config": CONFIG.replace(resolution=5)}, "has another readout configuration than brick/brick-00"),
+        ({"metadata": {"class": "sand"}}, "has the unknown class 'sand'; known classes are brick, grass, gravel"),
     ],
     ids=["empty", "taxels", "configuration", "class"],
 )
@@ -428,12 +428,12 @@ def test_recordings_that_do_not_fit_are_refused(
 @pytest.mark.parametrize(
     ("metadata", "sentence"),
     [
-        ({"dataset": None}, "gravel/gravel-00 does not say of which dataset it is; play it again"),
+        ({"dataset": None}, "gravel/gravel-00 has no dataset name; play it again"),
         ({"dataset": "mine"}, "is a scan of dataset mine, found is embedded; name its folder with --dataset"),
         ({"name": "x"}, "dataset embedded has no texture 'x'; name the folder that has it with --dataset"),
-        ({"start_row": "top"}, "gravel/gravel-00 does not say preset and start row of its scan; play it again"),
-        ({"start_row": 900.0}, "the scan of gravel/gravel-00 cannot be made again: start row must be in"),
-        ({"ticks": 50}, "gravel/gravel-00 has 50 sample ticks, the scan of its texture"),
+        ({"start_row": "top"}, "gravel/gravel-00 has no preset and start row; play it again"),
+        ({"start_row": 900.0}, "the scan of gravel/gravel-00 cannot be repeated: start row must be in"),
+        ({"ticks": 50}, "gravel/gravel-00 has 50 sample ticks, but the scan of its texture has"),
     ],
     ids=str,
 )
@@ -453,8 +453,8 @@ def test_an_array_that_is_not_the_networks_is_refused(tmp_path: Path, call: Call
     code, _, error = call("--events", tmp_path / "a.npz")
     assert code == 2
     assert error == (
-        "error: the network takes 8 channels, the scans have 6 (3 taxels); "
-        "they come from another array, encoding or time step\n"
+        "error: the network has 8 input channels, but the scans have 6 (3 taxels); "
+        "use scans with the same array, encoding and time step\n"
     )
 
 

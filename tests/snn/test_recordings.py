@@ -96,7 +96,7 @@ def test_the_class_is_that_of_the_metadata_else_of_the_folder(skin: Path) -> Non
     of = dict(zip(data.names, data.image_labels, strict=True))
     assert of["wood/99"] == of["wood/98"] == CLASSES.index("felt")
     touch("felt", 0).save(skin / "lost.npz")
-    with pytest.raises(InputError, match=r"lost\.npz does not say its class; put it into a folder of its class"):
+    with pytest.raises(InputError, match=r"lost\.npz has no class; put it into a folder of its class"):
         load_recordings(skin, BINS)
 
 

@@ -120,7 +120,7 @@ def test_ideal_comparators_give_the_counts_of_the_encoder(texture: Texture, clea
     )
     assert 0.8 < len(offset) / len(found) < 1.2
     assert len(noise) > 1.2 * len(found)
-    with pytest.raises(InputError, match="are modelled for lcs, not for nlcs"):
+    with pytest.raises(InputError, match="are only modelled for lcs, not for nlcs"):
         compare(CONFIG.replace(encoding="nlcs"), signals, 0.0, 0.0, np.random.default_rng(0))
 
 
@@ -201,8 +201,8 @@ def test_cells_are_kept_resumed_and_paired(
         ("robustness a --only noise=much", "the strength of noise must be a number, not 'much'"),
         ("robustness a --only noise=-1", "the strength of noise must be a number from 0, not -1.0"),
         ("robustness out", "there is no trained network in out; make one with eskin train"),
-        ("train --disturbed 2 --preset paper", "disturbed scans are events of the model in the physical preset"),
-        ("train --disturbed 2 --start-rows 3", "disturbed takes a number from 1, and start-rows 1"),
+        ("train --disturbed 2 --preset paper", "disturbed scans need events and the physical preset"),
+        ("train --disturbed 2 --start-rows 3", "disturbed must be at least 1 with start-rows 1"),
     ):
         code, text = call(line, capsys)
         assert (code, text.count("\n")) == (2, 1), text

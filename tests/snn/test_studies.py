@@ -168,7 +168,10 @@ def test_both_commands_write_what_they_print(
     assert len(result["noise"]) == 8
     assert (tmp_path / "merits" / "merits.png").stat().st_size > 10_000
     for line, message in (
-        ("noise-power nets --noises 1,50,60 -o out", "out/a-fold-0-seed-0.json is of other weights, noises or images"),
+        (
+            "noise-power nets --noises 1,50,60 -o out",
+            "out/a-fold-0-seed-0.json belongs to other weights, noises or images",
+        ),
         (
             "noise-power nets --noises 0",
             "--noises takes positive numbers of mV below 1000 with commas between, not '0'",

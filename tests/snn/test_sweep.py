@@ -98,9 +98,9 @@ def test_a_cell_that_diverges_is_named_and_the_others_are_kept(tmp_path: Path) -
 
 def test_cells_of_other_scans_or_another_experiment_are_refused(tmp_path: Path) -> None:
     sweep(points()[:1], tmp_path, pool=Local(1), folds=2, seeds=1)
-    with pytest.raises(InputError, match=r"is of another experiment \(different: train\)"):
+    with pytest.raises(InputError, match=r"belongs to another experiment \(different: train\)"):
         sweep(points(epochs=3)[:1], tmp_path, pool=Local(1), folds=2, seeds=1)
-    with pytest.raises(InputError, match=r"^point hidden-16: .* is of another experiment \(different: data\)"):
+    with pytest.raises(InputError, match=r"^point hidden-16: .* belongs to another experiment \(different: data\)"):
         sweep(points(steps=14)[:1], tmp_path, pool=Local(1), folds=2, seeds=1)
 
 
@@ -180,8 +180,8 @@ def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path) -> No
             "--points lcs:4 --tau 0.1",
             "--tau is the leak of {0}, but --points has no {0} point; leave it out".format(" or ".join(LEAKY)),
         ),
-        ("--points frame:250", "point frame:250: frames are given as KIND:RATE:BITS"),
-        ("--points frame-diff:250:8:4", "point frame-diff:250:8:4: frames are given as KIND:RATE:BITS"),
+        ("--points frame:250", "point frame:250: frames need KIND:RATE:BITS"),
+        ("--points frame-diff:250:8:4", "point frame-diff:250:8:4: frames need KIND:RATE:BITS"),
         ("--points gru:20 --bin 0.004", "--bin has no effect on rnn|gru|cnn:K, which say the frames of a step"),
         (
             "--points rnn:20,gru:20 --set decay=0.5",
@@ -337,5 +337,7 @@ def test_a_sweep_outlives_its_workers_and_ends_in_the_files_of_a_serial_one(
     assert files(tmp_path / "cluster") == files(tmp_path / "serial")
 
     monkeypatch.setattr(dask_cluster, "version", lambda _: "1.0")
-    with pytest.raises(InputError, match=r"^worker tcp://\S+ has another version .*; here 1\.0\); install the same"):
+    with pytest.raises(
+        InputError, match=r"^worker tcp://\S+ has a different version .*; here 1\.0\); install the same"
+    ):
         Cluster(address, NEEDS)

@@ -167,7 +167,7 @@ def test_a_checkpoint_of_another_configuration_or_a_damaged_one_is_refused(tmp_p
     with pytest.raises(InputError) as error:
         train(Split(data, range(21)), small_network(), config, 1, checkpoint=Checkpoint(path))
     assert str(error.value) == (
-        f"checkpoint {path} is of another configuration (seed: 0 there, 1 now); "
+        f"checkpoint {path} belongs to another configuration (seed: 0 there, 1 now); "
         f"remove it or choose another folder with --out"
     )
     with pytest.raises(InputError, match=r"\(hidden: 16 there, 17 now\)"):
@@ -177,17 +177,17 @@ def test_a_checkpoint_of_another_configuration_or_a_damaged_one_is_refused(tmp_p
     content = torch.load(path, weights_only=True)
     del content["network"]["w_in"]
     torch.save(content, path)
-    with pytest.raises(InputError, match="is damaged; remove it to start anew"):
+    with pytest.raises(InputError, match="is damaged; remove it to start again"):
         train(Split(data, range(21)), small_network(), config, 0, checkpoint=Checkpoint(path))
     path.write_bytes(path.read_bytes()[:1000])
-    with pytest.raises(InputError, match="is damaged; remove it to start anew"):
+    with pytest.raises(InputError, match="is damaged; remove it to start again"):
         train(Split(data, range(21)), small_network(), config, 0, checkpoint=Checkpoint(path))
 
 
 def test_scans_of_another_array_are_refused() -> None:
-    with pytest.raises(InputError, match=r"takes 128 channels, the scans have 8 \(4 taxels\)"):
+    with pytest.raises(InputError, match=r"has 128 input channels, but the scans have 8 \(4 taxels\)"):
         train(Split(easy_data(), range(21)), small_network(inputs=128), TrainConfig(), 0)
-    with pytest.raises(InputError, match="the network knows 6 classes, the data have 3"):
+    with pytest.raises(InputError, match="the network has 6 classes, but the data have 3"):
         train(Split(easy_data(), range(21)), small_network(classes=6), TrainConfig(), 0)
 
 
@@ -269,7 +269,7 @@ def test_cells_are_kept_and_only_missing_ones_are_run(tmp_path: Path, monkeypatc
     assert ran == [1]
     assert again == whole
     other = Experiment(network={"hidden": 17}, train=TrainConfig(epochs=2, batch=8))
-    with pytest.raises(InputError, match=r"is of another experiment \(different: network\)"):
+    with pytest.raises(InputError, match=r"belongs to another experiment \(different: network\)"):
         cross_validate(other, tmp_path / "a", folds=3, seeds=1, data=data)
     (tmp_path / "a" / "fold-0-seed-0.json").write_text("{")
     with pytest.raises(InputError, match="is not the result of a cell; remove it"):
@@ -298,8 +298,8 @@ def test_settings_become_fields() -> None:
     for text, message in (
         ("decay=fast", "--set decay takes a number, not 'fast'"),
         ("cosine=1", "--set cosine takes true or false, not '1'"),
-        ("nothing=1", "--set takes NAME=VALUE with a name of"),
-        ("decay", "--set takes NAME=VALUE with a name of"),
+        ("nothing=1", "--set needs NAME=VALUE with one of the names"),
+        ("decay", "--set needs NAME=VALUE with one of the names"),
     ):
         with pytest.raises(InputError) as error:
             parse_settings([text])
@@ -365,7 +365,7 @@ def test_the_leak_of_an_nlcs_experiment() -> None:
     assert tau_of(Experiment(readout=plain, tau_s=0.1)) == pytest.approx(0.1, rel=0.01)
     own = plain.replace(leak_shift=4, leak_period=20)
     assert tau_of(Experiment(readout=own, given_leak=True)) == own.tau_s
-    with pytest.raises(InputError, match="the readout has a leak of its own; say given_leak to keep it"):
+    with pytest.raises(InputError, match="the readout has its own leak; set given_leak to use it"):
         Experiment(readout=own)
     with pytest.raises(InputError, match=r"^tau must be a positive number of seconds, not 0"):
         tau_of(Experiment(readout=plain, tau_s=0.0))
@@ -458,7 +458,7 @@ small = {"hidden": 16, "input_rms": 2.0, "hidden_rate": 0.1, "readout": "membran
 
 
 def test_a_network_that_is_too_large_gets_one_sentence() -> None:
-    with pytest.raises(MemoryError, match="hidden=2000000000 is too large; take fewer"):
+    with pytest.raises(MemoryError, match="hidden=2000000000 is too large; use fewer"):
         build(NetworkConfig.from_dict({"inputs": 8, "classes": 3, "hidden": 2_000_000_000}), 0)
 
 
@@ -476,9 +476,9 @@ def test_a_network_that_is_too_large_gets_one_sentence() -> None:
         (["--device", "cuda:77"], "device 'cuda:77' is not available here; use cpu"),
         (["--device", "meta"], "device 'meta' is not available here; use cpu"),
         (["--tau", "0", "--encoding", "nlcs"], "tau must be a positive number of seconds, not 0"),
-        (["--frames", "20"], "frames are given as KIND:RATE:BITS with a kind of frame, frame-diff, frame-onoff"),
-        (["--frames", "frame:250:8:4"], "frames are given as KIND:RATE:BITS"),
-        (["--frames", "frame:fast:8"], "frames are given as KIND:RATE:BITS"),
+        (["--frames", "20"], "frames need KIND:RATE:BITS, with KIND one of frame, frame-diff, frame-onoff"),
+        (["--frames", "frame:250:8:4"], "frames need KIND:RATE:BITS"),
+        (["--frames", "frame:fast:8"], "frames need KIND:RATE:BITS"),
         (["--frames", "frame:0:8"], "rate_hz must be a positive number of hertz, not 0.0"),
         (["--frames", "frame:250:2"], "bits must be at least 3, not 2"),
         (["--frames", "frame-onoff:250:4:4"], "level_bits must be below the 4 bits of a sample"),
