@@ -1,12 +1,14 @@
-"""Four arbiters under the same loads: throughput, waits, fairness between addresses.
+"""Five arbiters under the same loads: throughput, waits, fairness between addresses.
 
 ``python benchmarks/load.py --json benchmarks/results/load.json`` prints the table of docs/results/load.md.
 
 Ours is ``model.arbiter``, the one that the RTL equals. The others are written for comparison: a tree with fixed
-priority (the lowest index first), a flat round robin over all taxels, and a binary AER tree whose nodes of two toggle
-(the side that was served last yields). They are idealised: each chooses among all requests within a clock, whatever its
-depth and wires. In each a taxel has one request at most, a request is seen in the clock after it is raised, what is
-chosen leaves one clock later, and its taxel may raise the next request with the clock of the choice.
+priority (the lowest index first), a flat round robin over all taxels, a binary AER tree whose nodes of two toggle
+(the side that was served last yields), and greedy rows, as a fabricated chip can be set: the row that was served last
+keeps the bus as long as it has requests, and sends its highest address first. They are idealised: each chooses among
+all requests within a clock, whatever its depth and wires. In each a taxel has one request at most, a request is seen
+in the clock after it is raised, what is chosen leaves one clock later, and its taxel may raise the next request with
+the clock of the choice.
 
 A load is a list of clocks, for each taxel, at which it has one more event to send. A wait is counted from the first
 clock in which a request is high to the transfer; requests that never left count with what they had waited at the end.
@@ -32,12 +34,12 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.taxel import encode_timed, uncontended_events
 
 SIDE = 16
-ARBITERS = ("rows round robin (ours)", "fixed priority", "flat round robin", "binary AER tree")
-OURS, FIXED, FLAT, TREE = range(4)
+ARBITERS = ("rows round robin (ours)", "fixed priority", "flat round robin", "binary AER tree", "greedy rows")
+OURS, FIXED, FLAT, TREE, GREEDY = range(5)
 
 
 @njit
-def choose(kind: int, pending: Any, last: int, toggles: Any) -> int:
+def choose(kind: int, pending: Any, last: int, toggles: Any, columns: int) -> int:
     """Return the taxel that an arbiter of one event a clock takes, or -1.
 
     Parameters
@@ -48,8 +50,17 @@ def choose(kind: int, pending: Any, last: int, toggles: Any) -> int:
         The taxel taken last.
     toggles : ndarray of int64, shape (taxels,)
         For every node of the tree, from 1 on, the side that goes first; changed in place.
+    columns : int
     """
     n = len(pending)
+    if kind == GREEDY:
+        rows = n // columns
+        for i in range(rows):
+            row = (max(last, 0) // columns + i) % rows
+            for column in range(columns - 1, -1, -1):
+                if pending[row * columns + column]:
+                    return row * columns + column
+        return -1
     if kind != TREE:
         start = 0 if kind == FIXED else last + 1
         for i in range(n):
@@ -114,7 +125,7 @@ def serve(kind: int, due: Any, first: Any, clocks: int, state: Any, rows: Any) -
         else:
             if leaving >= 0:
                 log[1, leaving] = t
-            taken = choose(kind, pending, last, toggles)
+            taken = choose(kind, pending, last, toggles, columns)
             leaving = -1
             if taken >= 0:
                 leaving, last, pending[taken] = sent[taken], taken, False
@@ -205,7 +216,7 @@ def main(
     side: Annotated[int, typer.Option(min=4, max=64, help="rows, and columns, a power of two")] = SIDE,
     seed: Annotated[int, typer.Option(help="of the random loads")] = 0,
 ) -> None:
-    """Compare four arbiters under the same loads."""
+    """Compare five arbiters under the same loads."""
     results = []
     print("| load | arbiter | events per clock | mean | 99 % | worst | Jain | mean by address |")
     print("|---" * 8 + "|")

@@ -216,7 +216,11 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_error(403)  # a page of another name, which its owner lets lead here, would read the events
             return
         place = urllib.parse.urlsplit(self.path)
-        asked = {name: int(value) for name, value in urllib.parse.parse_qsl(place.query) if value.isdecimal()}
+        asked = {
+            name: int(value)
+            for name, value in urllib.parse.parse_qsl(place.query)
+            if value.isdecimal() and len(value) < 19
+        }
         kind = "application/json"
         if place.path == "/":
             content, kind = page(), "text/html; charset=utf-8"

@@ -108,6 +108,7 @@ def test_rtl_equals_model_in_every_variant(variant: tuple[str, str, str, str], s
 WIDE = [
     ReadoutConfig(rows=2, columns=20, encoding="cw-lcs", sample_bits=16, resolution=3, window_period=3),
     ReadoutConfig(rows=1, columns=40, sample_bits=24, resolution=2, link="four_phase", frontend="analog"),
+    ReadoutConfig(rows=12, columns=16, link="four_phase_dual", encoding="nlcs-bipolar"),
     ReadoutConfig(rows=40, columns=1, encoding="nlcs", resolution=3, leak_shift=4, leak_period=7, fraction_bits=1),
 ]
 

@@ -307,7 +307,7 @@ def test_ports_are_those_of_the_contract() -> None:
             "error: 2 tiles of 64 x 64 taxels have 106497 input bits, a module has 65000 at most; add --merge "
             "and write a tile without --tiles, a chip each",
         ),
-        (["--link", "spi"], "error: link must be one of stream, four_phase, not 'spi'"),
+        (["--link", "spi"], "error: link must be one of stream, four_phase, four_phase_dual, not 'spi'"),
         (["--registers", "i2c"], "error: registers must be one of none, spi, not 'i2c'"),
         (
             ["--registers", "spi", "--readout", "frame"],

@@ -22,7 +22,7 @@ if get_args(Encoding) != registry.NAMES:
         f"Encoding lists {get_args(Encoding)}, model.encoders.registry {registry.NAMES}; make them the same"
     )
 
-Link = Literal["stream", "four_phase"]
+Link = Literal["stream", "four_phase", "four_phase_dual"]
 Frontend = Literal["digital", "analog"]
 Reset = Literal["sync", "async"]
 DecideEvery = Literal["clock", "sample"]
@@ -91,8 +91,8 @@ class ReadoutConfig:
     leak_shift, leak_period, fraction_bits : int
         N-LCS: k, P and F of ``u <- u - ((u + 2**(k-1)) >> k)``, once per P sample ticks,
         with F fraction bits below the sample LSB.
-    link : "stream" or "four_phase"
-        valid/ready stream, or REQ/ACK with bundled address.
+    link : "stream", "four_phase" or "four_phase_dual"
+        valid/ready stream; REQ/ACK with bundled address; or a REQ for ON and one for OFF, as INTUITIVE has.
     frontend : "digital" or "analog"
         Samples in, or comparator decisions in and thresholds (DAC codes) out.
     reset : "sync" or "async"
@@ -173,6 +173,12 @@ class ReadoutConfig:
             raise InputError(
                 f"reference_reset must be a multiple of {self.grid} codes (a level of the encoder), "
                 f"not {self.reference_reset}"
+            )
+
+        if self.link == "four_phase_dual" and not self.has_polarity:
+            raise InputError(
+                f"link four_phase_dual has a request for ON and one for OFF, encoding {self.encoding} sends only ON; "
+                f"give link four_phase"
             )
 
     def _check_array(self) -> None:
@@ -281,6 +287,16 @@ class ReadoutConfig:
     def event_bits(self) -> int:
         """Bits of one address event {polarity, row, column}; 0 for a single unipolar taxel."""
         return int(self.has_polarity) + self.row_bits + self.column_bits
+
+    @property
+    def handshake(self) -> bool:
+        """Whether the link is a four-phase handshake, with one request or with two."""
+        return bool(self.chosen("link", stream=False, four_phase=True, four_phase_dual=True))
+
+    @property
+    def address_bits(self) -> int:
+        """Bits of the address beside the requests of a four-phase link."""
+        return self.event_bits - (self.link == "four_phase_dual")
 
     @property
     def tau_s(self) -> float:

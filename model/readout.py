@@ -272,7 +272,7 @@ class Parameters(NamedTuple):
             leaks=encoder.leaks,
             per_sample=config.decide_every == "sample",
             digital=config.chosen("frontend", digital=True, analog=False),
-            four_phase=config.chosen("link", stream=False, four_phase=True),
+            four_phase=config.handshake,
             columns=config.columns,
             leak_period=config.leak_period,
             reset=config.reference_reset << bits,

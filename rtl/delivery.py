@@ -40,8 +40,11 @@ PORTS = PORTS_OF_ALL | {
     "event_col": "column of the event",
     "event_polarity": "1 is ON, 0 is OFF",
     "aer_req": "request, four-phase",
+    "aer_req_on": "request of an ON event, four-phase; never high beside aer_req_off",
+    "aer_req_off": "request of an OFF event, four-phase",
     "aer_ack": "acknowledge, asynchronous",
-    "aer_addr": "{{polarity, row, column}}, stable from one clock before aer_req rises until aer_ack has fallen",
+    "aer_addr": "{{polarity, row, column}}, {{row, column}} with two requests; stable from one clock before a request "
+    "rises until aer_ack has fallen",
     "spi_sck": "SPI mode 0, asynchronous; its times stand in eskin_registers.md",
     "spi_cs_n": "chip select, active low, asynchronous",
     "spi_mosi": "from the host, asynchronous",

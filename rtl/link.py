@@ -13,7 +13,7 @@ from eskin.rtl.block import Block
 
 
 class FourPhaseLink(Block[ReadoutConfig]):
-    """Sends the event stream over REQ/ACK.
+    """Sends the event stream over REQ/ACK, or over a REQ for ON, one for OFF, and their common ACK.
 
     An event is taken at clock t, REQ rises at the edge of t + 1, falls at the edge that sees ACK through two flops,
     and the next event may be taken in the clock that sees ACK low again: 7 clocks per event with a receiver that
@@ -25,8 +25,11 @@ class FourPhaseLink(Block[ReadoutConfig]):
         The stream of address events.
     aer_req, aer_ack : Out(1), In(1)
         Handshake; ``aer_ack`` is asynchronous, ``aer_req`` a flop.
-    aer_addr : Out(event_bits)
-        {polarity, row, column}, a register; absent where it would have no bit.
+    aer_req_on, aer_req_off : Out(1)
+        In place of ``aer_req`` with ``link="four_phase_dual"``: the flop that is high names the polarity.
+    aer_addr : Out(address_bits)
+        {polarity, row, column}, a register, without the polarity where the request names it; absent where it would
+        have no bit.
     """
 
     module_name = "eskin_link"
@@ -43,27 +46,48 @@ class FourPhaseLink(Block[ReadoutConfig]):
 
         request = Signal()
         setup = Signal()
-        m.d.comb += [
-            # While REQ is high ACK follows, and both flops hold it for two clocks after: no further state is needed.
-            self.event_ready.eq(~setup & ~request & ~ack_sync),
-            self.aer_req.eq(request),
-        ]
+        # While REQ is high ACK follows, and both flops hold it for two clocks after: no further state is needed.
+        m.d.comb += self.event_ready.eq(~setup & ~request & ~ack_sync)
         m.d.sync += setup.eq(self.event_valid & self.event_ready)
-        with m.If(setup):
-            m.d.sync += request.eq(1)
-        with m.Elif(ack_sync):
-            m.d.sync += request.eq(0)
+        fields = [n for n in ("event_col", "event_row", "event_polarity") if n in self.signature.members]
+        if self.config.link == "four_phase_dual":
+            fields.remove("event_polarity")
+            self._request_by_polarity(m, setup, ack_sync, request)
+        else:
+            m.d.comb += self.aer_req.eq(request)
+            with m.If(setup):
+                m.d.sync += request.eq(1)
+            with m.Elif(ack_sync):
+                m.d.sync += request.eq(0)
 
-        if self.config.event_bits:
-            address = Signal(self.config.event_bits)
-            fields = [n for n in ("event_col", "event_row", "event_polarity") if n in self.signature.members]
+        if self.config.address_bits:
+            address = Signal(self.config.address_bits)
             with m.If(self.event_valid & self.event_ready):
                 m.d.sync += address.eq(Cat(getattr(self, name) for name in fields))
             m.d.comb += self.aer_addr.eq(address)
         return m
 
+    def _request_by_polarity(self, m: Module, setup: Any, ack_sync: Any, request: Any) -> None:
+        """Add a flop for each request, since a gate behind flops may glitch, and the receiver has no clock."""
+        on = Signal()
+        with m.If(self.event_valid & self.event_ready):
+            m.d.sync += on.eq(self.event_polarity)
+        for port, mine in ((self.aer_req_on, on), (self.aer_req_off, ~on)):
+            flop = Signal(name=f"{port.name}_flop")
+            with m.If(setup):
+                m.d.sync += flop.eq(mine)
+            with m.Elif(ack_sync):
+                m.d.sync += flop.eq(0)
+            m.d.comb += port.eq(flop)
+        m.d.comb += request.eq(self.aer_req_on | self.aer_req_off)
+
 
 def aer_ports(config: ReadoutConfig) -> dict[str, Any]:
     """Return the ports of the four-phase link; without address bits there is no address."""
-    address = {"aer_addr": Out(config.event_bits)} if config.event_bits else {}
-    return {"aer_req": Out(1), "aer_ack": In(1), **address}
+    address = {"aer_addr": Out(config.address_bits)} if config.address_bits else {}
+    return {name: Out(1) for name in requests(config)} | {"aer_ack": In(1)} | address
+
+
+def requests(config: ReadoutConfig) -> tuple[str, ...]:
+    """Return the names of the request ports of a four-phase link."""
+    return ("aer_req_on", "aer_req_off") if config.link == "four_phase_dual" else ("aer_req",)

@@ -53,7 +53,7 @@ class Readout(Block[ReadoutConfig]):
         for name in row.per_taxel:
             flow = In if row.signature.members[name].flow is In else Out
             ports[name] = flow(unsigned(config.rows * len(getattr(row, name))))
-        ports |= config.chosen("link", stream=event_ports(config, Out), four_phase=aer_ports(config))
+        ports |= aer_ports(config) if config.handshake else event_ports(config, Out)
         if config.registers == "spi":
             ports |= PINS | ({"step_code": Out(config.half_width_bits)} if _shows_step(config) else {})
         super().__init__(config, ports)
@@ -102,7 +102,7 @@ class Readout(Block[ReadoutConfig]):
         m.d.comb += awake.eq(or_tree(stirs))
 
         sink: Any = self
-        if config.link == "four_phase":
+        if config.handshake:
             sink = FourPhaseLink(config)
             sink.place(m, "link", platform)
             for name in aer_ports(config):

@@ -170,12 +170,27 @@ module harness;
       + 1
 `endif
       ;
+`ifdef DUAL
+  wire aer_req_on, aer_req_off;
+  wire aer_req = aer_req_on | aer_req_off;
+  localparam ADDRESS_BITS = EVENT_BITS - 1;
+`else
   wire aer_req;
+  localparam ADDRESS_BITS = EVENT_BITS;
+`endif
   reg aer_ack = 0;
 `ifdef ADDRESS
-  wire [EVENT_BITS-1:0] aer_addr;
+  wire [ADDRESS_BITS-1:0] aer_addr;
 `else
-  wire aer_addr = 0;  // a single unipolar taxel needs no address
+  wire aer_addr = 0;  // a single taxel needs no address
+`endif
+  // {polarity, row, column}, as the link with one request has it on its wires
+`ifndef DUAL
+  wire [ROW_BITS+COLUMN_BITS:0] event_word = aer_addr;
+`elsif ADDRESS
+  wire [ROW_BITS+COLUMN_BITS:0] event_word = {aer_req_on, aer_addr};
+`else
+  wire [ROW_BITS+COLUMN_BITS:0] event_word = aer_req_on;
 `endif
 `elsif CHIP
   wire event_valid, event_ready, class_valid, overrun;
@@ -260,7 +275,12 @@ module harness;
       .sample(sample),
 `endif
 `ifdef FOUR_PHASE
+`ifdef DUAL
+      .aer_req_on(aer_req_on),
+      .aer_req_off(aer_req_off),
+`else
       .aer_req(aer_req),
+`endif
       .aer_ack(aer_ack),
 `ifdef ADDRESS
       .aer_addr(aer_addr),
@@ -424,7 +444,10 @@ module harness;
     ack_before <= aer_ack;
     addr_before <= aer_addr;
     if (running) begin
-      if (aer_req && !req_before) $fwrite(event_file, "%0d %0d\n", cycle - 1, aer_addr);
+      if (aer_req && !req_before) $fwrite(event_file, "%0d %0d\n", cycle - 1, event_word);
+`ifdef DUAL
+      if (aer_req_on && aer_req_off) errors <= errors + 1;
+`endif
       if ((aer_req || aer_ack) && aer_addr != addr_before) errors <= errors + 1;
       if (aer_req && !req_before && ack_before) errors <= errors + 1;
       if (!aer_req && req_before && !ack_before) errors <= errors + 1;

@@ -103,7 +103,7 @@ class EventMonitor:
         """Return the events of events.txt."""
         config = self.config
         numbers = np.fromfile(self.folder / "events.txt", dtype=np.int64, sep=" ")
-        if config.link == "four_phase":
+        if config.handshake:
             t, address = numbers.reshape(-1, 2).T
             column = address & (1 << config.column_bits) - 1
             row = address >> config.column_bits & (1 << config.row_bits) - 1

@@ -352,7 +352,7 @@ class ReadoutReference:
         decisions : sequence of (bool, bool), rows * columns long, optional
             Decisions of the comparators, above and below, if the signal does not determine them (analog front end).
         """
-        four_phase = self.config.chosen("link", stream=False, four_phase=True)
+        four_phase = self.config.handshake
         if four_phase:
             ready = self.link.ready
         requests = self.requests(enable)
@@ -414,4 +414,4 @@ def play(
             found = stimulus.decisions[clock].tolist()
             decisions = [(bits & 1 != 0, config.has_polarity and bits & 2 != 0) for bits in found]
         readout.clock(samples.get(clock), enable, bool(ready[clock % len(ready)]), decisions)
-    return readout, events if config.link == "four_phase" else readout.accepted
+    return readout, events if config.handshake else readout.accepted

@@ -308,12 +308,13 @@ def shape(config: Config) -> tuple[dict[str, str], dict[str, int]]:
     assert isinstance(config, ReadoutConfig)
     macros = {
         "ANALOG": config.frontend == "analog",
-        "FOUR_PHASE": config.link == "four_phase",
+        "FOUR_PHASE": config.handshake,
+        "DUAL": config.link == "four_phase_dual",
         "POLARITY": config.has_polarity,
         "TICK": config.frontend == "digital" or config.needs_tick,
         "ROWS": config.row_bits > 0,
         "COLUMNS": config.column_bits > 0,
-        "ADDRESS": config.event_bits > 0,
+        "ADDRESS": config.address_bits > 0,
         "CLOSES": config.closes,
         "REGISTERS": config.registers != "none",
     }

@@ -1,4 +1,4 @@
-"""Draw docs/figures/load.png: waits at four arbiters, from benchmarks/results/load.json.
+"""Draw docs/figures/load.png: waits at five arbiters, from benchmarks/results/load.json.
 
 ``python docs/figures/load.py`` from the top of the project.
 """
@@ -11,7 +11,7 @@ from pathlib import Path
 from eskin.base.figures.style import GREY, PALETTE, dress, new_figure, save_figure
 
 HERE = Path(__file__)
-COLOURS = [PALETTE[name] for name in ("blue", "orange", "grey", "black")]
+COLOURS = [PALETTE[name] for name in ("blue", "orange", "grey", "black", "sky")]
 DATA = HERE.parents[2] / "benchmarks" / "results" / "load.json"
 
 
@@ -21,15 +21,15 @@ def main() -> None:
     loads: dict[str, list[dict]] = {}
     for line in kept["results"]:
         loads.setdefault(f"{line['load']}, {line['asked']:.0%}", []).append(line)
-    figure = new_figure(9.0, 4.8, "Waits at four arbiters, by load of the link")
+    figure = new_figure(9.0, 4.8, "Waits at arbiters, by load of the link")
     worst, bias = figure.subplots(1, 2, sharey=True)
     dress(worst, "worst wait")
     dress(bias, "mean wait, from the best to the worst address")
     for number, arbiter in enumerate(line["arbiter"] for line in next(iter(loads.values()))):
         lines = [next(line for line in found if line["arbiter"] == arbiter) for found in loads.values()]
-        heights = [place + 0.18 * (number - 1.5) for place in range(len(loads))]
+        heights = [place + 0.15 * (number - 2) for place in range(len(loads))]
         colour = COLOURS[number]
-        worst.plot([line["worst_wait"] for line in lines], heights, "osD^"[number], color=colour, markersize=4)
+        worst.plot([line["worst_wait"] for line in lines], heights, "osD^v"[number], color=colour, markersize=4)
         low, high = zip(*(line["by_address"] for line in lines), strict=True)
         bias.hlines(heights, low, high, color=colour, linewidth=2.5, label=arbiter)
     worst.axvline(kept["bound"], color=GREY, linewidth=1)
@@ -47,7 +47,7 @@ def main() -> None:
         axis.set_xscale("log")
         axis.xaxis.set_major_formatter(lambda clocks, _: f"{clocks:,g}")
         axis.set_xlabel("wait (clocks)", fontsize=8.5)
-    figure.legend(*bias.get_legend_handles_labels(), loc="outside lower left", ncols=4, fontsize=8, frameon=False)
+    figure.legend(*bias.get_legend_handles_labels(), loc="outside lower left", ncols=5, fontsize=8, frameon=False)
     save_figure(figure, HERE.with_suffix(".png"))
 
 

@@ -72,7 +72,7 @@ def leak() -> None:
 
 
 def load() -> None:
-    """Print four arbiters under the same loads."""
+    """Print five arbiters under the same loads."""
     report = read("benchmarks/results/load.json")
     for line in report["results"]:
         line["title"] = f"{line['load']}, {line['asked']:.0%}" if line["arbiter"].endswith("(ours)") else ""

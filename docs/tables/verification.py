@@ -30,13 +30,25 @@ def evidence(name: str) -> dict[str, Any]:
     return dict(report[part] if part else report)
 
 
+ATTACKS = {
+    "files": "damaged files",
+    "options": "values of options",
+    "liberty": "cell libraries",
+    "boards": "frames of a board, with right sums",
+    "state": "files that campaigns keep",
+    "outputs": "output paths",
+    "folders": "folders with special files",
+}
+"""Attacks of the fuzz campaign, by their name in its data."""
+
+
 def signoff() -> None:
     """Print every kind of evidence with its last result."""
     rows = []
     for kind, (name, what) in EVIDENCE.items():
         report = evidence(name)
         if name == "fuzz":
-            cases, wrong = (sum(report[of][key] for of in ("files", "options")) for key in ("cases", "wrong"))
+            cases, wrong = (sum(report[of][key] for of in ATTACKS if of in report) for key in ("cases", "wrong"))
             report["result"] = f"fuzz: {cases:,} cases, {wrong} wrong"
         rows.append(report | {"kind": kind, "what": what})
     table(
@@ -192,7 +204,7 @@ def fuzz() -> None:
     report = evidence("fuzz")
     table(
         " | cases | refused in a sentence | done | wrong",
-        [report["files"] | {"text": "damaged files"}, report["options"] | {"text": "values of options"}],
+        [report[name] | {"text": text} for name, text in ATTACKS.items() if name in report],
         "{text} | {cases:,} | {refused:,} | {right or different:,} | {wrong:,}",
     )
     commands = {*report["files"]["by command"], *report["options"]["by command"]}

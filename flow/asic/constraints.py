@@ -8,6 +8,7 @@ from eskin.flow.asic.gating import TEST
 from eskin.flow.asic.synthesis import Netlist
 from eskin.model.config import ReadoutConfig
 from eskin.rtl.delivery import DAC_OUT, DECISION_IN, MACRO_IN, MACRO_OUT, OUTSIDE, ports
+from eskin.rtl.link import requests
 from eskin.rtl.verilog import header
 
 UNCERTAINTY = 0.05
@@ -42,8 +43,8 @@ def sdc(netlist: Netlist, period: str = "") -> str:
         *_edges(netlist),
         f"set_load -pin_load {LOAD_PF} [all_outputs]",
     ]
-    if isinstance(config, ReadoutConfig) and config.link == "four_phase":
-        lines += ["", *_four_phase()]
+    if isinstance(config, ReadoutConfig) and config.handshake:
+        lines += ["", *_four_phase(config)]
     return header(config, "#") + "\n" + "\n".join(lines) + "\n"
 
 
@@ -73,9 +74,9 @@ def _edges(netlist: Netlist) -> Iterator[str]:
     yield "set_input_transition 0.1 [get_ports {clk rst}]"
 
 
-def _four_phase() -> Iterator[str]:
+def _four_phase(config: ReadoutConfig) -> Iterator[str]:
     """Yield the constraints of the asynchronous pins."""
     yield "# aer_ack comes at any time; two flops take it. The way to the first is short, so that it settles."
     yield "set_max_delay [expr 0.5 * $period_ns] -from [get_ports {aer_ack}]"
     yield "# Bundled data: aer_addr stands a clock before aer_req rises, and less than a clock lies between their ways."
-    yield "set_max_delay $period_ns -to [get_ports {aer_req aer_addr[*]}]"
+    yield f"set_max_delay $period_ns -to [get_ports {{{' '.join(requests(config))} aer_addr[*]}}]"

@@ -47,7 +47,7 @@ class Latencies:
         events = simulate(*_saturated(config))
         # All taxels have an event from the first clock on: so many at least leave without a break.
         every = int(np.diff(events["t"][: max(config.taxels, 2)]).max())
-        held = HELD_BY_LINK if config.link == "four_phase" else 0
+        held = HELD_BY_LINK if config.handshake else 0
         bound = (config.rows + 1) * config.columns + held
         return cls(latency, every, _longest_gap(config, events), bound, every * bound + AHEAD_OF_A_GRANT)
 

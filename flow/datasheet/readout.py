@@ -14,6 +14,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.link import ACK_QUANTA
 from eskin.model.registers.description import NAME as REGISTERS
 from eskin.rtl.delivery import ports
+from eskin.rtl.link import requests
 
 TOP = "eskin_readout"
 
@@ -50,9 +51,9 @@ def _blocks(config: ReadoutConfig) -> Iterator[str]:
     yield f"  | {f'{config.rows} rows of {config.columns} taxels':<40}|-------->| arbiter |---+"
     yield f"  | {_taxel(config):<40}|<--------|         |   |"
     yield f"  +{'-' * 41}+  grant  +---------+   |"
-    if config.link == "four_phase":
+    if config.handshake:
         pad = " " * 35
-        outs = ", ".join(name for name in ("aer_addr", "aer_req") if name in names)
+        outs = ", ".join(name for name in ("aer_addr", *requests(config)) if name in names)
         yield f"{pad}+---------------------+          |"
         yield f"{outs:>27} <-----| link, four-phase    |<----------+"
         yield f"{'aer_ack':>27} ----->| two flops take ACK  |"
@@ -89,7 +90,7 @@ def _clock(config: ReadoutConfig) -> list[str]:
     else:
         lines[0] += " No port needs it: a taxel decides in every clock, and there is no time in its encoder."
     woken = ""
-    if config.link == "four_phase":
+    if config.handshake:
         woken = "`eskin_link` listens to `aer_ack` in every clock and stays out of it. "
     if config.registers != "none":
         woken += "What listens to SPI stays out of it too. "
@@ -108,9 +109,9 @@ def _reset(config: ReadoutConfig) -> list[str]:
         f"{RESETS[config.reset]} Every flop has it, none relies on an initial value. "
         f"After it every reference is {config.reference_reset} codes, no request waits, and row 0 comes first.",
     ]
-    if config.link == "four_phase":
+    if config.handshake:
         lines[0] += (
-            " `aer_req` falls with it; ACK counts as high until it has been seen low. "
+            " Requests fall with it; ACK counts as high until it has been seen low. "
             "Let a reset last until a handshake that it breaks off has ended."
         )
     return lines

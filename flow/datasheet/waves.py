@@ -13,6 +13,7 @@ from eskin.model.address_events import Events
 from eskin.model.config import ReadoutConfig
 from eskin.model.readout import TAKEN, WAITED, State, Stimulus, simulate_counted, state_at
 from eskin.rtl.delivery import ports
+from eskin.rtl.link import requests
 
 TICK = 2
 """Clock of the sample tick."""
@@ -26,7 +27,7 @@ STALL = range(TICK + 3, TICK + 5)
 ACK_DELAY = 4
 """From each edge of REQ to that of ACK, in 1/8 clock."""
 
-CLOCKS = {"stream": 12, "four_phase": 23}
+CLOCKS = {"stream": 12, "four_phase": 23, "four_phase_dual": 23}
 RESET_CLOCKS, CLOCKS_AFTER = 3, 9
 
 Value = int | None
@@ -103,7 +104,7 @@ def reset_waves(config: ReadoutConfig) -> list[Wave]:
     if config.link == "stream":
         cut = STALL[1]
     else:  # the address stands, REQ has not risen: no handshake is broken off
-        cut = next(wave for wave in found if wave.name == "aer_req").values.index(1) - 1
+        cut = min(w.values.index(1) for w in found if w.name in requests(config) and 1 in w.values) - 1
     first = int(config.reset == "sync")  # its first clock still shows what was: it works with the edge that ends it
     reset = (0,) * cut + (1,) * RESET_CLOCKS + (0,) * CLOCKS_AFTER
     mended = []
@@ -155,17 +156,25 @@ def _four_phase(config: ReadoutConfig, stimulus: Stimulus, events: Events, traff
     """Return the ports of the four-phase link, from its model."""
     state = link.new_state()
     word, sent = 0, 0
-    request, acknowledge, addresses = [], [], []
+    request, acknowledge, words = [], [], []
     for clock in range(stimulus.clocks):
         request.append(int(state[link.REQ]))
         acknowledge.append(int(state[link.REQ] if state[link.ACK_AT] == clock else state[link.ACK]))
-        addresses.append(word)
+        words.append(word)
         taken = bool(traffic[clock] == TAKEN)
         link.advance(state, clock, taken, stimulus.ack_delay)
         if taken and sent < len(events):
             word, sent = address(config, events[sent]), sent + 1
+    above = config.row_bits + config.column_bits
+    if config.link == "four_phase":
+        shown = [Wave("aer_req", tuple(request))]
+    else:
+        named = zip(("aer_req_off", "aer_req_on"), (0, 1), strict=True)
+        both = list(zip(request, words, strict=True))
+        shown = [Wave(name, tuple(high & (word >> above == p) for high, word in both)) for name, p in named]
+    addresses = tuple(word & ((1 << config.address_bits) - 1) for word in words)
     return [
-        *([Wave("aer_addr", tuple(addresses), bus=True)] if config.event_bits else []),
-        Wave("aer_req", tuple(request)),
+        *([Wave("aer_addr", addresses, bus=True)] if config.address_bits else []),
+        *shown,
         Wave("aer_ack", tuple(acknowledge), delay=ACK_DELAY / link.ACK_QUANTA),
     ]

@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 from eskin.base.errors import InputError
 from eskin.base.files import read_bytes
 
+MOST = 1e15
+"""Largest number that an attribute may have, in the units of the file."""
+
 PACKAGE = "liberty-parser is not installed; install it with: pip install -c constraints.txt -e '.[asic]'"
 
 
@@ -77,11 +80,12 @@ class Entry:
 
     def number(self, name: str, default: float = 0.0, least: float = -math.inf) -> float:
         """Return an attribute as a finite number that is not below ``least``."""
-        text = self.text(name)
+        value = self.value(name)
+        text = f"({', '.join(map(_text, value))})" if isinstance(value, list) else _text(value)
         if not text:
             return default
         number = _number(text)
-        if not math.isfinite(number) or number < least:
+        if not (least <= number and abs(number) <= MOST):  # of no number neither holds
             raise self.wrong(name, f"must be a number{f' from {least:g} on' if least > -math.inf else ''}, not {text}")
         return number
 

@@ -17,6 +17,7 @@ from eskin.flow.liberty.boolean import literal
 from eskin.flow.liberty.entry import Entry, parse
 from eskin.flow.liberty.tables import EDGES, Arc, Energy, Floats, Scales, Table
 
+DIRECTIONS = ("input", "output", "inout", "internal")
 PREFIXES = {"": 1.0, "f": 1e-15, "p": 1e-12, "n": 1e-9, "u": 1e-6, "m": 1e-3, "k": 1e3}
 
 
@@ -408,10 +409,12 @@ def _pin(name: str, pin: Entry, scales: Scales) -> Pin:
     capacitance = pin.number("capacitance", math.nan, least=0.0) * scales.capacitance
     capacitance = scales.capacitance_f if math.isnan(capacitance) else capacitance
     edges = [pin.number(f"{edge}_capacitance", least=0.0) * scales.capacitance for edge in EDGES.values()]
+    if (direction := pin.text("direction")) not in DIRECTIONS:
+        raise pin.wrong("direction", f"must be one of {', '.join(DIRECTIONS)}, not {direction or 'missing'}")
     roles = [role for role in ("clock", "enable", "out", "test") if pin.flag(f"clock_gate_{role}_pin")]
     return Pin(
         name,
-        pin.text("direction"),
+        direction,
         pin.text("function"),
         pin.text("three_state"),
         capacitance,

@@ -24,7 +24,7 @@ MUCH_LATE = 0.01
 LEAST_CLOCKS, MOST_CLOCKS = 64, 2**20
 """Clocks per sample that are chosen for a signal; the most are enough for every decision."""
 
-CLOCKS_PER_EVENT = {"stream": 1, "four_phase": 7}
+CLOCKS_PER_EVENT = {"stream": 1, "four_phase": 7, "four_phase_dual": 7}
 """Clocks that the link needs for an event at best (docs/design/microarchitecture.md)."""
 
 

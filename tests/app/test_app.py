@@ -103,7 +103,7 @@ def shown(capsys: pytest.CaptureFixture[str], *args: str) -> tuple[ReadoutConfig
             "error: sample_rate_hz must be a positive number of hertz, not -1.0\n",
         ),
         (["show", "--encoding", "pcm"], 2, f"error: encoding must be one of {ENCODERS}, not 'pcm'\n"),
-        (["show", "--link", "usb"], 2, "error: link must be one of stream, four_phase, not 'usb'\n"),
+        (["show", "--link", "usb"], 2, "error: link must be one of stream, four_phase, four_phase_dual, not 'usb'\n"),
         (["show", "--resolution", "11"], 2, "error: resolution must be in 1..sample_bits - 2 = 10, not 11\n"),
         (
             ["show", "--config", "none.json"],

@@ -26,6 +26,13 @@ HOSTILE = {
     "not a number": ("area : 2;", "area : nan;", "area of cell HOOT must be a number from 0 on, not nan"),
     "infinite": ("area : 2;", "area : 1e999;", "area of cell HOOT must be a number from 0 on, not "),
     "negative": ("area : 2;", "area : -2;", "area of cell HOOT must be a number from 0 on, not -2"),
+    "several": ("area : 2;", "area (2, 3);", "area of cell HOOT must be a number from 0 on, not (2"),
+    "absurd": ("area : 2;", "area : 1e300;", "area of cell HOOT must be a number from 0 on, not 1e"),
+    "no direction": (
+        "direction : input",
+        "direction : sideways",
+        "direction of pin A of cell HOOT must be one of input, output, inout, internal, not sideways",
+    ),
     "given twice": ("area : 2;", "area : 2; area : 3;", "area of cell HOOT stands twice"),
     "unit of one word": (
         "(1,pf)",

@@ -15,19 +15,20 @@ from pathlib import Path
 from typing import Any
 
 from eskin.base.files import origin, write_json
+from tests.fuzz.attacks import ATTACKS
 
 ROOT = Path(__file__).parents[2]
 KEPT = ROOT / "docs" / "data" / "verification" / "fuzz.json"
 WORK = ROOT / "out" / "fuzz"
 PIECE = 200
-"""Cases of files, and as many of options, in a piece."""
-NAMES = ("files", "options")
+"""Cases of files, of options and of each attack in a piece."""
+NAMES = ("files", "options", *ATTACKS)
 
 
 def main() -> None:
     """Run what is not yet counted, and keep the sums if nothing was wrong."""
     if len(sys.argv) != 2 or not sys.argv[1].isdecimal() or int(sys.argv[1]) < PIECE:
-        sys.exit(f"usage: python -m tests.fuzz CASES, at least {PIECE} of files and as many of options")
+        sys.exit(f"usage: python -m tests.fuzz CASES, at least {PIECE}, which are run of each of: {', '.join(NAMES)}")
     pieces = [WORK / f"piece-{number:04d}" for number in range(int(sys.argv[1]) // PIECE)]
     bad = [piece.name for number, piece in enumerate(pieces) if not (counted(piece) or run(piece, number))]
     if bad:
@@ -52,7 +53,7 @@ def run(piece: Path, number: int) -> bool:
         "ESKIN_FUZZ_LOG": str(piece / "log.txt"),
     }
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "tests/fuzz/test_campaign.py", "-k",
-               "damaged_files or hostile_options"]  # fmt: skip
+               "damaged_files or hostile_options or attacks"]  # fmt: skip
     with (piece / "out.txt").open("w") as out:
         code = subprocess.call(command, cwd=ROOT, env=environment, stdout=out, stderr=subprocess.STDOUT)
     print(f"{piece.name}: {'nothing wrong' if code == 0 else f'wrong, exit code {code}'}", flush=True)

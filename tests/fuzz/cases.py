@@ -76,6 +76,7 @@ GOOD: dict[str, tuple[str, ...]] = {
     "frames": ("--dataset", "good/images", "--limit", "1"),
     "study": ("--data", "good/nothing", "-o", "new"),
     "report": ("-o", "new.html"),
+    "demo": ("good/nothing.npz", "--no-browser", "--port", "0"),
     "play": ("good/nothing.npz", "--port", "good/nothing", "-o", "new.npz"),
     "load": ("good/nothing.npz", "--port", "good/nothing"),
     "listen": ("--port", "good/nothing", "-o", "new.npz"),

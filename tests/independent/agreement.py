@@ -50,7 +50,7 @@ def play(config: ReadoutConfig, stimulus: Stimulus, readout: Readout | None = No
     signal = [0] * config.taxels
     tick = change = 0
     mask = None
-    four_phase, analog = config.link == "four_phase", config.frontend == "analog"
+    four_phase, analog = config.link != "stream", config.frontend == "analog"
     for clock in range(stimulus.clocks):
         if change < len(stimulus.enable_clock) and stimulus.enable_clock[change] == clock:
             mask = stimulus.enable[change].tolist()

@@ -21,7 +21,8 @@ class Readout:
         kind = KINDS[settings.encoding]
         self.taxels = [[kind(settings) for _ in range(settings.columns)] for _ in range(settings.rows)]
         self.arbiter = Arbiter(settings.rows, settings.columns)
-        self.link = {"stream": lambda: None, "four_phase": FourPhaseLink}[settings.link]()
+        links = {"stream": lambda: None, "four_phase": FourPhaseLink, "four_phase_dual": FourPhaseLink}
+        self.link = links[settings.link]()
         self.events = []
         self.reset()
 

@@ -25,7 +25,7 @@ REFUSALS: list[tuple[dict[str, Any], str]] = [
     ({"rows": "8"}, "rows must be of type int, not '8'"),
     ({"encoding": "sigma"}, f"encoding must be one of {ENCODERS}, not 'sigma'"),
     ({"encoding": None}, f"encoding must be one of {ENCODERS}, not None"),
-    ({"link": "spi"}, "link must be one of stream, four_phase, not 'spi'"),
+    ({"link": "spi"}, "link must be one of stream, four_phase, four_phase_dual, not 'spi'"),
     ({"frontend": "dc"}, "frontend must be one of digital, analog, not 'dc'"),
     ({"reset": "none"}, "reset must be one of sync, async, not 'none'"),
     ({"decide_every": "day"}, "decide_every must be one of clock, sample, not 'day'"),

@@ -136,7 +136,8 @@ def configs(draw: st.DrawFn, fixed: dict[str, Any]) -> dict[str, Any]:
     bits = pick("sample_bits", st.integers(3, MOST_BITS))
     pick("resolution", st.integers(1, bits - 2))
     pick("decide_every", st.sampled_from(["clock", "sample"]))
-    pick("link", st.sampled_from(["stream", "four_phase"]))
+    two = ["four_phase_dual"] * registry.named(encoding).polarity
+    pick("link", st.sampled_from(["stream", "four_phase", *two]))
     pick("frontend", st.sampled_from(["digital", "analog"]))
     if registry.named(encoding).windowed:
         pick("closing_shift", st.integers(0, 4))
@@ -186,7 +187,7 @@ def cases(draw: st.DrawFn, **fixed: Any) -> Case:
         rest=rest,
         off=draw(st.lists(st.tuples(st.integers(0, clocks), off), max_size=4)),
         ready=draw(st.lists(st.sampled_from([1, 0]), min_size=1, max_size=6)),
-        ack_delay=draw(st.lists(delays, min_size=1, max_size=4)) if config.link == "four_phase" else [1],
+        ack_delay=draw(st.lists(delays, min_size=1, max_size=4)) if config.handshake else [1],
         decisions=decisions,
     )
 

@@ -11,6 +11,7 @@ from eskin.model.address_events import EVENT_DTYPE, Events
 from eskin.model.config import ReadoutConfig
 from eskin.model.readout import Stimulus
 from eskin.rtl import readout
+from eskin.rtl.link import requests
 from tests.independent.agreement import Receiver, look
 
 
@@ -83,8 +84,8 @@ class Design:
             else:
                 self._four_phase(ctx, clock)
             await ctx.tick()
-            if config.link == "four_phase":
-                self.receiver.after(clock, self._read(ctx, "aer_req"))
+            if config.handshake:
+                self.receiver.after(clock, sum(self._read(ctx, name) for name in requests(config)))
             self.signal = codes or self.signal
 
     def _look(self, ctx: Any, clock: int) -> None:
@@ -117,7 +118,10 @@ class Design:
         config = self.config
         ack = self.receiver.before(clock)
         self._drive(ctx, aer_ack=ack)
-        req, address = self._read(ctx, "aer_req"), self._read(ctx, "aer_addr")
+        high, address = [self._read(ctx, name) for name in requests(config)], self._read(ctx, "aer_addr")
+        req = sum(high)
+        if req > 1:
+            raise Breach(f"clock {clock}: both requests are high")
         req_before, ack_before, address_before = self.before
         if (req or ack) and address != address_before:
             raise Breach(f"clock {clock}: the address changes while REQ or ACK is high")
@@ -127,6 +131,8 @@ class Design:
             column = address & (1 << config.column_bits) - 1
             row = address >> config.column_bits & (1 << config.row_bits) - 1
             polarity = address >> config.column_bits + config.row_bits if config.has_polarity else 1
+            if len(high) == 2:
+                polarity = high[0]
             self.events.append((clock - 1, column, row, bool(polarity)))
         self.before = req, ack, address
 

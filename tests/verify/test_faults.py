@@ -31,10 +31,10 @@ HANGS = (
         "        request = Signal()\n        idle = Signal(init=1)\n        ended = Signal()\n",
     ),
     (
-        "        if self.config.event_bits:\n            address",
+        "        if self.config.address_bits:\n            address",
         "        with m.If(self.event_valid & self.event_ready):\n            m.d.sync += idle.eq(0)\n"
         "        with m.Elif(request & ack_sync & ~setup):\n            m.d.sync += idle.eq(1)\n"
-        "        if self.config.event_bits:\n            address",
+        "        if self.config.address_bits:\n            address",
     ),
 )
 """Idle is a flop of its own, set by the end of a handshake alone."""

@@ -58,7 +58,7 @@ def readout(config: ReadoutConfig, folder: Path) -> None:
         for number in range(len(SIGNALS) * len(SINKS))
     ]
     # A link that is slower by seven clocks an event takes longer to reach both ends.
-    clocks = LONG_CLOCKS * (3 if config.link == "four_phase" else 1)
+    clocks = LONG_CLOCKS * (3 if config.handshake else 1)
     parts = [
         *((one, SHORT_CLOCKS) for one in short),
         *((one, clocks) for one in LONG),

@@ -117,7 +117,7 @@ def reset_at_every_phase(config: ReadoutConfig) -> tuple[int, int]:
         found = events_of(config, codes[: RESET + phase + 1, phase])
         expected = simulate_model(config, before)
         late = found["t"] == phase  # an event of the link that no clock is left to see
-        if not np.array_equal(found[~late] if config.link == "four_phase" else found, expected):
+        if not np.array_equal(found[~late] if config.handshake else found, expected):
             continue
         good += _equal(config, codes[phase + 1 :, phase], _rest(stimulus, phase + 1))
     return good, PHASES

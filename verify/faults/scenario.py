@@ -12,6 +12,7 @@ from eskin.model.address_events import EVENT_DTYPE, Events
 from eskin.model.config import ReadoutConfig
 from eskin.model.link import ACK_QUANTA
 from eskin.model.readout import Stimulus
+from eskin.rtl.link import requests
 
 RESET = 2
 """Clocks of reset at the beginning of every run."""
@@ -111,7 +112,7 @@ def swings(config: ReadoutConfig, start: int, number: int, pause: int) -> Iterat
 
 def clocks_per_event(config: ReadoutConfig, slow: int) -> int:
     """Return the clocks that the link takes for an event."""
-    return 7 + 2 * slow if config.link == "four_phase" else 1
+    return 7 + 2 * slow if config.handshake else 1
 
 
 def gap_of(config: ReadoutConfig, calm: bool, slow: int) -> int:
@@ -162,8 +163,8 @@ def codes_of(
 
     An event of the four-phase link is in the clock before that in which REQ is first seen high, as in the model.
     """
-    if config.link == "four_phase":
-        request = outputs["aer_req"]
+    if config.handshake:
+        request = np.sum([outputs[name] for name in requests(config)], axis=0)
         rises = np.zeros(request.shape, bool)
         rises[:-1] = request[1:] > request[:-1]
         address = np.zeros(request.shape, np.int64)
@@ -172,6 +173,9 @@ def codes_of(
         column = address & (1 << config.column_bits) - 1
         row = address >> config.column_bits & (1 << config.row_bits) - 1
         polarity = address >> (config.column_bits + config.row_bits) if config.has_polarity else 1
+        if config.link == "four_phase_dual":
+            polarity = np.zeros(request.shape, np.int64)
+            polarity[:-1] = outputs["aer_req_on"][1:]
     else:
         rises = (outputs["event_valid"] & ready[:, :1].astype(np.int64)) != 0
         nothing = np.zeros(rises.shape, np.int64)

@@ -35,7 +35,7 @@ def checkers(config: ReadoutOrFrame) -> Iterator[tuple[Checker[Any], str, dict[s
     yield TaxelChecker(config), "eskin_taxel", {}
     if config.closes:
         yield WindowChecker(config), "eskin_window", {}
-    if config.link == "four_phase":
+    if config.handshake:
         yield LinkChecker(config), "eskin_link", {}
     if not config.encoder.late and config.frontend == "analog" and config.decide_every == "clock":
         yield ReadoutChecker(config), "eskin_readout", {}

@@ -95,6 +95,8 @@ def links() -> list[Proof]:
     configs = [
         ReadoutConfig(rows=1, columns=1, encoding="nlcs", link="four_phase"),
         ReadoutConfig(rows=2, columns=2, link="four_phase"),
+        ReadoutConfig(rows=1, columns=1, link="four_phase_dual"),
+        ReadoutConfig(rows=2, columns=2, link="four_phase_dual"),
         ReadoutConfig(rows=3, columns=5, link="four_phase"),
     ]
     return [Proof(LinkChecker, c, 16, c.rows == 2, c.rows == 2) for c in configs]

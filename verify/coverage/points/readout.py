@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from eskin.model.config import ReadoutConfig
+from eskin.rtl.link import requests
 from eskin.verify.coverage.points.point import Named, Point, any_of, began
 
 
@@ -38,12 +39,13 @@ def _holds(config: ReadoutConfig) -> Named:
         "the burst of another row": f"{served} && arbiter.event_row != {{row}} && !arbiter.takes",
         "another row that is granted": "arbiter.takes && !arbiter.granted[{row}]",
     }
-    if config.link == "four_phase":
+    if config.handshake:
+        req = _requested(config)
         causes |= {
             "an address that settles": "link.setup",
-            "ACK that is to rise": "link.aer_req && !aer_ack",
-            "ACK that passes the flops": "link.aer_req && aer_ack && !link.ack_sync",
-            "ACK that is to fall": "!link.aer_req && aer_ack",
+            "ACK that is to rise": f"{req} && !aer_ack",
+            "ACK that passes the flops": f"{req} && aer_ack && !link.ack_sync",
+            "ACK that is to fall": f"!{req} && aer_ack",
         }
     for kind, own in _kinds(config).items():
         for cause, expression in causes.items():
@@ -136,9 +138,13 @@ def _resets(config: ReadoutConfig) -> Named:
         yield "reset while the sink stalls", began("event_valid && !event_ready")
 
 
+def _requested(config: ReadoutConfig) -> str:
+    return f"({' || '.join(f'link.{name}' for name in requests(config))})"
+
+
 def _link(config: ReadoutConfig) -> Named:
     """The four-phase link: what comes together with ACK."""
-    if config.link != "four_phase":
+    if not config.handshake:
         return
     news = any_of(f"{t}.pending && !$past({t}.pending)" for *_, t in _taxels(config))
     for edge, now, before in (("rises", "aer_ack", "!aer_ack"), ("falls", "!aer_ack", "aer_ack")):
@@ -149,7 +155,7 @@ def _link(config: ReadoutConfig) -> Named:
     yield "event offered to a link at rest", "link.event_valid && link.event_ready && !$past(link.event_valid)"
     for name, state in (
         ("an address settles", "link.setup"),
-        ("REQ is high", "link.aer_req && !link.ack_sync"),
+        ("REQ is high", f"{_requested(config)} && !link.ack_sync"),
         ("ACK is high", "aer_ack"),
     ):
         yield f"reset while {name}", began(state)

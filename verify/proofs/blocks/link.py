@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from amaranth.hdl import Cat, Const, Module, Signal
 
 from eskin.model.config import ReadoutConfig
-from eskin.rtl.link import FourPhaseLink
+from eskin.rtl.link import FourPhaseLink, requests
 from eskin.verify.proofs.checker import Checker, Property, before, implies
 
 
@@ -16,16 +16,21 @@ class LinkChecker(Checker[ReadoutConfig]):
 
     block = FourPhaseLink
     properties = (
+        Property(
+            "request_of_polarity",
+            "the request that is high is that of the polarity taken, never both",
+            applies=lambda config: config.link == "four_phase_dual",
+        ),
         Property("one_pulse_per_event", "REQ rises two clocks after an event is taken, and never otherwise"),
         Property(
             "address_of_event",
             "from the clock before REQ rises until REQ falls the address is that of the event taken",
-            applies=lambda config: config.event_bits > 0,
+            applies=lambda config: config.address_bits > 0,
         ),
         Property(
             "address_stable",
             "the address does not move while REQ is high, nor while the ACK of a receiver is",
-            applies=lambda config: config.event_bits > 0,
+            applies=lambda config: config.address_bits > 0,
         ),
         Property("one_at_a_time", "an event is taken only when REQ of the one before has risen and fallen"),
         Property("req_waits_for_ack", "REQ falls only when ACK has been high while REQ was"),
@@ -43,7 +48,8 @@ class LinkChecker(Checker[ReadoutConfig]):
 
     def elaborate(self, platform: Any) -> Module:
         m = Module()
-        req, ack, taken = self.aer_req, self.aer_ack, self.event_valid & self.event_ready
+        ack, taken = self.aer_ack, self.event_valid & self.event_ready
+        req = Cat(getattr(self, name) for name in requests(self.config)).any()
         req_before, ack_before = before(m, req, "req"), before(m, ack, "ack")
         rises, falls = req & ~req_before, ~req & req_before
 
@@ -63,7 +69,13 @@ class LinkChecker(Checker[ReadoutConfig]):
         in_hand = busy & ~falls
         self.promise(m, "one_at_a_time", implies(self.event_ready, ~in_hand), self.event_ready & falls)
 
-        self._address(m, taken, setup, receiver)
+        self._address(m, taken, setup, req, receiver)
+        if self.config.link == "four_phase_dual":
+            on = Signal()
+            with m.If(taken):
+                m.d.sync += on.eq(self.event_polarity)
+            named = ~(self.aer_req_on & self.aer_req_off) & implies(req, self.aer_req_on == on)
+            self.promise(m, "request_of_polarity", named, self.aer_req_off)
 
         # ACK passes two flops: REQ falls for an ACK of at least two clocks ago, within the same REQ.
         answered = Signal()
@@ -85,16 +97,17 @@ class LinkChecker(Checker[ReadoutConfig]):
             self.promise(m, name, implies((clocks >= full) & waiting, done), clocks == full)
         return self.finish(m)
 
-    def _address(self, m: Module, taken: Any, setup: Signal, receiver: Any) -> None:
-        fields = Cat(getattr(self, n) for n in ("event_col", "event_row", "event_polarity") if self.has(n))
+    def _address(self, m: Module, taken: Any, setup: Signal, req: Any, receiver: Any) -> None:
+        polarity = ["event_polarity"] if self.config.link == "four_phase" else []
+        fields = Cat(getattr(self, n) for n in ("event_col", "event_row", *polarity) if self.has(n))
         if not len(fields):
             return
         held_event = Signal(len(fields))
         with m.If(taken):
             m.d.sync += held_event.eq(fields)
-        shown = setup | self.aer_req
+        shown = setup | req
         self.promise(m, "address_of_event", implies(shown, self.aer_addr == held_event), shown & held_event.any())
         moved = self.aer_addr != before(m, self.aer_addr, "address")
-        held = before(m, self.aer_req | (self.aer_ack & receiver), "held") | self.aer_req
-        held &= receiver | self.aer_req
+        held = before(m, req | (self.aer_ack & receiver), "held") | req
+        held &= receiver | req
         self.promise(m, "address_stable", implies(held, ~moved), held & Const(1))

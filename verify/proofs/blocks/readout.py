@@ -8,6 +8,7 @@ from amaranth.hdl import Array, Cat, Const, Module, Signal, signed
 from amaranth.lib.wiring import In
 
 from eskin.model.config import ReadoutConfig
+from eskin.rtl.link import requests
 from eskin.rtl.readout import Readout
 from eskin.verify.proofs.checker import Checker, Property, before, implies
 
@@ -89,10 +90,11 @@ class ReadoutChecker(Checker[ReadoutConfig]):
             column = self.event_col if self.has("event_col") else Const(0)
             leaves, polarity = self.event_valid & self.event_ready, self.event_polarity
         else:
-            leaves = self.aer_req & ~before(m, self.aer_req, "req")
+            req = Cat(getattr(self, name) for name in requests(self.config)).any()
+            leaves = req & ~before(m, req, "req")
             column = self.aer_addr[: config.column_bits]
             row = self.aer_addr[config.column_bits :][: config.row_bits]
-            polarity = self.aer_addr[-1]
+            polarity = self.aer_req_on if config.link == "four_phase_dual" else self.aer_addr[-1]
         m.d.comb += event.eq(leaves & (row * config.columns + column == self.watch))
         return event, polarity
 
