@@ -29,13 +29,15 @@ from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.file import IntegerWeights
 from eskin.model.config import ReadoutConfig
 from eskin.skin.encode import IMAGE_SUFFIXES, read_image
+from eskin.skin.recordings.options import FINGER
 from eskin.skin.samples import ARRAY_SUFFIXES
 from eskin.skin.textures.dataset import EMBEDDED
 from eskin.skin.textures.physical import PhysicalScan, large_enough
 from eskin.skin.textures.presets import preset
 
-NETWORK = "classifier/networks/embedded/fold-1.npz"
-"""Of the package ``model``; the embedded textures that it has not learned are played."""
+NETWORKS = "classifier/networks"
+TEXTURES_NETWORK, FINGER_NETWORK = "embedded/fold-1.npz", "finger/fold-0.npz"
+"""Networks of the package ``model``; the textures and recordings that they have not learned are played."""
 
 LEAST_S = 6.0
 """A shorter recording is slowed down to take so long."""
@@ -100,7 +102,7 @@ def show_of(
     source : Path, optional
         An image, a recording, or a folder of either in class folders; by default the embedded textures.
     weights : Path, optional
-        Integer network; by default the embedded one for images, and none for recordings.
+        Integer network; by default the project's own for images and ``FINGER``, and none for other recordings.
     only : str, optional
         One name of a folder.
     readout : mapping of str to object, optional
@@ -112,11 +114,13 @@ def show_of(
     if readout and (weights or not recordings):
         name = next(iter(readout))
         raise InputError(f"{name} is that of the network; leave it out, or play a recording without --weights")
-    if recordings and weights is None:
+    finger = source is not None and source.resolve() == FINGER.resolve()
+    if recordings and weights is None and not finger:
         assert source is not None
         return _events_of(source, only, readout or {})
     if weights is None:
-        with resources.as_file(resources.files("eskin.model").joinpath(NETWORK)) as path:
+        own = resources.files("eskin.model").joinpath(NETWORKS, FINGER_NETWORK if finger else TEXTURES_NETWORK)
+        with resources.as_file(own) as path:
             network = IntegerWeights.load(path)
     else:
         network = IntegerWeights.load(weights)
@@ -125,6 +129,8 @@ def show_of(
         assert source is not None
         found = recordings_of(network, config, source)
         names, load = _recordings(found.sources, found.codes, config)
+        unseen = network.notes["training"]["tested"]
+        names = {name: truth for name, truth in names.items() if name in unseen} or names
     else:
         names, load = _images(network, config, source)
     return Show(config, network, _chosen(names, only), load)
@@ -208,12 +214,13 @@ def piece_of(name: str, codes: NDArray[Any], config: ReadoutConfig, truth: str |
 
 
 def picture_of(image: NDArray[Any], scan: PhysicalScan, config: ReadoutConfig) -> dict[str, Any]:
-    """Return an image and the array on it, as the page shows them."""
+    """Return the band of an image that the array touches, and the array on it, as the page shows them."""
     from PIL import Image
 
+    pitch = scan.taxel_pitch_px
+    image = image[: max(image.shape[1] // 4, round(config.rows * pitch))]
     data = io.BytesIO()
     Image.fromarray(np.clip(image, 0, 255).astype(np.uint8)).save(data, "png")
-    pitch = scan.taxel_pitch_px
     return {
         "url": f"data:image/png;base64,{base64.b64encode(data.getvalue()).decode()}",
         "width": image.shape[1],
@@ -269,7 +276,7 @@ def play(
 @contextmanager
 def _linked(board: SimulatedPlayer | SimulatedReceiver, view: View, received: session.Received) -> Iterator[Link]:
     with board, Link(board.port, received, patience_s=PATIENCE_S) as link:
-        received.watch = lambda records, events: view(records, events, time.monotonic() - link.arrived)
+        received.watch = lambda records, events: view(records, events, link.waited_s())
         link.hello(board.config.design, board.config)
         yield link
 

@@ -151,6 +151,10 @@ class Link:
         """
         self._until(lambda: not self._waiting, seconds)
 
+    def waited_s(self) -> float:
+        """Return how long the bytes that are handed on now have been on this machine."""
+        return time.monotonic() - self.arrived
+
     def _until(self, done: Callable[[], bool], seconds: float) -> None:
         """Hand on what comes until something is so."""
         left, ends = len(self._waiting), time.monotonic() + seconds

@@ -110,16 +110,22 @@ def foreign_events(config: ReadoutConfig) -> Callable[[Event], AddressEvent]:
         By the function that is returned, for an address that the array does not have.
     """
 
+    above = config.row_bits + config.column_bits
+    table = {
+        polarity << above | row << config.column_bits | column: (column, row, polarity or not config.has_polarity)
+        for polarity in (False, True)[: config.has_polarity + 1]
+        for row in range(config.rows)
+        for column in range(config.columns)
+    }
+
     def to_event(event: Event) -> AddressEvent:
-        column = event.address & (1 << config.column_bits) - 1
-        row = event.address >> config.column_bits & (1 << config.row_bits) - 1
-        above = event.address >> config.column_bits + config.row_bits
-        if row >= config.rows or column >= config.columns or above > config.has_polarity:
+        try:
+            return event.time, *table[event.address]
+        except KeyError:
             raise InputError(
                 f"an event has the address {event.address:#x}, which {config.rows} x {config.columns} taxels of "
                 f"{config.encoding} have not; give the rows, columns and encoding of the foreign chip"
-            )
-        return event.time, column, row, bool(above) or not config.has_polarity
+            ) from None
 
     return to_event
 

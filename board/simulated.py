@@ -273,14 +273,14 @@ class SimulatedReceiver(SimulatedBoard):
     """
 
     def __init__(self, config: BoardConfig, events: list[tuple[int, int]], speed: float | None = None) -> None:
-        self.events = events
+        self.events: list[tuple[int, Record]] = [(time, Event(time, address)) for time, address in events]
         super().__init__(config, config.serial.clock_hz, speed)
 
     def carry_out(self, frame: Frame) -> None:
         """Do what a frame asks for; the time does not wait for it."""
         if frame.kind == Kind.RESTART:
             self._restart_at(0)
-            self._out = deque((time, Event(time, address)) for time, address in self.events)
+            self._out = deque(self.events)
         elif frame.kind == Kind.STATUS:
             last = self.events[-1][0] + 1 if self.events else 0
             clock = last if self.clocks_per_s == math.inf else int(self._now())

@@ -85,6 +85,12 @@ def load() -> None:
     source(report, "")
 
 
+def udp() -> dict[str, Any]:
+    """Return what was lost of events over UDP."""
+    report = read("benchmarks/results/udp.json")
+    return {"cores": report["cores"], "load_average": report["load_average"]} | report["result"]
+
+
 def scale_arrays() -> None:
     """Print generation, lint and simulation of square arrays."""
     made = {array["taxels"]: array["synthesis_s"] for array in read(SCALE.format(""))["results"]}

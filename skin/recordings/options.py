@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal, get_args
 
 from eskin.base.errors import InputError
@@ -15,6 +16,9 @@ TimeUnit = Literal["auto", "s", "ms", "us", "ns"]
 Baseline = Literal["none", "first", "median", "highpass"]
 
 GUIDE = "docs/guide/recordings.md"
+
+FINGER = Path(__file__).parent / "finger"
+"""Recordings that come with the project: a robot finger slides over four fabrics."""
 
 
 @dataclass(frozen=True, kw_only=True)

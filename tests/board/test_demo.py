@@ -147,6 +147,16 @@ def test_times_wrap_and_long_lists_are_cut() -> None:
     assert [event[0] for data in found.datagrams for event in read_datagram(data)[1].tolist()] == list(range(400))
 
 
+def test_the_finger_is_recognised_by_its_network(call: Call) -> None:
+    """Recordings that the network has not learned, in turns of the classes."""
+    code, out, err = call("demo finger --no-browser --port 0 --limit 4 --speed 1000")
+    assert code == 0, err
+    fabrics = ("BeigeCotton", "Canvas", "Denim", "Linen")
+    lines = [rf"{fabric}/F120_V-150mmps_1: {fabric}, right; \d+ events" for fabric in fabrics]
+    for line, wanted in zip(out.splitlines()[1:], [*lines, "played 4 recordings, 4 of 4 classes right"], strict=True):
+        assert re.fullmatch(wanted, line)
+
+
 def test_a_users_recording_is_shown_without_a_network(call: Call, folder: Path) -> None:
     np.save(folder / "touch.npy", walk(300, 6) / 2048)
     code, out, err = call("demo touch.npy --sample-rate 1000 --no-browser --port 0 --limit 1 --speed 5")

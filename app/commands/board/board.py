@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -192,7 +191,7 @@ def sending(udp: str | None, clock_hz: float) -> Iterator[UdpSender | None]:
 @contextmanager
 def _shown(view: View, page: int | None, udp: str | None, received: Received, link: Link) -> Iterator[None]:
     """Show what the board sends: in the terminal, if there is one, and optionally in a browser and over UDP."""
-    received.watch = lambda records, events: view(records, events, time.monotonic() - link.arrived)
+    received.watch = lambda records, events: view(records, events, link.waited_s())
     with ExitStack() as stack:
         view.sender = received.forward = stack.enter_context(sending(udp, view.clock_hz))
         if page is not None:

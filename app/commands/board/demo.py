@@ -12,6 +12,7 @@ import typer
 
 from eskin.app.cli import printable
 from eskin.app.commands.board.board import Udp, sending, served
+from eskin.app.commands.signals.recordings import named_place
 from eskin.app.options import with_fields
 from eskin.model.config import ReadoutConfig
 
@@ -26,7 +27,11 @@ HOLD_S = 1.5
 def demo(
     source: Annotated[
         Path | None,
-        typer.Argument(metavar="[INPUT]", help="image, recording, or folder of either in class folders [embedded]"),
+        typer.Argument(
+            metavar="[INPUT|finger]",
+            help="image, recording, folder of class folders, or finger, the project's own recordings [textures]",
+            callback=named_place,
+        ),
     ] = None,
     weights: Annotated[
         Path | None, typer.Option(metavar="INTEGER.npz", help="integer network, from eskin quantise [embedded]")

@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eskin import skin
 from eskin.app.cli import printable
 from eskin.app.options import RECORDINGS, with_fields
 from eskin.base.errors import InputError
 from eskin.base.progress import bar
 from eskin.model.config import ReadoutConfig, option_of
-from eskin.skin.recordings.options import Preparation
+from eskin.skin.recordings.options import FINGER, Preparation
 
 if TYPE_CHECKING:
     from eskin.skin.recordings.folder import RecordingSet
@@ -24,9 +23,6 @@ if TYPE_CHECKING:
 
 PREPARATION = tuple(field.name for field in dataclasses.fields(Preparation) if field.metadata)
 """Fields of Preparation that are options."""
-
-FINGER = Path(skin.__file__).parent / "recordings" / "finger"
-"""Recordings that come with the project: a robot finger slides over four fabrics."""
 
 
 def named_place(given: Path | None) -> Path | None:
