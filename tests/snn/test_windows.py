@@ -47,7 +47,7 @@ def test_a_window_lies_within_its_recording_and_differs_every_time() -> None:
 
 def test_what_fills_a_recording_up_changes_nothing() -> None:
     data = recordings()
-    fields = {"inputs": 2, "classes": 2, "hidden": 8} | {k: v for k, v in RECIPES["skin"].items() if k in ("decay",)}
+    fields = {"inputs": 2, "classes": 2, "hidden": 8, "readout": "membrane", "output_decay": 0.9}
     found = train(Split(data, np.arange(24)), NetworkConfig.from_dict(fields), TrainConfig(epochs=1), 0)
     logits = logits_of(found.network, data)
     alone = dataclasses.replace(data, values=data.values[[4], :45], labels=LABELS[[4]], images=np.array([0]))
