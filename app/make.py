@@ -228,9 +228,14 @@ def _check(name: str, variables: dict[str, str], known: list[str]) -> None:
             _fail(f"make {name} does not take {variable}{_nearest(variable, known)}")
 
 
+LEFT_OUT = ("MAKEFLAGS", "MFLAGS", "MAKEOVERRIDES", "MAKELEVEL", "PYTHONDONTWRITEBYTECODE")
+"""Variables that commands do not get. With the last one, which container images set, every process and every simulator
+would compile PyTorch or pytest anew: twice the time of all tests."""
+
+
 def _call(line: list[str]) -> None:
     """Run a command line without make's environment variables; exit with its code if it fails."""
-    outer = {k: v for k, v in os.environ.items() if k not in ("MAKEFLAGS", "MFLAGS", "MAKEOVERRIDES", "MAKELEVEL")}
+    outer = {k: v for k, v in os.environ.items() if k not in LEFT_OUT}
     process = subprocess.Popen(line, env=outer | {"NO_MKDOCS_2_WARNING": "1"})
     while True:
         try:

@@ -28,6 +28,7 @@ from eskin.app.make import (
     options_of,
     typed_variables,
 )
+from eskin.app.make import _call as run_line
 from tests.test_layers import ROOMS
 
 ROOT = Path(__file__).parents[2]
@@ -318,3 +319,8 @@ def test_a_switch_chooses_what_runs(launch: Callable[..., Any]) -> None:
     assert (code, err) == (2, "error: GATES is 1 or 0, not 'on'\n")
     assert launch("asic", "LIB=cells.lib", "POWER=0")[1] == [["-m", "eskin", "asic", "--lib=cells.lib", "--no-power"]]
     assert launch("sim", "GATE=1")[2] == "error: make sim does not take GATE; did you mean GATES?\n"
+
+
+def test_processes_keep_bytecode_whatever_the_image_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
+    run_line([sys.executable, "-c", "import sys; sys.exit(sys.dont_write_bytecode)"])
