@@ -155,7 +155,7 @@ def test_from_class_folders_to_classes(skin: Path, snn: Call) -> None:
     assert Path("out/train/weights.npz").read_bytes() == weights
     assert snn(*other)[2] == error, "called again, it goes on in the same folder"
     code, _, error = snn(*other, "-o", "out/train")
-    assert (code, "is of another configuration" in error) == (2, True)
+    assert (code, "belongs to another configuration" in error) == (2, True)
     # The studies take textures only: they leave these out, and name the command that makes others.
     for study in ("precision", "robustness", "noise-power"):
         code, _, error = snn(study)
