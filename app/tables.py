@@ -15,7 +15,7 @@ def new_table(headings: Iterable[str], title: str = "", left: Iterable[int] = (0
     Parameters
     ----------
     headings : iterable of str
-        Taken as they are: a bracket in one is no markup.
+        Titles, used literally: brackets are not markup.
     title : str
         Line above the table.
     left : iterable of int

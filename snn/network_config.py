@@ -80,7 +80,7 @@ class BaselineConfig:
     kind : "rnn", "gru" or "cnn"
         Recurrent with ReLU units (the paper's baseline), gated, or 1-D convolutional.
     input_offset : float
-        Taken off the inputs before they are scaled.
+        Value subtracted from the inputs before scaling.
     input_center : bool
         Training sets the offset to the mean of its scans.
     """

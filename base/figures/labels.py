@@ -98,7 +98,7 @@ def place_label(panel: Axes, label: Annotation, own: Box, taken: Taken, sides: s
     Parameters
     ----------
     label : Annotation
-        With its text in points from its mark (``textcoords="offset points"``).
+        Label with its text in points from its mark (``textcoords="offset points"``).
     own : Box
         The mark with its bar.
     sides : str

@@ -41,7 +41,7 @@ class OwnPlan:
     simulator : "verilator" or "icarus"
     waves : bool
     ticks : int or None
-        Samples of each at most.
+        Largest number of samples of each recording.
     out : Path
     """
 

@@ -44,10 +44,10 @@ class Network:
     path : Path
     weights : IntegerWeights
     chip : ChipConfig
-        With the readout that it was trained for.
+        Chip with the readout of the training.
     dataset : str or None
     preset : str or None
-        Of the scans; None for own recordings.
+        Preset of the scans; None for recordings.
     tested : dict of str to int
         What the float network said of each image that it has not learned.
     own : OwnReadout or None
@@ -90,7 +90,7 @@ class Plan:
     ----------
     material : Material
     networks : dict of str to Network
-        By the name of what is played.
+        Networks by name of the image or recording.
     again : str
         The command that plays it again.
     out : Path

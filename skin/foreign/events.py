@@ -176,7 +176,7 @@ def take(
         Time, in the unit of the file, that becomes clock 0. By default 0, or the first event if that is negative. It
         must be given if the first event is more than a day after 0.
     metadata : dict, optional
-        Of the recording.
+        Metadata of the recording.
 
     Raises
     ------

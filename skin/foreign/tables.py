@@ -39,7 +39,7 @@ def read_events_table(path: Path, fields: Sequence[str] = (), unit: str | None =
     fields : sequence of str
         Meaning of each column, if the file has no names: t, x, y, p, address, or - for others.
     unit : str, optional
-        Of the time; else as the name of its column says, else s for times with a point and us for whole ones.
+        Unit of the time; by default from the column's name, else s for decimal times and us for integers.
 
     Raises
     ------
@@ -216,7 +216,7 @@ def write_events_table(path: Path, recording: Recording, unit: str) -> str:
     path : Path
     recording : Recording
     unit : "us" or "clocks"
-        Of t since the end of reset; microseconds are rounded half to even.
+        Unit of t since the end of reset; microseconds are rounded half to even.
     """
     events = in_unit(recording, unit)
     with atomic_write(path) as file:

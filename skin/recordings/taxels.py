@@ -25,7 +25,7 @@ SATURATED = 0.5
 
 
 def only_taxels(tables: Sequence[Table]) -> tuple[list[Table], tuple[str, ...]]:
-    """Return the recordings of a folder without the columns that are no taxels, and a note on each such column.
+    """Return the recordings of a folder without columns that are not taxels, and a note on each such column.
 
     Nothing is left out of a single recording, where recordings have different columns, or where most columns would go.
     """

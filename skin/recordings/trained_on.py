@@ -25,7 +25,7 @@ class OwnReadout:
     ----------
     config : ReadoutConfig
     options : Preparation
-        With the scale as it came out.
+        Preparation with the resulting scale.
     """
 
     config: ReadoutConfig

@@ -74,7 +74,7 @@ def spiking_traffic(config: ReadoutConfig, rates: Rates, frame: FrameConfig) -> 
     ----------
     config : ReadoutConfig
     rates : Rates
-        Its mean event rate over some scans.
+        Mean event rate of the readout over some scans.
     frame : FrameConfig
         Frame readout for the comparison.
 

@@ -70,13 +70,13 @@ class Draft:
     scan : PhysicalScan
     image : array, shape (height, width)
     height : float
-        Of the array over the image, from 0 (top) to 1; of a movement upwards or downwards, from the left side.
+        Position of the array on the image, from 0 (top) to 1; for vertical movements, from the left side.
     quarter_turns : int
         Direction of the movement, counter-clockwise from left to right.
     signals : float64 array, shape (ticks, taxels)
         Signals in full scales; one full scale is 1 V.
     noise_v, offset_v : float
-        Of the two comparators of every taxel: rms per sample, and deviation over comparators.
+        Noise of every comparator, rms per sample, and standard deviation of the comparators' offsets.
     generator : Generator, optional
         For the comparators.
     events : Events

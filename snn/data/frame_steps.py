@@ -37,7 +37,7 @@ class FrameSteps:
         Samples in full scales; differences to the frame before in LSB, 0 in the first; or crossings of levels upwards
         and downwards, as level crossing at the receiver counts them from the first frame on.
     level_bits : int
-        Of ``frame-onoff``: levels lie 2**-level_bits of full scale apart, as those of LCS with so many bits.
+        For ``frame-onoff``: the distance of levels is 2**-level_bits of full scale, as in LCS with this resolution.
     """
 
     rate_hz: float = 5000.0

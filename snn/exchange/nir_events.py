@@ -75,7 +75,7 @@ def from_nir_data(data: nir.NIRGraphData, config: ReadoutConfig, metadata: dict[
     config : ReadoutConfig
         The readout; NIRData does not carry it.
     metadata : dict, optional
-        Of the recording.
+        Metadata of the recording.
 
     Raises
     ------

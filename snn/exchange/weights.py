@@ -33,7 +33,7 @@ class Weights:
     ----------
     network : nn.Module
     class_names : tuple of str
-        Of the outputs, in their order.
+        Names of the outputs, in their order.
     step_s : float
         Seconds per time step, with which the counts must be made.
     """

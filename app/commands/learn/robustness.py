@@ -75,7 +75,7 @@ def subjects_of(places: list[Path] | None, scenes: bool = True) -> list[Subject]
     Parameters
     ----------
     places : list of Path or None
-        As the user gave them.
+        Folders as typed by the user.
     scenes : bool
         Only networks on events of physical scans suit.
 
