@@ -36,7 +36,7 @@ def usable(*parts: str) -> Path | None:
 
 
 def private_folder(path: Path) -> Path:
-    """Return a folder for what is run as code, made where it does not exist, that no other user can write to.
+    """Return a folder for executable code, created if missing, that no other user can write to.
 
     Raises
     ------

@@ -179,14 +179,14 @@ class Pieces:
         return piece
 
     def _whole(self, piece: Any) -> bool:
-        """Return whether a line is a piece of the same code, as it was written: others are computed anew."""
+        """Return whether a line is an undamaged piece of the current code; other pieces are computed again."""
         if not isinstance(piece, dict) or piece.get("code") != self.code:
             return False
         return bool(piece.pop("seal", None) == _seal(piece))
 
 
 def _seal(piece: dict[str, Any]) -> str:
-    """Return a digest of what a piece holds."""
+    """Return a digest of the content of a piece."""
     return hashlib.sha256(json.dumps(piece).encode()).hexdigest()[:12]
 
 

@@ -1,4 +1,4 @@
-"""The kinds of files of this project, by the name that stands in each: a reader says what it was given instead."""
+"""The file formats of this project, by the name in each file; a reader names the format that it received instead."""
 
 from __future__ import annotations
 

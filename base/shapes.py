@@ -1,4 +1,4 @@
-"""Hold what the project's own files contain to a shape: a damaged file is one sentence, not a crash later on."""
+"""Check the content of the project's files against a shape, so that a damaged file gives one sentence, not a crash."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Shape = Any
 
 
 def misfit(value: Any, shape: Shape, place: str = "it") -> str:
-    """Return what is wrong with JSON content, or an empty string.
+    """Return a description of the error in JSON content, or an empty string.
 
     A float may be any finite number, an int only a whole number from 0 on; ``object`` is anything.
 

@@ -1,4 +1,4 @@
-"""Without Icarus the tests that need it are skipped, and say so; in CI nothing may be missing."""
+"""Skip tests that need Icarus if it is missing, and report this; in CI nothing may be missing."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ class RowsAgent:
 
 
 class ArbiterContract:
-    """What must hold whatever the microarchitecture, seen from the ports alone: one method a property.
+    """The contract of any microarchitecture, checked at the ports: one method per property.
 
     Assumptions on the environment: a request stays until its row is granted or it is withdrawn, and a selected row
     drives the column lines in the same clock.
@@ -86,7 +86,7 @@ class ArbiterContract:
         self.reset()
 
     def reset(self) -> None:
-        """Forget what was on its way."""
+        """Forget all pending requests."""
         self.raised: dict[tuple[int, int], list[tuple[bool, int, int]]] = defaultdict(list)
         self.served: Counter[tuple[int, int]] = Counter()
         self.accepted = 0
@@ -229,7 +229,7 @@ class ArbiterBench:
         self.contract.empty()
 
     async def reset(self) -> None:
-        """Reset in mid-stream: what was latched is gone, and row 0 comes first again."""
+        """Reset during activity: latched requests are dropped, and row 0 comes first again."""
         self.rows.clear()
         self.contract.reset()
         self.reference.reset()

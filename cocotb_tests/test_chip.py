@@ -1,4 +1,4 @@
-"""The chip as it is delivered, when its bins end, and what it refuses; ``test_touch.py`` plays scans through it."""
+"""Test the delivered chip, the ends of its bins, and refused configurations; ``test_touch.py`` plays scans."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The Verilog of the classifier: lint, resets, memories, and what lies beside it."""
+"""Test the Verilog of the classifier: lint, resets, memories, and the files beside it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The Verilog of the frame readout: lint, resets, stability, and what lies beside it."""
+"""Test the Verilog of the frame readout: lint, resets, stability, and the files beside it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is built is kept by what it is made of: made again if anything of that changes, and only then."""
+"""Test the build cache: an entry is rebuilt if any of its inputs changes, and only then."""
 
 from __future__ import annotations
 

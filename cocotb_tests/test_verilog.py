@@ -1,4 +1,4 @@
-"""The Verilog that is delivered: lint, style, stability, and what lies beside it."""
+"""Test the delivered Verilog: lint, style, stability, and the files beside it."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def name(config: ReadoutConfig) -> str:
 
 
 def lint(path: Path) -> str:
-    """Return all that the two linters have to say."""
+    """Return all messages of the two linters."""
     require_programs("icarus")
     top = path.stem
     said = ""

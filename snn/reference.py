@@ -1,4 +1,4 @@
-"""What plain statistics say of recordings: a logistic regression on them, and the most frequent class."""
+"""Compute baselines for recordings: logistic regression on plain statistics, and the most frequent class."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def logistic_classes(
 
 
 def score(labels: NDArray[np.int64], predicted: NDArray[np.int64]) -> dict[str, Any]:
-    """Return accuracy, balanced accuracy (the mean over classes) and the number of right ones."""
+    """Return accuracy, balanced accuracy (the mean over classes) and the number of correct recordings."""
     right = labels == predicted
     of_classes = [right[labels == label].mean() for label in np.unique(labels)]
     return {
@@ -105,7 +105,7 @@ def is_unbalanced(labels: NDArray[np.int64]) -> bool:
 
 
 def sentences(network: dict[str, Any], found: dict[str, dict[str, Any]], total: int, unbalanced: bool) -> Sequence[str]:
-    """Return what a user shall read beside the accuracy of a network: that of the statistics, and what to try."""
+    """Return notes for the user beside the accuracy of a network: the baselines, and suggestions."""
     words = {
         "events": "logistic regression on statistics of the same events",
         "signals": "logistic regression on statistics of the signals",

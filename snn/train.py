@@ -154,7 +154,7 @@ def _epoch(
 
 
 def _inputs(data: ScanData, scans: NDArray[np.int64], config: TrainConfig, generator: np.random.Generator) -> Tensor:
-    """Return what the network learns of some scans: all steps, or a window of each."""
+    """Return the training input of some scans: all steps, or a window of each."""
     return data.windows(scans, config.window_steps, generator) if config.window_steps else data.batch(scans)
 
 

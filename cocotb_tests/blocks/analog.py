@@ -23,7 +23,7 @@ CLOCKS = 4000
 
 
 def drive(config: ReadoutConfig, samples: np.ndarray, seed: int) -> Stimulus:
-    """Return a stimulus of one sample tick in eight clocks, with a sink that does not always take."""
+    """Return a stimulus with one sample tick in eight clocks, and a sink that is not always ready."""
     from eskin.cocotb_tests.bench.stimuli import READY, ack_delays
     from eskin.model.readout import Stimulus
 

@@ -64,7 +64,7 @@ def random_scan(config: ClassifierConfig, rng: random.Random, bins: int, rate: s
 
 @cocotb.test()
 async def scans_equal_the_model(dut: Any) -> None:
-    """Networks that are loaded anew, scans begun by reset and by scan_start, in mid-work, at all rates of events."""
+    """Play scans with new networks, after resets and scan_start, during work, at all rates of events."""
     config, rng = job()
     bench = ClassifierBench(dut, config, rng)
     bins = 6 if config.hidden > 4 else 24
@@ -77,7 +77,7 @@ async def scans_equal_the_model(dut: Any) -> None:
 
 @cocotb.test()
 async def scans_begin_at_any_time(dut: Any) -> None:
-    """Scans of a bin or two, each begun by scan_start wherever the one before has come to."""
+    """Play scans of one or two bins, each begun by scan_start at any point of the previous scan."""
     config, rng = job()
     bench = ClassifierBench(dut, config, rng)
     await bench.load(random_network(config, rng))
@@ -93,7 +93,7 @@ async def scans_begin_at_any_time(dut: Any) -> None:
 def cosimulate(
     config: ClassifierConfig, simulator: Simulator, folder: Path, seed: int, test: str = "scans_equal_the_model"
 ) -> Counter[str]:
-    """Run a cocotb test of the classifier and return what it counted."""
+    """Run a cocotb test of the classifier and return its counts."""
     from eskin.cocotb_tests.runner.simulator import build  # not in the simulator, which imports this file too
 
     environment = {JOB: json.dumps({"config": config.to_dict(), "seed": seed})}

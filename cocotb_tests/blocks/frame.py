@@ -102,7 +102,7 @@ async def texture_scan_gives_its_codes(dut: Any) -> None:
 def cosimulate(
     config: FrameConfig, simulator: Simulator, test: str, folder: Path, seed: int, samples: NDArray[np.int64]
 ) -> Counter[str]:
-    """Run one cocotb test of the frame readout on samples of a scan, and return what it counted."""
+    """Run one cocotb test of the frame readout on samples of a scan, and return its counts."""
     from eskin.cocotb_tests.runner.simulator import build  # not in the simulator, which imports this file too
 
     np.save(folder / "samples.npy", samples)

@@ -209,7 +209,7 @@ def play(
     given: list[Any] | None = None,
     anything: bool = False,
 ) -> tuple[Counter[str], Counter[str]]:
-    """Prepare and play a run (see ``prepare``); return what was counted in it, and what happens in it."""
+    """Prepare and play a run (see ``prepare``); return its counts, and the counts of its activities."""
     path, happens = prepare(config, folder, seed, given, anything)
     env = {JOB: json.dumps({"config": config.to_dict(), "seed": seed}), "ESKIN_HOST": str(path)}
     build(config, simulator, top="eskin_readout").test(__name__, folder, "readout_follows_its_model", env)

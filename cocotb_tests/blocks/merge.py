@@ -54,7 +54,7 @@ class MergeReference:
 
 
 class MergeBench:
-    """A merge, its tiles and its sink, its reference, and what happened, for the golden model.
+    """A merge with its tiles, sink and reference, and a log for the golden model.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ class MergeBench:
                 self.given[tile].append(event)
 
     def drive_tiles(self) -> None:
-        """Put the offers onto the pins; what stands beside no offer is noise."""
+        """Drive the offers onto the pins; unused pins are random."""
         tile = self.config.tile
         words = {"tile_valid": 0, "tile_row": 0, "tile_col": 0, "tile_polarity": 0}
         for index, event in enumerate(self.offers):
@@ -115,7 +115,7 @@ class MergeBench:
         return read("tile_ready"), read("event_valid"), read("event_tile"), fields
 
     async def clock(self, demand: float, members: list[int], ready: bool) -> None:
-        """Offer, drive, hold everything to the reference, and make the edge."""
+        """Offer events, drive the pins, compare all outputs with the reference, and make the edge."""
         self.offer(demand, members)
         self.drive_tiles()
         found = []
@@ -142,7 +142,7 @@ class MergeBench:
             self.offers[taken] = None
 
     async def reset(self) -> None:
-        """Reset in mid-stream: what was held is gone."""
+        """Reset during activity, which drops all held events."""
         self.clear()
         self.drive_tiles()
         self.block.drive(rst=1)
@@ -190,7 +190,7 @@ async def merge_keeps_its_contract(dut: Any) -> None:
 
 
 def play(config: TilesConfig, simulator: Simulator, folder: Path, seed: int) -> Counter[str]:
-    """Play the merge of a skin; hold its last run to the golden model too, and return what was counted."""
+    """Play the merge of a skin, compare its last run with the golden model too, and return the counts."""
     from eskin.model.tiles.merge import merge
 
     counts = cosimulate(config, simulator, "eskin_merge", "merge_keeps_its_contract", folder, seed, __name__)

@@ -60,5 +60,5 @@ async def pattern_follows_its_model(dut: Any) -> None:
 
 
 def play(config: ReadoutConfig, simulator: Simulator, test: str, folder: Path, seed: int) -> Counter[str]:
-    """Run a cocotb test of this file and return what it counted."""
+    """Run a cocotb test of this file and return its counts."""
     return cosimulate(config, simulator, "eskin_pattern", test, folder, seed, __name__)

@@ -64,5 +64,5 @@ async def file_follows_its_model(dut: Any) -> None:
 
 
 def play(config: ReadoutConfig, simulator: Simulator, test: str, folder: Path, seed: int) -> Counter[str]:
-    """Run a cocotb test of this file and return what it counted."""
+    """Run a cocotb test of this file and return its counts."""
     return cosimulate(config, simulator, "eskin_registers", test, folder, seed, __name__)

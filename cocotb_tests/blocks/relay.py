@@ -23,7 +23,7 @@ FIELDS = ("row", "col", "polarity")
 
 
 class RelayBench:
-    """A station, what it holds in plain Python, and what happened, for the golden model.
+    """A station with a queue in plain Python, and a log for the golden model.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class RelayBench:
         return read("tile_ready"), read("event_valid"), tuple(read(f"event_{name}") for name in FIELDS)
 
     async def clock(self, demand: float, ready: bool) -> None:
-        """Offer, hold every output to the queue whatever the inputs are, and make the edge."""
+        """Offer an event, compare every output with the queue, and make the edge."""
         if self.offer is None and self.rng.random() < demand:
             self.offer = self._word()
             self.offered.append(len(self.ready))
@@ -94,7 +94,7 @@ class RelayBench:
         await self.block.edge()
 
     async def reset(self) -> None:
-        """Reset in mid-stream: what was held is gone."""
+        """Reset during activity, which drops all held events."""
         self.clear()
         self.block.drive(rst=1)
         await self.block.settle()
@@ -136,7 +136,7 @@ async def relay_keeps_its_contract(dut: Any) -> None:
 
 
 def play(config: TilesConfig, simulator: Simulator, folder: Path, seed: int) -> Counter[str]:
-    """Play a station; hold its last run to the golden model too, and return what was counted."""
+    """Play a station, compare its last run with the golden model too, and return the counts."""
     from eskin.model.tiles.relay import relay
 
     counts = cosimulate(config, simulator, "eskin_relay", "relay_keeps_its_contract", folder, seed, __name__)

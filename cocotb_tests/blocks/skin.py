@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @cocotb.test()
 async def skin_plays_its_stimulus(dut: Any) -> None:
-    """Play stimulus.npz and hold the events, as they leave the merge, to its own."""
+    """Play stimulus.npz and compare the events that leave the merge with the expected ones."""
     config, _ = job()
     assert isinstance(config, TilesConfig)
     block = Block(dut)
@@ -52,7 +52,7 @@ async def skin_plays_its_stimulus(dut: Any) -> None:
 
 
 def play(config: TilesConfig, simulator: Simulator, folder: Path) -> Counter[str]:
-    """Play random walks on a skin, with a sink that does not always take; return what was counted."""
+    """Play random walks on a skin, with a sink that is not always ready; return the counts."""
     from eskin.model.readout import Stimulus
     from eskin.model.tiles.run import simulate_skin
 

@@ -74,7 +74,7 @@ class Host:
         self.block, self.period_ps, self.rng = block, period_ps, rng
 
     async def wait(self, clocks: float) -> None:
-        """Wait for some clocks of the readout and a moment that is not one of its."""
+        """Wait for some clocks of the readout, plus a time between two clocks."""
         await Timer(round(clocks * self.period_ps) + self.rng.randrange(1, self.period_ps), "ps")
 
     async def transfer(self, address: int, words: list[int], write: bool) -> list[int]:
@@ -136,5 +136,5 @@ async def host_of_another_clock_reads_what_it_wrote(dut: Any) -> None:
 
 
 def play(config: ReadoutConfig, simulator: Simulator, test: str, folder: Path, seed: int) -> Counter[str]:
-    """Run a cocotb test of this file and return what it counted."""
+    """Run a cocotb test of this file and return its counts."""
     return cosimulate(config, simulator, "eskin_spi", test, folder, seed, __name__)

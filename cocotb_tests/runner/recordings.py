@@ -104,7 +104,7 @@ def play(plan: OwnPlan, on_run: Callable[[Any], None]) -> Tally:
 
 
 def play_samples(config: ReadoutConfig, codes: NDArray[np.int32], simulator: Simulator = "verilator") -> Events:
-    """Return the events that the RTL sends while samples last, held to those of the model.
+    """Return the RTL's events for some samples, compared with the model's.
 
     Parameters
     ----------

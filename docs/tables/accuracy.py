@@ -233,7 +233,7 @@ def touch() -> None:
 samples | {taxels} x {sample_bits} b at {sample_rate_hz:1e-3*g} kHz | {sampled:1e-6*.1f} Mb/s
 address events | {rate:,.0f} a second of {bits} b | {sent:1e-3*.0f} kb/s
 network | {classifier_hidden} neurons, weights of {classifier_rec_bits} b | {adds:1e-6*.1f} M additions/s
-class | every {classifier_bin_s:1e3*g} ms | {late:1e6*.0f} us after its end at the latest
+class | every {classifier_bin_s:1e3*g} ms | at most {late:1e6*.0f} us after the end of the bin
 right | {right} of {labelled} in the RTL | {right_float} of {labelled} before rounding"""
     table("from touch to class |  | ", [filled(line, values) for line in lines.splitlines()])
     source(report, ": {images} images, {clocks:,} clocks, {events:,} events, {mismatches} mismatches")

@@ -14,7 +14,7 @@ PREFIX = "classifier_"
 
 
 def with_room(readout: ReadoutConfig, classifier: ClassifierConfig) -> ReadoutConfig:
-    """Return a readout with so many clocks per sample that a bin has room for all work that the classifier can have.
+    """Return a readout with enough clocks per sample for all work of the classifier in a bin.
 
     That is an event of every channel, and a spike of every hidden neuron in the bin and in the one before. The clocks
     are doubled until they suffice, so samples and events stay in their bins.

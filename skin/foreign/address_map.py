@@ -23,7 +23,7 @@ HEADERS = (("address", "x", "y"), ("from_x", "from_y", "x", "y"))
 
 @dataclass(frozen=True)
 class AddressMap:
-    """The taxel of every foreign address that has one.
+    """A map from the addresses of another chip to taxels.
 
     Attributes
     ----------

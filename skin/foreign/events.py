@@ -31,7 +31,7 @@ LATE_S = 86_400
 
 @dataclass(frozen=True, eq=False)
 class ForeignEvents:
-    """Events as they stand in a file.
+    """Events as in a file.
 
     Attributes
     ----------
@@ -229,7 +229,7 @@ def _seconds(unit: str, config: ReadoutConfig) -> Fraction:
 
 
 def _clocks(time: NDArray[Any], start: float, unit: str, config: ReadoutConfig) -> tuple[NDArray[np.int64], int]:
-    """Return the clocks of times, rounded half to even, and how many times lie between two clocks."""
+    """Return the clocks of times, rounded half to even, and the number of times between two clocks."""
     per_unit = _seconds(unit, config) * Fraction(config.clock_hz)
     passed = time - start
     if len(time) and float(passed[-1]) * float(per_unit) > MOST_CLOCKS:

@@ -147,8 +147,8 @@ def sources_of(folder: Path, flat: bool = False, strict: bool = False) -> tuple[
         )
     if not found:
         raise InputError(
-            f"{folder} contains no recordings; give a folder with a folder for each class, with files ending in "
-            f"{', '.join(ARRAY_SUFFIXES)} in them"
+            f"{folder} contains no recordings; put files ending in "
+            f"{', '.join(ARRAY_SUFFIXES)} into a folder for each class"
         )
     names = [source.name for source in found]
     if len(set(names)) < len(names):

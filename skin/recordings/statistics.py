@@ -1,4 +1,4 @@
-"""Plain statistics of a recording, taxel by taxel: what a network on its events has to beat."""
+"""Compute plain statistics of a recording for every taxel, as a baseline for a network on its events."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def statistics(signal: NDArray[Any]) -> NDArray[np.float64]:
     Parameters
     ----------
     signal : shape (ticks, columns)
-        A shorter one than a segment is filled up with its last sample.
+        A recording shorter than a segment is extended with its last sample.
 
     Returns
     -------
@@ -53,7 +53,7 @@ def write_signals(recordings: RecordingSet, folder: Path) -> None:
 
 
 def seconds_of(folder: Path) -> NDArray[np.float64] | None:
-    """Return how long each recording of a folder of event files lasts, shape (recordings,); None where no file says."""
+    """Return the length of each recording in a folder of event files, shape (recordings,); None if unknown."""
     content = _read(folder)
     if content is None:
         return None

@@ -1,4 +1,4 @@
-"""Columns of a folder of recordings that are no taxels: by name, constant, saturated, rising, or of another unit."""
+"""Find columns of recordings that are not taxels: by name, constant, saturated, rising, or in another unit."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def only_taxels(tables: Sequence[Table]) -> tuple[list[Table], tuple[str, ...]]:
 
 
 def _reasons(tables: Sequence[Table]) -> dict[int, str]:
-    """Return why columns are no taxels, by their number."""
+    """Return by column number why columns are not taxels."""
     names, found = tables[0].names, {}
     together = np.concatenate([table.values for table in tables])
     low, high = np.percentile(np.abs(together), [10, 90], axis=0)

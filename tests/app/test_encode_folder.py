@@ -78,7 +78,7 @@ def test_a_single_file_with_time_stamps_is_read_as_one(call: Any, folder: Path) 
     ("line", "sentence"),
     [
         ("encode none -o e.npz", "none is of unknown kind"),
-        ("encode empty -o e", "empty contains no recordings; give a folder with a folder for each class"),
+        ("encode empty -o e", "empty contains no recordings; put files ending in"),
         ("encode skin -o taken", "cannot write to taken: it is a file; give the name of a folder"),
         ("encode skin -o e --class a", "--class belongs to one input"),
         ("encode skin -o e --model functional", "--model functional belongs to one input"),

@@ -362,7 +362,7 @@ def test_equal_file_names_in_two_classes_stay_apart(tmp_path):
 
 
 def test_folders_that_are_no_set_get_one_sentence(tmp_path):
-    with pytest.raises(InputError, match="contains no recordings; give a folder with a folder for each class"):
+    with pytest.raises(InputError, match="contains no recordings; put files ending in"):
         sources_of(tmp_path)
     write_csv(tmp_path / "a/0.csv", counts("tap"))
     np.save(tmp_path / "a/0.npy", counts("tap"))

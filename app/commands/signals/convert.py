@@ -101,7 +101,7 @@ def _check_output(out: Path, bin_s: float | None, unit: str | None) -> None:
 def _taken(
     source: Path, config: ReadoutConfig, given: frozenset[str], options: Mapping[str, object], out: Path
 ) -> Recording:
-    """Return the recording of foreign events; print what was assumed and what was lost."""
+    """Return the recording of another program's events; print the assumptions and losses."""
     from eskin.skin.foreign.address_map import AddressMap
     from eskin.skin.foreign.events import configuration, in_order, take, unwrapped
     from eskin.skin.foreign.files import read_foreign
@@ -127,7 +127,7 @@ def _taken(
 
 
 def _number(start: object) -> float | None:
-    """Return a start as whole number where it is one, so that whole time stamps stay exact."""
+    """Return a start time as an integer if possible, so that integer time stamps stay exact."""
     if not isinstance(start, float):
         return None
     return int(start) if start.is_integer() else start

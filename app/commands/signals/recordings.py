@@ -26,7 +26,7 @@ PREPARATION = tuple(field.name for field in dataclasses.fields(Preparation) if f
 
 
 def named_place(given: Path | None) -> Path | None:
-    """Return what a user names, or the recordings of the project where he names them and has no such folder."""
+    """Return the folder named by the user, or the project's recordings of that name."""
     return FINGER if given == Path(FINGER.name) and not given.exists() else given
 
 
