@@ -168,7 +168,7 @@ def test_every_register_has_a_reset_and_none_an_initial_value(encoding: str, res
         ReadoutConfig.from_dict({"rows": 3, "columns": 5, "encoding": encoding, "reset": reset, "link": "four_phase"})
     )
     blocks = re.findall(r"always @\(([^)]*)\)\s+if \((rst.*)\) (\w+) <= \d+'[hs]*([0-9a-f]+);", text)
-    registers = re.findall(r"^  (?:output )?reg ", text, re.MULTILINE)
+    registers = re.findall(r"^  (?:\(\*.*\*\) )?(?:output )?reg ", text, re.MULTILINE)
     assert len(blocks) == len(registers) == text.count("always") > 5
     edges = {edge for edge, *_ in blocks}
     assert edges == ({"posedge clk"} if reset == "sync" else {"posedge clk, posedge rst"})

@@ -20,6 +20,7 @@ from eskin.model.registers.description import NAME
 from eskin.model.registers.export import c_header, page
 from eskin.model.tiles.config import MergeConfig, TilesConfig
 from eskin.rtl.classifier.ports import CLASSIFIER_PORTS, WATCHED_PORTS
+from eskin.rtl.gates.clock_gates import BEHAVIOUR, GATE, TEST
 from eskin.rtl.text.testbench import has_testbench, testbench
 from eskin.rtl.verilog import Config, header, top_block, verilog, what_is
 
@@ -59,6 +60,25 @@ OUTSIDE = 0.2
 DAC_OUT, DECISION_IN = 0.7, 0.7
 """Shares of a taxel's loop through its macros: references leave within 0.3 of a period, the DAC and the comparator have
 0.4, and the decision is there 0.3 before the edge that takes it."""
+
+UNCERTAINTY = 0.05
+"""Share of the period that jitter and the skew of a clock tree, which layout makes, may take."""
+
+HOLD_NS = 0.1
+"""Skew that must not break a hold time."""
+
+LOAD_PF = 0.05
+"""At every output: a wire of some 300 um, or the input of a pad."""
+
+EDGE_NS, CLOCK_EDGE_NS = 0.5, 0.1
+"""Transition times at the inputs, and at clock and reset, whose trees layout makes."""
+
+TEST_PORT = {
+    "name": TEST,
+    "direction": "input",
+    "width": 1,
+    "meaning": "low in operation; high, every clock gate is open, as a scan chain needs",
+}
 
 MACRO_IN, MACRO_OUT = ("above", "below"), ("reference_code", "half_width")
 """Ports at the comparators and the DACs of the analog front end."""
@@ -139,7 +159,7 @@ def ports(config: Config) -> Iterator[dict[str, Any]]:
         yield {"name": name, "direction": direction, "width": width, "meaning": meaning.format(**fields)}
 
 
-def description(config: Config) -> str:
+def description(config: Config, gated: bool = False) -> str:
     """Return the JSON text that goes with the Verilog: version, configuration and ports."""
     return json.dumps(
         {
@@ -148,13 +168,13 @@ def description(config: Config) -> str:
             "licence": "Apache-2.0",
             "configuration": config.to_dict(),
             "clock_hz": config.clock_hz,
-            "ports": list(ports(config)),
+            "ports": [*ports(config), *([TEST_PORT] if gated else [])],
         },
         indent=2,
     )
 
 
-def constraints(config: Config) -> str:
+def constraints(config: Config, gated: bool = False) -> str:
     """Return the timing constraints (SDC): the clock, the ports' share of it, and what is asynchronous."""
     period_ns = 1e9 / config.clock_hz
     pins = {port["name"]: port["name"] + ("[*]" if port["width"] > 1 else "") for port in ports(config)}
@@ -166,6 +186,10 @@ def constraints(config: Config) -> str:
         )
         for way in ("input", "output")
     }
+    driven = " ".join(pin for name, pin in pins.items() if name in _inputs(config) - {"clk", "rst"})
+    if gated:
+        timed["input"] += f" {TEST}"
+        driven += f" {TEST}"
     # With the delay on rst, recovery and removal of the flops' asynchronous resets are checked.
     reset = ["# rst is asserted at any time and released in step with the clock."] if config.reset == "async" else []
     base = "sample rate times clocks per sample"
@@ -177,6 +201,15 @@ def constraints(config: Config) -> str:
         f"# Clock: {base}. Tighten it to what the technology should reach.",
         f"set period_ns {period_ns:.6g}",
         "create_clock -name clk -period $period_ns [get_ports {clk}]",
+        "# Jitter, and the skew of a clock tree that is still to be made. Times are in ns, capacitances in pF.",
+        f"set_clock_uncertainty -setup [expr {UNCERTAINTY} * $period_ns] [get_clocks clk]",
+        f"set_clock_uncertainty -hold {HOLD_NS} [get_clocks clk]",
+        "",
+        "# Edges at the inputs, and loads. With your library name a buffer of middle size instead, no delay cell:",
+        "# set_driving_cell -lib_cell BUFFER [get_ports ...]",
+        f"set_input_transition {EDGE_NS} [get_ports {{{driven}}}]",
+        f"set_input_transition {CLOCK_EDGE_NS} [get_ports {{clk rst}}]",
+        f"set_load -pin_load {LOAD_PF} [all_outputs]",
         "",
         "# A fifth of the period belongs to whatever drives an input or takes an output.",
         *reset,
@@ -201,7 +234,12 @@ def constraints(config: Config) -> str:
     return header(config, "#") + "\n" + "\n".join(lines) + "\n"
 
 
-def core(config: Config) -> str:
+def _inputs(config: Config) -> set[str]:
+    """Return the names of the inputs."""
+    return {port["name"] for port in ports(config) if port["direction"] == "input"}
+
+
+def core(config: Config, gated: bool = False) -> str:
     """Return the FuseSoC core file (CAPI2)."""
     top = top_block(config).module_name
     bench, sim = _simulation(top) if has_testbench(config) else ("", "")
@@ -213,7 +251,7 @@ name: ::{top}:{__version__.split("+")[0]}
 description: {_summary(config)}
 filesets:
   rtl:
-    files: [{top}.v]
+    files: [{top}.v{f", {GATE}.v" * gated}]
     file_type: verilogSource-2005
   constraints:
     files: [{top}.sdc]
@@ -280,21 +318,24 @@ def _tiles(skin: TilesConfig) -> str:
     return f"{skin.tile_rows} x {skin.tile_columns} tiles of {tile.rows} x {tile.columns} taxels"
 
 
-def write(config: Config, folder: Path) -> list[Path]:
+def write(config: Config, folder: Path, gated: bool = False) -> list[Path]:
     """Write Verilog, constraints, description and core file into a folder, made if need be; return their paths.
 
-    Each file is written whole or not at all.
+    Each file is written whole or not at all. With ``gated`` the Verilog has clock gates, whose module is a file of its
+    own.
     """
     top = top_block(config).module_name
     files = {
-        ".v": verilog(config),
-        ".sdc": constraints(config),
-        ".json": description(config) + "\n",
-        ".core": core(config),
+        ".v": verilog(config, gated),
+        ".sdc": constraints(config, gated),
+        ".json": description(config, gated) + "\n",
+        ".core": core(config, gated),
     }
     if isinstance(config, ReadoutConfig) and has_testbench(config):
-        files["_tb.sv"] = testbench(config)
+        tied = f".event_ready(1'b1), .{TEST}(1'b0)" if gated else ".event_ready(1'b1)"
+        files["_tb.sv"] = testbench(config).replace(".event_ready(1'b1)", tied)
     texts = {f"{top}{suffix}": text for suffix, text in files.items()} | _of_registers(config)
+    texts |= {f"{GATE}.v": header(config, "//") + BEHAVIOUR} if gated else {}
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
     for name, text in texts.items():

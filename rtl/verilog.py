@@ -15,6 +15,7 @@ from eskin.rtl.block import Block, RtlilModules
 from eskin.rtl.classifier.chip import Chip
 from eskin.rtl.classifier.core import Classifier
 from eskin.rtl.frame import FrameReadout
+from eskin.rtl.gates import clock_gates
 from eskin.rtl.readout import Readout
 from eskin.rtl.tiles.merge import Merge
 from eskin.rtl.tiles.skin import Skin
@@ -69,14 +70,32 @@ def top_block(config: Config) -> Block[Any]:
     return FrameReadout(config) if isinstance(config, FrameConfig) else Readout(config)
 
 
-def verilog(config: Config) -> str:
+def verilog(config: Config, gated: bool = False) -> str:
     """Return the readout as Verilog text: plain Verilog-2005, no initial values, one module per distinct block.
 
-    The text depends on the configuration and on the pinned versions of Amaranth and Yosys only.
+    The text depends on the configuration, ``gated``, and the pinned versions of Amaranth and Yosys only.
+
+    Parameters
+    ----------
+    config : Config
+    gated : bool
+        With the port ``test_enable`` and instances of ``eskin_clock_gate``, which is a text of its own (``BEHAVIOUR``).
     """
+    if gated:
+        top = top_block(config)
+        text = clock_gates.gated(rtlil(config), top.module_name, config.reset == "sync")
+        return header(config, "//") + _waive(_synchronised(text), config)
     script = YOSYS_SCRIPT.format(top=top_block(config).module_name)
     text = yosys.tidy(yosys.run(script, rtlil(config), "readout.v"))
-    return header(config, "//") + _waive(text, config)
+    return header(config, "//") + _waive(_synchronised(text), config)
+
+
+def _synchronised(text: str) -> str:
+    """Return a text with marks at the flops of asynchronous inputs, so that no tool moves or merges them."""
+    for module, names in clock_gates.SYNCHRONISERS.items():
+        for name in names:
+            text = yosys.mark(text, module, name, '(* async_reg = "true", keep = "true" *)')
+    return text
 
 
 def rtlil(config: Config) -> str:

@@ -138,6 +138,16 @@ def waive(verilog: str, warning: str, reason: str) -> str:
     return f"// {reason}\n/* verilator lint_off {warning} */\n{verilog}"
 
 
+def mark(verilog: str, module: str, name: str, attributes: str) -> str:
+    """Return a text in which a register of a module has attributes."""
+    head, mark, body = verilog.partition(f"module {module}(")
+    return (
+        head
+        + mark
+        + re.sub(rf"^  (?=reg (?:\[\d+:0\] )?{name};$)", f"  {attributes} ", body, count=1, flags=re.MULTILINE)
+    )
+
+
 def waive_signal(verilog: str, module: str, name: str, warning: str, reason: str) -> str:
     """Return a text in which a lint warning is waived for one input or wire of a module, with the reason."""
     head, mark, body = verilog.partition(f"module {module}(")

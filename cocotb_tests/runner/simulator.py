@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -35,7 +36,7 @@ from eskin.rtl.classifier.core import Classifier
 from eskin.rtl.verilog import Config
 
 HARNESS = Path(__file__).parents[1] / "bench" / "harness.v"
-TEST_ENABLE = "input test_enable;"
+TEST_ENABLE = re.compile(r"input (wire )?test_enable;")
 """A port that only netlists have: it holds all clock gates open for a test of the chip."""
 ENVIRONMENT = {
     "COCOTB_ANSI_OUTPUT": "0",
@@ -204,7 +205,7 @@ def build(
     hierarchical = hierarchical and simulator == "verilator" and top == "harness" and not given
     if waves:
         defines["WAVES"] = "1"
-    if given and TEST_ENABLE in text:
+    if given and TEST_ENABLE.search(text):
         defines["TEST_ENABLE"] = "1"
     control = _control(simulator, top, hierarchical, bare)
     tool = versions("verilator") if simulator == "verilator" else version_of("iverilog", "-V")

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from eskin.flow.asic.design import Bit
 from eskin.flow.liberty.boolean import possible
 from eskin.flow.liberty.library import Cell, Library
+from eskin.rtl.gates.cells import Bit
 
 
 class ClockError(ValueError):

@@ -7,9 +7,9 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from eskin.flow.asic.design import cell_of, highest_net
 from eskin.flow.asic.synthesis import FLOP_NAME
 from eskin.rtl import yosys
+from eskin.rtl.gates.cells import cell_of, highest_net
 
 FLOP = re.compile(r"\$_DFF_P([PN]?)([01]?)_")
 """Flops of a rising edge, with the level and the value of their asynchronous reset, if they have one."""

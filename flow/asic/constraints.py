@@ -4,21 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from eskin.flow.asic.gating import TEST
+import numpy as np
+
 from eskin.flow.asic.synthesis import Netlist
+from eskin.flow.liberty.library import Cell, Library
 from eskin.model.config import ReadoutConfig
-from eskin.rtl.delivery import DAC_OUT, DECISION_IN, MACRO_IN, MACRO_OUT, OUTSIDE, ports
+from eskin.rtl.delivery import (
+    CLOCK_EDGE_NS,
+    DAC_OUT,
+    DECISION_IN,
+    EDGE_NS,
+    HOLD_NS,
+    LOAD_PF,
+    MACRO_IN,
+    MACRO_OUT,
+    OUTSIDE,
+    UNCERTAINTY,
+    ports,
+)
+from eskin.rtl.gates.clock_gates import TEST
 from eskin.rtl.link import requests
 from eskin.rtl.verilog import header
-
-UNCERTAINTY = 0.05
-"""Share of the period that jitter and the skew of a clock tree, which layout makes, may take."""
-
-HOLD_NS = 0.1
-"""Skew that must not break a hold time."""
-
-LOAD_PF = 0.05
-"""At every output: a wire of some 300 um, or the input of a pad."""
 
 
 def sdc(netlist: Netlist, period: str = "") -> str:
@@ -65,13 +71,23 @@ def _edges(netlist: Netlist) -> Iterator[str]:
     """Yield what drives the inputs: a buffer of the library, or an edge of its slowest kind where it has none."""
     names = [p["name"] + ("[*]" if p["width"] > 1 else "") for p in ports(netlist.config) if p["direction"] == "input"]
     driven = " ".join([*(name for name in names if name not in ("clk", "rst")), TEST])
-    if buffers := netlist.library.buffers:
+    if buffers := plain_buffers(netlist.library):
         cell = buffers[len(buffers) // 2]
         pin = cell.drives(cell.inputs[0])
         yield f"set_driving_cell -lib_cell {cell.name} -pin {pin} [get_ports {{{driven}}}]"
     else:
-        yield f"set_input_transition 0.5 [get_ports {{{driven}}}]"
-    yield "set_input_transition 0.1 [get_ports {clk rst}]"
+        yield f"set_input_transition {EDGE_NS} [get_ports {{{driven}}}]"
+    yield f"set_input_transition {CLOCK_EDGE_NS} [get_ports {{clk rst}}]"
+
+
+def plain_buffers(library: Library) -> list[Cell]:
+    """Return the buffers from the smallest to the largest, without delay cells.
+
+    A delay cell is more than twice as slow as the fastest buffer, each with four times its own input as its load.
+    """
+    loads = {cell.name: 4 * next(iter(cell.loads.values())) for cell in library.buffers}
+    delays = {c.name: float(c.worst(EDGE_NS * 1e-9, np.array([loads[c.name]]))[0][0]) for c in library.buffers}
+    return [cell for cell in library.buffers if delays[cell.name] <= 2 * min(delays.values())]
 
 
 def _four_phase(config: ReadoutConfig) -> Iterator[str]:

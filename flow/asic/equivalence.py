@@ -9,10 +9,10 @@ from typing import Any
 from eskin.base.errors import InputError
 from eskin.flow.asic.clocks import ClockError, Clocks
 from eskin.flow.asic.compare import compare
-from eskin.flow.asic.design import Bit, cell_of, highest_net
-from eskin.flow.asic.gating import TEST
 from eskin.flow.asic.synthesis import Netlist
 from eskin.rtl import yosys
+from eskin.rtl.gates.cells import Bit, cell_of, highest_net
+from eskin.rtl.gates.clock_gates import TEST
 from eskin.rtl.verilog import rtlil
 
 READ = (

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from eskin.flow.asic.clocks import Clocks
-from eskin.flow.asic.design import Bit
 from eskin.flow.asic.equivalence import with_enables
 from eskin.flow.asic.synthesis import Netlist
 from eskin.flow.liberty.boolean import possible
 from eskin.flow.liberty.library import Cell, Library
+from eskin.rtl.gates.cells import Bit
 
 SIMPLE = {"$_AND_": "A & B", "$_OR_": "A | B", "$_NOT_": "!A", "$_MUX_": "(A & !S) | (B & S)"}
 

@@ -17,13 +17,12 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.rtl import yosys
 from eskin.rtl.block import Block
+from eskin.rtl.gates import clock_gates
+from eskin.rtl.gates.clock_gates import FEWEST_FLOPS
 from eskin.rtl.verilog import block_rtlil, header, top_block
 
 Config = ReadoutConfig | FrameConfig
 """What becomes a netlist: the spiking readout or that of frames."""
-
-FEWEST_FLOPS = 3
-"""Flops with one enable that are worth a clock gate."""
 
 FLOP_NAME = "_reg"
 """A flop is named for the signal that it holds, with this behind it."""
@@ -156,14 +155,14 @@ def _cells(
     source = block_rtlil(block)
     gate = gating.gate_module(library)
     keep = "".join(KEEP.format(name=name) for name in [*_blocks(source, top), *(apart or ())])
-    insert = INSERT.format(gate=gating.GATE, fewest=fewest) if gate else ""
+    insert = INSERT.format(gate=clock_gates.GATE, fewest=fewest) if gate else ""
     design = json.loads(yosys.run(TO_ENABLES.format(top=top, keep=keep, gates=insert), source, "enables.json"))
     if gate:
-        gating.stop_blocks(design, top, block.config.reset == "sync", root=apart is None)
+        clock_gates.stop_blocks(design, top, block.config.reset == "sync", root=apart is None)
     files = {"cells.lib": content, "enables.json": json.dumps(design).encode(), "gate.v": gate.encode()}
     script = (TO_CELLS + end).format(
         top=top,
-        test=gating.TEST,
+        test=clock_gates.TEST,
         flop=FLOP_NAME,
         period_ps=1000 * period_ns,
         mapping=MAPPING,

@@ -43,7 +43,7 @@ def write_datasheet(config: Described, folder: Path, report: dict[str, Any] | No
     return sheet_of(config, report).write(folder)
 
 
-def deliver(config: Config, folder: Path, report: Path | None = None) -> list[Path]:
+def deliver(config: Config, folder: Path, report: Path | None = None, gated: bool = False) -> list[Path]:
     """Write Verilog, constraints, description and datasheet of a design into a folder; return their paths.
 
     Parameters
@@ -53,9 +53,11 @@ def deliver(config: Config, folder: Path, report: Path | None = None) -> list[Pa
     folder : Path
     report : Path, optional
         ``report.json`` of the netlist of a readout, for its datasheet.
+    gated : bool
+        Whether the Verilog has clock gates.
     """
     netlist = None
     if report is not None and isinstance(config, ReadoutConfig | FrameConfig):
         netlist = load_report(report, config)
-    paths = write(config, folder)
+    paths = write(config, folder, gated)
     return paths if isinstance(config, ChipConfig) else [*paths, *write_datasheet(config, folder, netlist)]

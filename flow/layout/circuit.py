@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from eskin.base.errors import InputError
-from eskin.flow.asic import gating, synthesis
+from eskin.flow.asic import synthesis
 from eskin.flow.layout.cells import BUFFER
 from eskin.flow.layout.transistors import GROUND, SUPPLY, SwitchCell
 from eskin.flow.liberty.library import read
 from eskin.model.config import ReadoutConfig
 from eskin.rtl import yosys
+from eskin.rtl.gates.clock_gates import TEST
 
 READ = "read_liberty -lib -ignore_miss_func cells.lib; read_verilog netlist.v; hierarchy -check -top {top}; "
 
@@ -99,7 +100,7 @@ class Circuit:
 def synthesise(config: ReadoutConfig, liberty: Path) -> synthesis.Netlist:
     """Return a readout as cells of a liberty file, flat, with buffers where an output is another's copy."""
     made = synthesis.synthesise(config, read(liberty))
-    script = BUFFERED.format(top=made.top, test=gating.TEST, buffer=BUFFER)
+    script = BUFFERED.format(top=made.top, test=TEST, buffer=BUFFER)
     files = {"cells.lib": liberty.read_bytes(), "netlist.v": made.text.encode()}
     text = yosys.run(script, "", "buffered.v", files)
     return replace(made, text=text[text.index("module ") :])

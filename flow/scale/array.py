@@ -7,10 +7,10 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from eskin.flow.asic.gating import TEST
 from eskin.flow.asic.synthesis import mapped
 from eskin.flow.liberty.library import Cell, Library
 from eskin.model.config import ReadoutConfig
+from eskin.rtl.gates.clock_gates import TEST
 from eskin.rtl.verilog import top_block
 
 TAXEL = "eskin_taxel"

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from eskin.base.errors import InputError
-from eskin.flow.asic import gating
 from eskin.flow.asic.synthesis import single_bits, synthesise
 from eskin.flow.gate_count import count_gates
 from eskin.flow.liberty.library import Library, read
 from eskin.model.config import ReadoutConfig
+from eskin.rtl.gates import clock_gates
 from tests.flow import example_library
 
 CONFIG = ReadoutConfig(rows=1, columns=2)
@@ -95,7 +95,7 @@ def test_a_block_that_says_when_it_is_awake_has_a_gate_of_its_own() -> None:
 
     design = {"modules": {"top": module("a"), "block": module("b", "c")}}
     design["modules"]["top"]["cells"]["link"] = {"type": "eskin_link", "connections": {"clk": [2]}}
-    assert gating.stop_blocks(design, "top", synchronous_reset=True) == 2
+    assert clock_gates.stop_blocks(design, "top", synchronous_reset=True) == 2
     cells = design["modules"]["top"]["cells"]
     assert cells["a"]["connections"]["C"] == cells["block_gate"]["connections"]["gated"] == [7]
     assert cells["link"]["connections"]["clk"] == cells["block_gate"]["connections"]["clk"] == [2]

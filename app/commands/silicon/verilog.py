@@ -49,6 +49,12 @@ def verilog(
     prove: Annotated[
         bool, typer.Option("--prove", help="before writing, prove the Verilog equal to the RTLIL of make formal")
     ] = False,
+    clock_gates: Annotated[
+        bool,
+        typer.Option(
+            "--clock-gates", help="put instances of eskin_clock_gate into the Verilog of a readout, for a chip"
+        ),
+    ] = False,
 ) -> None:
     """Write eskin_readout.v or eskin_frame_readout.v, .sdc, .json (configuration and ports) and .core (FuseSoC).
 
@@ -56,6 +62,8 @@ def verilog(
     """
     if report is not None and (tiles is not None or classifier is not None):
         raise InputError("--report is of the netlist of a readout, spiking or frame; leave it out")
+    if clock_gates and (tiles is not None or classifier is not None):
+        raise InputError("--clock-gates is for a readout, spiking or frame; leave it out")
     if merge and tiles is None:
         raise InputError("--merge needs to know how many tiles there are; add --tiles RxC")
     if relays and (merge or tiles is None):
@@ -90,19 +98,23 @@ def verilog(
         raise InputError(f"--{next(iter(own)).replace('_', '-')} belongs to the frame readout; add --readout frame")
     if readout == "frame":
         check_frame(config, given)
-    _deliver(FrameConfig(readout=config, **own) if readout == "frame" else config, out, prove, report)
+    _deliver(FrameConfig(readout=config, **own) if readout == "frame" else config, out, prove, report, clock_gates)
 
 
-def _deliver(config: Config, out: Path, prove: bool, report: Path | None = None) -> None:
+def _deliver(config: Config, out: Path, prove: bool, report: Path | None = None, gated: bool = False) -> None:
     """Write a design and its datasheet into a folder and print the files; optionally prove the Verilog first."""
     from eskin.flow.datasheet.page import deliver
 
-    if prove:
+    if prove and gated:
+        from eskin.verify.proofs.gated import prove_gated
+
+        print(f"proved equal to the RTLIL: {prove_gated(config)} flops and outputs")
+    elif prove:
         from eskin.verify.proofs.delivered import prove_config
 
         points = prove_config(config)
         print(f"proved equal to the RTLIL: {sum(points.values())} points of {len(points)} modules")
-    for path in deliver(config, out, report):
+    for path in deliver(config, out, report, gated):
         print(path)
 
 

@@ -1,0 +1,1 @@
+"""Clock gates in the delivered Verilog."""

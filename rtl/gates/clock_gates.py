@@ -1,0 +1,173 @@
+"""Clock gates in the delivered Verilog: instances of one module, which a flow maps to a cell of its library."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Collection
+from typing import Any
+
+from eskin.rtl import yosys
+from eskin.rtl.gates.cells import cell_of, highest_net
+
+GATE = "eskin_clock_gate"
+TEST = "test_enable"
+"""Port of the top, tied low in operation: high, it lets every clock through, as a scan chain needs."""
+
+AWAKE = "awake"
+"""Signal of a block in the RTL: low in a clock at whose end no register in it changes, links apart."""
+
+LISTENS = ("eskin_link", "eskin_host")
+"""Blocks whose clock never stops: they listen to what comes without a clock."""
+
+SYNCHRONISERS = {"eskin_link": ("ack_meta", "ack_sync"), "eskin_spi": ("sck", "cs_n", "mosi")}
+"""Registers that take what comes without a clock, by their modules."""
+
+FEWEST_FLOPS = 3
+"""Flops with one enable that are worth a clock gate."""
+
+BEHAVIOUR = f"""module {GATE}(clk, enable, {TEST}, gated);
+  // For silicon replace the body by one cell of the library, an integrated clock gate:
+  //   CELL gate (.CLK(clk), .E(enable), .TE({TEST}), .GCLK(gated));
+  input wire clk;
+  input wire enable;
+  input wire {TEST};
+  output wire gated;
+  reg open;
+  /* verilator lint_off LATCH */
+  always @*
+    if (!clk) open = enable | {TEST};
+  /* verilator lint_on LATCH */
+  assign gated = clk & open;
+endmodule
+"""
+"""The module that is delivered: a latch that is open while the clock is low, and an AND."""
+
+STUB = f"module {GATE}(input clk, input enable, input {TEST}, output gated); assign gated = enable; endmodule\n"
+"""Its ports, for Yosys."""
+
+# As the script of the plain Verilog, but that a synchronous reset goes into the data: the gate replaces the enable.
+TO_GATES = (
+    "read_rtlil readout.il; hierarchy -check -top {top}; proc -norom; opt_expr; opt_merge; opt_clean; opt_dff; "
+    "dffunmap -srst-only; opt_expr; opt_dff -nosdff; opt_expr -mux_undef; wreduce; opt_merge; opt_clean -purge; "
+    "setattr -unset init w:*; write_json gated.json"
+)
+TO_VERILOG = (
+    "read_json gated.json; read_verilog gate.v; hierarchy -top {top}; add -global_input {test} 1; "
+    "opt_clean; check -assert; write_verilog -noattr readout.v"
+)
+
+
+def gated(rtlil: str, top: str, synchronous_reset: bool) -> str:
+    """Return RTLIL as Verilog in which every block that says when it is awake, and every large enable, has a gate.
+
+    Parameters
+    ----------
+    rtlil : str
+    top : str
+    synchronous_reset : bool
+        The clock runs in reset.
+    """
+    design = json.loads(yosys.run(TO_GATES.format(top=top), rtlil, "gated.json"))
+    stop_enables(design)
+    stop_blocks(design, top, synchronous_reset)
+    for module_name, module in design["modules"].items():
+        _keep_apart(module, SYNCHRONISERS.get(module_name, ()))
+        for name, cell in module["cells"].items():
+            if cell["type"] == GATE:
+                net = {"hide_name": 0, "bits": cell["connections"]["enable"], "attributes": {}}
+                module["netnames"][f"{name}_enable"] = net
+    files = {"gated.json": json.dumps(design).encode(), "gate.v": STUB.encode()}
+    text = yosys.run(TO_VERILOG.format(top=top, gate=GATE, test=TEST), "", "readout.v", files)
+    body = re.compile(rf"^module {GATE}\(.*?^endmodule\n\n?", re.MULTILINE | re.DOTALL)
+    return body.sub("", yosys.tidy(text))
+
+
+def _keep_apart(module: dict[str, Any], registers: Collection[str]) -> None:
+    """Put a wire between registers and the outputs that show them, so that each register keeps its name."""
+    held = {bit for name in registers for bit in module["netnames"][name]["bits"]}
+    for name, port in module["ports"].items():
+        if port["direction"] != "output":
+            continue
+        for place, bit in enumerate(port["bits"]):
+            if bit in held:
+                net = highest_net(module) + 1
+                port["bits"][place] = module["netnames"][name]["bits"][place] = net
+                module["cells"][f"$shown{net}"] = cell_of("$_BUF_", {"A": bit, "Y": net})
+
+
+def stop_enables(design: dict[str, Any]) -> int:
+    """Put a clock gate in the place of every enable of ``FEWEST_FLOPS`` flops or more; return how many there are.
+
+    Parameters
+    ----------
+    design : dict
+        A design of Yosys, as ``write_json`` gives it; changed in place.
+    """
+    gates = 0
+    for module in design["modules"].values():
+        groups: dict[tuple[int, int, str], list[dict[str, Any]]] = {}
+        for cell in module["cells"].values():
+            if cell["type"] in ("$dffe", "$adffe"):
+                pins = cell["connections"]
+                key = (pins["CLK"][0], pins["EN"][0], cell["parameters"]["EN_POLARITY"])
+                groups.setdefault(key, []).append(cell)
+        for (clock, enable, polarity), flops in groups.items():
+            if sum(len(cell["connections"]["Q"]) for cell in flops) < FEWEST_FLOPS or not int(polarity, 2):
+                continue
+            net = highest_net(module) + 1
+            number = sum(cell["type"] == GATE for cell in module["cells"].values())
+            for cell in flops:
+                cell["type"] = {"$dffe": "$dff", "$adffe": "$adff"}[cell["type"]]
+                cell["connections"]["CLK"] = [net]
+                for table in (cell["connections"], cell["port_directions"]):
+                    del table["EN"]
+                del cell["parameters"]["EN_POLARITY"]
+            pins = {"clk": clock, "enable": enable, "gated": net}
+            module["cells"][f"gate_{number}"] = cell_of(GATE, pins, "gated") | {"hide_name": 0}
+            module["netnames"][f"gated_{number}"] = {"hide_name": 0, "bits": [net], "attributes": {}}
+            gates += 1
+    return gates
+
+
+def stop_blocks(design: dict[str, Any], top: str, synchronous_reset: bool, root: bool = True) -> int:
+    """Put a clock gate at the root of the clock of every block that says when it is awake.
+
+    Parameters
+    ----------
+    design : dict
+        A design of Yosys, as ``write_json`` gives it; changed in place.
+    top : str
+    synchronous_reset : bool
+        The clock must run in reset.
+    root : bool
+        Whether the top is stopped as a whole, too: its enable comes from all of the array, which takes long in a large
+        one.
+
+    Returns
+    -------
+    int
+        Blocks with such a gate, each kind counted once.
+    """
+    stopped = 0
+    for name, module in design["modules"].items():
+        if AWAKE not in module["netnames"] or "clk" not in module["ports"] or (name == top and not root):
+            continue
+        clock = module["ports"]["clk"]["bits"][0]
+        awake = module["netnames"][AWAKE]["bits"][0]
+        gated, enable = highest_net(module) + 1, highest_net(module) + 2
+        for cell in module["cells"].values():
+            if name == top and cell["type"] in LISTENS:
+                continue
+            for pin, bits in cell["connections"].items():
+                if bits == [clock]:
+                    cell["connections"][pin] = [gated]
+        if synchronous_reset:
+            pins = {"A": awake, "B": module["ports"]["rst"]["bits"][0], "Y": enable}
+            module["cells"]["$awake_or_reset"] = cell_of("$_OR_", pins)
+        else:
+            enable = awake
+        module["cells"]["block_gate"] = cell_of(GATE, {"clk": clock, "enable": enable, "gated": gated}, "gated")
+        module["netnames"]["block_clk"] = {"hide_name": 0, "bits": [gated], "attributes": {}}
+        stopped += 1
+    return stopped

@@ -1,0 +1,61 @@
+"""The Verilog with clock gates does what the RTL does: proved, and played against the model."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from eskin.model.config import ReadoutConfig
+from eskin.rtl.delivery import write
+from eskin.rtl.gates.clock_gates import BEHAVIOUR, GATE
+from eskin.rtl.verilog import verilog
+from eskin.verify.proofs.delivered import Different
+from eskin.verify.proofs.gated import prove_gated
+from tests.app.test_simulate import call
+
+FEW = ReadoutConfig(rows=1, columns=2, sample_bits=6, resolution=2, encoding="cw-lcs", link="four_phase")
+
+
+def test_every_flop_and_output_is_proved_and_a_gate_that_sleeps_too_much_is_found() -> None:
+    text = verilog(FEW, gated=True)
+    assert prove_gated(FEW, text) > 30
+    for good, bad in (("gate_0_enable = rst | moves", "gate_0_enable = moves"), ("= awake | rst", "= rst")):
+        assert good in text
+        with pytest.raises(Different, match=r"^with clock gates not proved equal: "):
+            prove_gated(FEW, text.replace(good, bad))
+
+
+def test_every_large_enable_and_every_awake_has_a_gate_and_all_test_enables_are_a_port() -> None:
+    text = verilog(FEW, gated=True)
+    modules = {m[1]: m[0] for m in re.finditer(r"^module (\w+)\(.*?^endmodule$", text, re.MULTILINE | re.DOTALL)}
+    for name in ("eskin_readout", "eskin_row", "eskin_arbiter"):
+        assert f"{GATE} block_gate (" in modules[name]
+    assert modules["eskin_taxel"].count(f"  {GATE} ") == 2
+    assert modules["eskin_window"].count(f"  {GATE} ") == 1
+    assert GATE not in modules["eskin_link"].replace(f"{GATE} gate_", "")
+    assert text.count(".test_enable(test_enable)") >= text.count(f"  {GATE} ")
+    assert "if (moves)" not in modules["eskin_taxel"]
+
+
+def test_the_synchronisers_are_marked_in_both_texts() -> None:
+    for gated in (False, True):
+        text = verilog(FEW.replace(registers="spi"), gated=gated)
+        marked = re.findall(
+            r'^  \(\* async_reg = "true", keep = "true" \*\) reg (?:\[\d+:0\] )?(\w+);$', text, re.MULTILINE
+        )
+        assert sorted(marked) == ["ack_meta", "ack_sync", "cs_n", "mosi", "sck"]
+
+
+def test_the_model_and_the_delivered_text_give_the_same_events(tmp_path: Path) -> None:
+    config = ReadoutConfig(rows=1, columns=2, encoding="cw-lcs", link="four_phase")
+    paths = {path.name for path in write(config, tmp_path, gated=True)}
+    assert {"eskin_readout.v", f"{GATE}.v", "eskin_readout.sdc"} <= paths
+    cells = tmp_path / f"{GATE}.v"
+    assert cells.read_text().endswith(BEHAVIOUR)
+    words = ["--netlist", tmp_path / "eskin_readout.v", "--cells", cells, "--sim", "icarus", "--ticks", 60]
+    words += ["--rows", 1, "--columns", 2, "--encoding", "cw-lcs", "--link", "four_phase", "-o", tmp_path / "sim"]
+    done = call("sim", *words)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert re.search(r"bit-exact: \d+ runs, \d+ clocks, [1-9]\d* events, 0 mismatches", done.stdout)
