@@ -88,7 +88,7 @@ class Stimulus:
         config : ReadoutConfig
         samples : integer ndarray, shape (ticks, taxels)
         clocks_per_sample : int, optional
-            Value of the configuration by default.
+            By default ``config.clocks_per_sample``.
         clocks : int, optional
             Length of the run; by default one sample period for every sample.
         ready, ack_delay : ndarray, optional

@@ -24,7 +24,7 @@ Payload = tuple[int, int, int]
 
 
 class MergeReference:
-    """The merge in plain Python, from its specification: a queue of two, filled by turns."""
+    """The merge in plain Python, from its specification: a queue of two events, filled by the tiles in turn."""
 
     def __init__(self, tiles: int) -> None:
         self.tiles = tiles

@@ -69,7 +69,7 @@ def study_data(
     place : Path, optional
         A user's recordings, as for ``read_set``; generated slow signals by default.
     pool : WorkerPool, optional
-        Who does the work, this process by default; the result does not depend on it.
+        Pool for the work, by default this process; without effect on the result.
     progress : callable, optional
         Called after each point.
 

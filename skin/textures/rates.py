@@ -85,7 +85,7 @@ def measure_rates(
     start_rows : sequence of float
         Image rows at which the array's row 0 slides, one scan each; only 0 in the ``paper`` preset.
     pool : WorkerPool, optional
-        Who does the work, this process by default; the result does not depend on it.
+        Pool for the work, by default this process; without effect on the result.
     progress : callable, optional
         Called after each image.
 

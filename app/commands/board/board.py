@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from eskin.board.udp import UdpSender
 
 BAUD = 2_000_000
-Port = Annotated[str, typer.Option(help="serial port of the board, as /dev/ttyUSB0")]
+Port = Annotated[str, typer.Option(help="serial port of the board, such as /dev/ttyUSB0")]
 Baud = Annotated[int, typer.Option(min=1, help="bits per second of the board")]
 Page = Annotated[int | None, typer.Option(metavar="PORT", help="also show a live page in a browser on this machine")]
 Udp = Annotated[str | None, typer.Option(metavar="HOST:PORT", help="also send every event there, in jAER's UDP format")]
