@@ -257,6 +257,7 @@ def test_port_list_is_that_of_the_module(config: ReadoutConfig) -> None:
         pinned.sort(key=lambda pin: order.index(pin.removesuffix("[*]")))
     assert named == {
         "create_clock": ["clk"],
+        "set_input_transition": pins(*(n for n, (way, _) in listed.items() if way == "input")),
         "set_input_delay": pins(
             *(n for n, (way, _) in listed.items() if way == "input" and n not in ("clk", *ASYNCHRONOUS))
         ),

@@ -206,7 +206,7 @@ def constraints(config: Config, gated: bool = False) -> str:
         f"set_clock_uncertainty -hold {HOLD_NS} [get_clocks clk]",
         "",
         "# Edges at the inputs, and loads. With your library name a buffer of middle size instead, no delay cell:",
-        "# set_driving_cell -lib_cell BUFFER [get_ports ...]",
+        "# set_driving_cell -lib_cell BUFFER",
         f"set_input_transition {EDGE_NS} [get_ports {{{driven}}}]",
         f"set_input_transition {CLOCK_EDGE_NS} [get_ports {{clk rst}}]",
         f"set_load -pin_load {LOAD_PF} [all_outputs]",
