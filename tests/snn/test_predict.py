@@ -429,7 +429,7 @@ def test_recordings_that_do_not_fit_are_refused(
     ("metadata", "sentence"),
     [
         ({"dataset": None}, "gravel/gravel-00 has no dataset name; play it again"),
-        ({"dataset": "mine"}, "is a scan of dataset mine, found is embedded; name its folder with --dataset"),
+        ({"dataset": "mine"}, "is a scan of dataset mine, not of embedded; name its folder with --dataset"),
         ({"name": "x"}, "dataset embedded has no texture 'x'; name the folder that has it with --dataset"),
         ({"start_row": "top"}, "gravel/gravel-00 has no preset and start row; play it again"),
         ({"start_row": 900.0}, "the scan of gravel/gravel-00 cannot be repeated: start row must be in"),
