@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.base.files import read_json
+from eskin.base.shapes import read_shaped
 from eskin.base.units import with_unit
 from eskin.model.events.recording import Recording
 
@@ -130,20 +131,29 @@ def _model_alone(encoding: str) -> Run:
     return Run(f"8x8-{encoding}-6b", verdict, None, recording, samples=codes / config.full_scale)
 
 
+SUMMARY = {
+    "dataset": str,
+    "preset": (str, None),
+    "images": int,
+    "clocks": int,
+    "events": int,
+    "mismatches": int,
+    "configuration": {"rows": int, "columns": int, "encoding": str, "resolution": int},
+}
+"""What the report takes of a replay."""
+
+
 def load_replays(folder: Path) -> list[Data]:
     """Return the summaries written by ``make replay`` in a folder."""
     found = []
     for file in sorted(folder.glob("*/summary.json")):
-        summary = read_json(file, "the summary of make replay")
-        try:
-            config = summary["configuration"]
-            found.append(
-                {key: summary[key] for key in ("dataset", "preset")}
-                | {key: int(summary[key]) for key in ("images", "clocks", "events", "mismatches")}
-                | {key: config[key] for key in ("rows", "columns", "encoding", "resolution")}
-            )
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"{file} is not a summary of make replay: it has no usable {error}; delete it") from None
+        summary = read_shaped(file, "the summary of make replay", SUMMARY, "delete it")
+        config = summary["configuration"]
+        found.append(
+            {key: summary[key] for key in ("dataset", "preset")}
+            | {key: summary[key] for key in ("images", "clocks", "events", "mismatches")}
+            | {key: config[key] for key in ("rows", "columns", "encoding", "resolution")}
+        )
     return found
 
 

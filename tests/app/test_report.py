@@ -354,7 +354,7 @@ def test_text_from_files_cannot_leave_its_place(folder):
         ("--sim other-array", "a: rtl.npz is of a 2 x 3 array, model.npz of 3 x 3; run make sim again for this array"),
         ("--sim other-bits", "a: rtl.npz has resolution 4, model.npz 5; run make sim again for one of them"),
         ("--sim damaged", "damaged/a/rtl.npz is damaged or not an event file"),
-        ("--replay damaged", "damaged/a/summary.json is not a summary of make replay"),
+        ("--replay damaged", "the summary of make replay damaged/a/summary.json is damaged: dataset is missing"),
         ("-o report.pdf", "the report is a page; its name ends in .html, report.pdf does not; rename the output"),
         ("-o folder.html", "cannot write folder.html: it is a folder; give the name of a file"),
         (
@@ -410,7 +410,7 @@ def test_accuracy_without_points_is_refused(tmp_path, values):
 def test_other_jsons_are_refused(tmp_path):
     (tmp_path / "a").mkdir()
     (tmp_path / "a" / "summary.json").write_text("[]")
-    with pytest.raises(InputError, match="is not a summary of make replay"):
+    with pytest.raises(InputError, match="summary.json is damaged: it is no object; delete it"):
         load_replays(tmp_path)
 
 

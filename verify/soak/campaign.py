@@ -180,7 +180,7 @@ def summary(folder: Path) -> dict[str, Any]:
     by: dict[str, Counter[str]] = {}
     for piece in pieces:
         for name in ("encoding", "link", "frontend", "decide_every", "reset", "registers"):
-            by.setdefault(name, Counter())[piece["configuration"].get(name, "none")] += 1
+            by.setdefault(name, Counter())[str(piece["configuration"].get(name, "none"))] += 1
     seeds = sorted(piece["seed"] for piece in pieces)
     result = f"{total['clocks']:,} clocks, {total['events']:,} events, {len(pieces)} configurations, "
     return {
