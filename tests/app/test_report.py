@@ -410,7 +410,7 @@ def test_accuracy_without_points_is_refused(tmp_path, values):
 def test_other_jsons_are_refused(tmp_path):
     (tmp_path / "a").mkdir()
     (tmp_path / "a" / "summary.json").write_text("[]")
-    with pytest.raises(InputError, match="summary.json is damaged: it is no object; delete it"):
+    with pytest.raises(InputError, match=r"summary\.json is damaged: it is no object; delete it"):
         load_replays(tmp_path)
 
 
