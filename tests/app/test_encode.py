@@ -259,9 +259,9 @@ ENCODE_ERRORS: list[tuple[str, bytes | None, str, str]] = [
         "x.npz",
         save_npz(a=GOOD, b=GOOD),
         RATE,
-        "x.npz holds a, b; name the array of samples 'samples'",
+        "x.npz contains a, b; name the array of samples 'samples'",
     ),
-    ("x.npz", save_npz(), RATE, "x.npz holds nothing; name the array of samples 'samples'"),
+    ("x.npz", save_npz(), RATE, "x.npz contains nothing; name the array of samples 'samples'"),
     (
         "x.npz",
         save_npz(samples=GOOD, sample_rate_hz=[1, 2]),
