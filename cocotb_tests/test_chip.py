@@ -104,7 +104,9 @@ def test_the_files_of_a_chip_are_clean_and_agree(tmp_path: Path) -> None:
 
 
 def test_what_does_not_fit_is_refused_in_one_sentence() -> None:
-    with pytest.raises(InputError, match="takes 29 channels, 3 x 5 taxels of lcs have 15 or 30; give the readout"):
+    with pytest.raises(
+        InputError, match="has 29 input channels, but 3 x 5 taxels of lcs have 15 or 30; give the readout"
+    ):
         chip(3, 5, 29, 20)
     with pytest.raises(InputError, match="has 384 clocks, but its work needs 1505; raise --clocks-per-sample"):
         chip(3, 5, 30, 500)
