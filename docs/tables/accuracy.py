@@ -253,7 +253,9 @@ def headline() -> None:
         point = frame_points()[kind]
         rows.append([f"accuracy: {text} on frames, 5 times 640 kb/s", point["theirs"], filled("{last:%}", point)])
     rows.append(filled("textures classified by the RTL, weights of {classifier_rec_bits} b", chip["chip"]) + " |  | ")
-    rows[-1] += filled("{right} of {labelled} right, {mismatches} mismatches with the model", chip)
+    waiting = {"waiting": chip["stalls"] / chip["clocks"]}
+    rows[-1] += filled("{right} of {labelled} right, {mismatches} mismatches with the model; ", chip)
+    rows[-1] += filled("one network a fold, which stalls the readout in {waiting:.0%} of the clocks", waiting)
     rows += power_rows()[:2]
     table(" | published | here", rows)
 
