@@ -312,7 +312,7 @@ def test_ports_are_those_of_the_contract() -> None:
         (["--registers", "i2c"], "error: registers must be one of none, spi, not 'i2c'"),
         (
             ["--registers", "spi", "--readout", "frame"],
-            "error: registers belong to the spiking readout; leave registers=spi out",
+            "error: --registers has no effect on a frame readout; leave it out",
         ),
     ],
 )
@@ -330,4 +330,4 @@ def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None
     command = [sys.executable, "-m", "eskin", "verilog", "--rows", "1", "-o", str(tmp_path / "file" / "out")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert done.stderr.startswith("error: cannot use ")
+    assert done.stderr.startswith("error: cannot write to ")

@@ -431,7 +431,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("export w.npz -o net.nir --eight-bits", "NIR has no 8-bit weights; write an .npz, or leave --eight-bits out"),
         ("export none.npz -o net.nir", "weight file none.npz does not exist; make one with eskin train"),
         ("export gru.npz -o net.nir", "a network of kind gru has no NIR neurons; export it as .npz"),
-        ("export none.npz -o none/net.nir", "cannot write none/net.nir: the folder none does not exist"),
+        ("export w.npz -o none/net.nir", "cannot write none/net.nir: the folder none does not exist"),
         ("import w.npz -o back.npz", "w.npz is damaged or not a NIR graph; export it again"),
         ("import net.nir -o back.nir", "weight files end in .npz, back.nir does not; rename the output"),
     ],
