@@ -10,6 +10,7 @@ from eskin.model.encoders import registry
 from eskin.model.frame_config import FrameConfig
 from eskin.model.tiles.config import TilesConfig
 from eskin.verify.proofs.blocks.arbiter import ArbiterChecker
+from eskin.verify.proofs.blocks.decay import DecayChecker, SettableDecayChecker
 from eskin.verify.proofs.blocks.frame import FrameChecker
 from eskin.verify.proofs.blocks.link import LinkChecker
 from eskin.verify.proofs.blocks.merge import MergeChecker
@@ -67,10 +68,13 @@ class Proof:
             return f"words of {self.checker.block.word_bits} bits"
         if self.block in ("registers", "pattern"):
             return f"{config.rows} x {config.columns} {config.encoding}"
+        if self.block == "decay":
+            return f"{config.rows} rows, {config.leak_period} ticks{' at most' if config.registers != 'none' else ''}"
         if self.block == "readout":
             return f"{config.rows} x {config.columns} {config.link}"
         what = f"{config.encoding} {config.frontend} {config.sample_bits} bits"
-        return what + (" by the tick" if config.decide_every == "sample" else "")
+        what += " by the tick" if config.decide_every == "sample" else ""
+        return what + (" registers" if config.registers != "none" else "")
 
 
 SMALL = ReadoutConfig(sample_bits=6, resolution=2, window_period=2, leak_shift=2, fraction_bits=2)
@@ -106,23 +110,22 @@ def taxels() -> list[Proof]:
     """Return the proofs of the taxel and its window: both front ends, both paces, few bits and the default widths."""
     ends: tuple[Any, ...] = ("digital", "analog")
     codes: tuple[Any, ...] = registry.NAMES
+    window = SMALL.replace(encoding="cw-lcs", sample_bits=8)
     windows = [
-        Proof(
-            WindowChecker,
-            SMALL.replace(encoding="cw-lcs", frontend=end, sample_bits=8),
-            12,
-            end == "digital",
-            end == "digital",
-        )
-        for end in ends
+        Proof(WindowChecker, window.replace(frontend=end), 12, end == "digital", end == "digital") for end in ends
+    ]
+    windows += [
+        Proof(WindowChecker, window.replace(frontend=end, registers="spi", window_period=3), 12) for end in ends
     ]
     few = [SMALL.replace(encoding=code, frontend=end) for code in codes for end in ends]
     by_tick = [c.replace(decide_every="sample") for c in few]
+    by_host = [c.replace(registers="spi", rows=1, resolution=3 if c.encoding == "lcs" else 2) for c in few]
     wide = [NEAR_THE_END.replace(encoding=code, frontend=end) for code in codes for end in ends]
     return [
         *windows,
         *(Proof(TaxelChecker, c, 14, c == few[0], c in (few[0], few[3], few[5])) for c in few),
         *(Proof(TaxelChecker, c, 14, hunts=c == by_tick[4]) for c in by_tick),
+        *(Proof(TaxelChecker, c, 14) for c in by_host),
         *(Proof(TaxelChecker, c, 6) for c in wide),
     ]
 
@@ -133,7 +136,7 @@ def readouts() -> list[Proof]:
     few = ReadoutConfig(frontend="analog", sample_bits=4, resolution=2)
     spiking = [few.replace(rows=side, columns=side, link=link) for side in (1, 2) for link in links]
     # Codes of a word's size, of half a word, and such as do not fit it.
-    shapes = [(1, 1, 2, 2), (1, 1, 3, 4), (2, 2, 2, 4), (2, 2, 3, 8), (3, 5, 1, 2)]
+    shapes = [(1, 1, 2, 2), (1, 1, 3, 4), (2, 2, 2, 4), (2, 2, 3, 8), (1, 3, 1, 2)]
     frames = [
         FrameConfig(
             readout=ReadoutConfig(rows=rows, columns=columns, sample_bits=bits + 2, resolution=bits),
@@ -143,7 +146,7 @@ def readouts() -> list[Proof]:
         for rows, columns, bits, word in shapes
     ]
     return [
-        *(Proof(FrameChecker, c, 20, c == frames[0], c in frames[1:4]) for c in frames),
+        *(Proof(FrameChecker, c, 36 if c.word_bits == 8 else 24, c == frames[0], c in frames[1:4]) for c in frames),
         *(Proof(ReadoutChecker, c, 12, c == spiking[0], c in spiking[1:3]) for c in spiking),
     ]
 
@@ -158,6 +161,17 @@ def hosts() -> list[Proof]:
         Proof(NarrowSpiChecker, few, 27, True, True),
         *(Proof(RegistersChecker, c, 8, c == few, True) for c in (few, more)),
         *(Proof(PatternChecker, c, 14, c.rows == 2, c.rows == 2) for c in patterns),
+    ]
+
+
+def leaks() -> list[Proof]:
+    """Return the proofs of the decay ticks: rows that share a phase, rows with one each, and periods that are set."""
+    base = ReadoutConfig(columns=1, encoding="nlcs")
+    built = [base.replace(rows=rows, leak_period=period) for rows, period in ((1, 3), (3, 2), (3, 5))]
+    given = [base.replace(rows=rows, leak_period=period, registers="spi") for rows, period in ((1, 3), (3, 5))]
+    return [
+        *(Proof(DecayChecker, c, 14, c == built[2]) for c in built),
+        *(Proof(SettableDecayChecker, c, 14, hunts=c == given[1]) for c in given),
     ]
 
 
@@ -182,4 +196,4 @@ def relays() -> list[Proof]:
 
 def proofs() -> list[Proof]:
     """Return all proofs, in the order in which they run."""
-    return [*arbiters(), *links(), *merges(), *relays(), *taxels(), *readouts(), *hosts()]
+    return [*arbiters(), *links(), *merges(), *relays(), *leaks(), *taxels(), *readouts(), *hosts()]

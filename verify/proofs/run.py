@@ -64,15 +64,17 @@ class Outcome:
             self.problems.append(f"{proof.size}: fails in clock {verdict.failed[name]}")
         elif name not in verdict.proved:
             self.problems.append(f"{proof.size}: not proved")
+        elif name not in verdict.reached:
+            self.problems.append(
+                f"{proof.size}: what it speaks of never happens in {verdict.depth} clocks: an empty proof"
+            )
         else:
             self.sizes.append(proof.size)
 
     def finish(self) -> None:
-        """Call a property failed that no configuration has, or that speaks of what never happens."""
+        """Call a property failed that no configuration has."""
         if not self.sizes and not self.problems:
             self.problems.append("no proof has it")
-        elif self.reached is None:
-            self.problems.append("what it speaks of never happens: an empty proof")
 
     def to_dict(self) -> dict[str, Any]:
         """Return what a report says of it."""

@@ -46,6 +46,12 @@ class ArbiterChecker(Checker[ReadoutConfig]):
             applies=lambda config: config.columns > 1,
         ),
         Property("no_starvation", "an event is among the next (rows + 1) * columns after its request was raised"),
+        Property("latched_is_offered", "while a latched request has not left, an event is offered, whoever else asks"),
+        Property(
+            "leaves_in_time",
+            "a request leaves within (rows + 1) * columns clocks of a ready sink after it was raised",
+        ),
+        Property("sleeps", "it is awake exactly where it takes the requests of a row or gives an event away"),
         Property(
             "fairness",
             "of two taxels that both request, none is granted twice before the other: n steady ones get one in n",
@@ -105,6 +111,8 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         self.promise(
             m, "grant_implies_request", within(self.select | self.granted, self.row_request), self.granted.any()
         )
+        leaves = self.event_valid & self.event_ready
+        self.promise(m, "sleeps", self.awake == (self.granted.any() | leaves), ~self.awake & self.event_ready)
         idle = ~self.event_valid & asked
         self.promise(m, "idle_grants", implies(idle, self.granted.any()), idle)
         asked_before = before(m, asked, "asked")
@@ -146,6 +154,15 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         mine = leaves & named
         latched = Signal()
         m.d.sync += latched.eq(takes | (latched & ~mine))
+        alone = latched & ~self.row_request.any()
+        self.promise(m, "latched_is_offered", implies(latched, self.event_valid), alone)
+        # Clocks of a ready sink since the request was raised; one that is raised again is counted anew.
+        clocks = Signal(range(bound + 1))
+        with m.If(self.event_ready & (clocks != bound)):
+            m.d.sync += clocks.eq(clocks + 1)
+        with m.If(~latched & ~requests | mine):
+            m.d.sync += clocks.eq(0)
+        self.promise(m, "leaves_in_time", clocks != bound, mine & (clocks >= columns))
         self.promise(m, "address_correct", implies(named, latched) & self._exists(), named)
         self.promise(m, "exactly_one_event", implies(takes & latched, mine), takes & latched)
 

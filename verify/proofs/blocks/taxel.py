@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,8 +10,9 @@ from amaranth.hdl import Const, Module, Mux, Signal, Value, signed
 from amaranth.lib.wiring import In
 
 from eskin.model.config import ReadoutConfig
+from eskin.rtl.logic import or_tree
 from eskin.rtl.taxel import Taxel
-from eskin.verify.proofs.checker import Checker, Property, before, implies
+from eskin.verify.proofs.checker import Checker, Property, at_most_one, before, implies
 
 
 def _digital(config: ReadoutConfig) -> bool:
@@ -52,7 +54,7 @@ class Now:
 
 
 class TaxelChecker(Checker[ReadoutConfig]):
-    """Watches one taxel. Samples, comparator decisions, grants, mask and ticks come as they like."""
+    """Watches one taxel. Samples, comparator decisions, grants, mask, ticks and settings come as they like."""
 
     block = Taxel
     properties = (
@@ -97,6 +99,24 @@ class TaxelChecker(Checker[ReadoutConfig]):
         ),
     )
 
+    def __init__(self, config: ReadoutConfig) -> None:
+        if config.registers != "none":
+            self.assumptions = {"settings_in_range": "D is one-hot, the leak and the window's period are at least 1"}
+        super().__init__(config)
+
+    def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
+        """Let a host set what it likes in any clock, within the ranges of its registers."""
+        if self.config.registers == "none":
+            return set()
+        coarser = free("coarser", len(self.step))
+        found = Mux(coarser < len(self.step), Const(1) << coarser, 1)
+        m.d.comb += self.step.eq(found)
+        names = {"leak_shift": self.config.leak_shift, "window_period": self.config.window_period}
+        for name in filter(self.has, names):
+            value = free(name, len(getattr(self, name)))
+            m.d.comb += getattr(self, name).eq(Mux((value == 0) | (value > names[name]), names[name], value))
+        return {"step", *filter(self.has, names)}
+
     def inner(self, config: ReadoutConfig) -> dict[str, Any]:
         """Return the reference, unless a port shows all of it, and the half-width likewise."""
         if _leaks(config):
@@ -109,6 +129,7 @@ class TaxelChecker(Checker[ReadoutConfig]):
 
     def elaborate(self, platform: Any) -> Module:
         m = Module()
+        self._settings(m)
         now = self._now(m)
         self._requests(m, now)
         self._moves(m, now)
@@ -123,6 +144,41 @@ class TaxelChecker(Checker[ReadoutConfig]):
     def _init(self) -> int:
         return self.config.reference_reset << self._fraction
 
+    def _settings(self, m: Module) -> None:
+        """Name D in codes and the shift of the leak, with those of the clock before."""
+        config = self.config
+        if config.registers == "none":
+            self._d, self._d_before, self._k, self._k_before = (
+                config.step,
+                config.step,
+                config.leak_shift,
+                config.leak_shift,
+            )
+            self._same: Any = Const(1)
+            return
+        step = Signal(range(config.full_scale), name="d")
+        units = [Mux(unit, config.step << place, 0) for place, unit in enumerate(self.step)]
+        m.d.comb += step.eq(or_tree(units))
+        self._d, self._d_before = step, before(m, step, "d")
+        self._same = self._d == self._d_before
+        holds: Any = at_most_one(self.step) & self.step.any()
+        self._k = self._k_before = config.leak_shift
+        if _leaks(config):
+            self._k, self._k_before = self.leak_shift, before(m, self.leak_shift, "k")
+            holds &= self.leak_shift != 0
+        if config.closes:
+            holds &= self.window_period != 0
+        self.suppose(m, "settings_in_range", holds)
+
+    def _shifted(self, value: Any, shift: Any) -> Any:
+        """Return a value shifted right by k, as built or as a host has set it."""
+        if isinstance(shift, int):
+            return value >> shift
+        found: Any = value >> 1
+        for number in range(2, self.config.leak_shift + 1):
+            found = Mux(shift == number, value >> number, found)
+        return found
+
     def _now(self, m: Module) -> Now:
         config, fraction = self.config, self._fraction
         wide = signed(config.sample_bits + fraction + 4)
@@ -131,10 +187,11 @@ class TaxelChecker(Checker[ReadoutConfig]):
             m.d.comb += reference.eq(self.charge)
         else:
             m.d.comb += reference.eq(self.reference_code if _analog(config) else self.reference * config.grid)
-        m.d.comb += half_width.eq(config.step << fraction)
-        if config.closes:
-            shown = self.half_width if _analog(config) else self.window_half_width * config.grid
-            m.d.comb += half_width.eq(shown)
+        m.d.comb += half_width.eq(self._d << fraction)
+        if config.closes and _analog(config):
+            m.d.comb += half_width.eq(self.half_width)
+        elif config.closes:  # of the D that is set, as many closing steps as the window shows
+            m.d.comb += half_width.eq((self.window_half_width * self._d) >> config.closing_levels_log2)
 
         free = self.enable & (~self.request | self.granted)
         decides = free & (self.tick if config.decide_every == "sample" else Const(1))
@@ -146,12 +203,15 @@ class TaxelChecker(Checker[ReadoutConfig]):
         acts = asks & (moved >= bottom) & (moved < top)
         leak: Any = 0
         if _leaks(config):
-            shift = config.leak_shift
-            leak = Mux(free & self.decay, (reference + (1 << (shift - 1))) >> shift, 0)
+            leak = Mux(free & self.decay, self._shifted(reference + self._floor(self._k), self._k), 0)
             if config.has_polarity:  # a step towards zero takes the place of the leak
                 leak = Mux(acts & (up == (reference < 0)), 0, leak)
         m.d.comb += then.eq(reference + Mux(acts, Mux(up, half_width, -half_width), 0) - leak)
         return Now(reference, half_width, asks, acts, up, then)
+
+    def _floor(self, shift: Any) -> Any:
+        """Return 2**(k - 1)."""
+        return 1 << (shift - 1) if isinstance(shift, int) else (Const(1) << shift) >> 1
 
     def _comparators(self, m: Module, reference: Signal, half_width: Signal) -> tuple[Any, Any]:
         """Return what the comparators say; those of the digital front end see every bit of the newest sample."""
@@ -202,8 +262,9 @@ class TaxelChecker(Checker[ReadoutConfig]):
         self.promise(m, "reference_exact", now.reference == expected, acted)
         # A wrap is a jump over the whole scale. Near the end one more step of this size would leave it.
         jump = now.reference - old
-        step = config.step << self._fraction
-        down: Any = (_magnitude(m, old, "size") >> config.leak_shift) + 1 if _leaks(config) else step
+        step = self._d_before << self._fraction
+        size = _magnitude(m, old, "size") if _leaks(config) else None
+        down: Any = self._shifted(size, self._k_before) + 1 if _leaks(config) else step
         up: Any = step
         if _leaks(config) and config.has_polarity:
             up = down = step + down
@@ -215,9 +276,9 @@ class TaxelChecker(Checker[ReadoutConfig]):
             after, ahead = (_magnitude(m, sample - u, name) for u, name in ((now.reference, "after"), (old, "ahead")))
             self.promise(m, "approaches", implies(acted, after < ahead), acted)
         if config.closes:
-            self.promise(m, "window_opens", implies(acted, now.half_width == config.step), acted)
+            self.promise(m, "window_opens", implies(acted, now.half_width == self._d), acted)
         if _leaks(config):
-            floor = 1 << (config.leak_shift - 1)
+            floor = self._floor(self._k_before)
             quiet = before(m, self.enable & ~now.acts, "quiet")
             inward = now.reference <= old
             if config.has_polarity:
@@ -225,9 +286,9 @@ class TaxelChecker(Checker[ReadoutConfig]):
             self.promise(m, "leak_is_monotone", implies(quiet, inward), quiet & (now.reference < old))
             leaked = quiet & before(m, self.decay & (~self.request | self.granted), "leaked")
             lower = Mux(old >= floor, now.reference < old, Mux(old < -floor, now.reference > old, now.reference == old))
-            self.promise(
-                m, "leak_reaches_floor", implies(leaked, lower), leaked & (old >= floor) & (now.reference < floor)
-            )
+            # From the top of a wide reference the floor is hundreds of leaks away.
+            near_floor = now.reference < floor if self.config.leak_shift < 4 else now.reference < old
+            self.promise(m, "leak_reaches_floor", implies(leaked, lower), leaked & (old >= floor) & near_floor)
             if _analog(config):
                 floor_code = now.reference >> self._fraction
                 self.promise(m, "code_is_floor", self.reference_code == floor_code, floor_code != 0)
@@ -236,8 +297,9 @@ class TaxelChecker(Checker[ReadoutConfig]):
         waited = before(m, self.enable & self.request & ~self.granted, "waited")
         state = [now.reference, now.half_width, *([self.polarity] if self.config.has_polarity else [])]
         same: Any = ~self.enable | self.request
-        for number, value in enumerate(state):
-            same &= value == before(m, value, f"state_{number}")
+        for number, value in enumerate(state):  # a half-width follows the D that a host sets
+            kept = value == before(m, value, f"state_{number}")
+            same &= kept | ~self._same if value is now.half_width else kept
         self.promise(m, "waits_unchanged", implies(waited, same), waited & self.enable)
         self.promise(
             m,
@@ -248,7 +310,7 @@ class TaxelChecker(Checker[ReadoutConfig]):
         off = before(m, ~self.enable, "off")
         reset = (now.reference == self._init) & ~self.request
         if self.config.closes:
-            reset &= now.half_width == self.config.step
+            reset &= now.half_width == self._d
         self.promise(
             m, "disabled_is_reset", implies(off, reset), off & (before(m, now.reference, "u_off") != self._init)
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from amaranth.hdl import Module, Mux, Signal
@@ -12,7 +13,7 @@ from eskin.verify.proofs.checker import Checker, Property, before, implies
 
 
 class WindowChecker(Checker[ReadoutConfig]):
-    """Watches the window of one taxel."""
+    """Watches the window of one taxel; the period that a host sets changes at any time."""
 
     block = ClosingWindow
     properties = (
@@ -27,6 +28,14 @@ class WindowChecker(Checker[ReadoutConfig]):
         ),
     )
 
+    def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
+        """Let a host set any period in range, in any clock."""
+        if self.config.registers == "none":
+            return set()
+        value, most = free("period", len(self.period)), self.config.window_period
+        m.d.comb += self.period.eq(Mux((value == 0) | (value > most), most, value))
+        return {"period"}
+
     def elaborate(self, platform: Any) -> Module:
         m = Module()
         levels, period = 1 << self.config.closing_levels_log2, self.config.window_period
@@ -39,7 +48,12 @@ class WindowChecker(Checker[ReadoutConfig]):
         self.promise(m, "says_closed", self.closed == (width == 1), self.closed)
         closes = (width + 1 == old) & ticked
         self.promise(m, "closes_step_by_step", opened | (width == old) | closes, closes)
-        # Quiet ticks since the window was opened, up to those that close it for good.
+        due, done = self._set(m, levels) if self.config.registers != "none" else self._built(m, levels, period)
+        self.promise(m, "closes_on_time", width == levels - due, done)
+        return self.finish(m)
+
+    def _built(self, m: Module, levels: int, period: int) -> tuple[Any, Any]:
+        """Return the closing steps that are due, and whether they are all: from the quiet ticks since it was opened."""
         quiet = Signal(range(period * levels + 1))
         with m.If(self.open):
             m.d.sync += quiet.eq(0)
@@ -48,5 +62,14 @@ class WindowChecker(Checker[ReadoutConfig]):
         due: Any = levels - 1
         for step in reversed(range(levels - 1)):
             due = Mux(quiet < period * (step + 1), step, due)
-        self.promise(m, "closes_on_time", width == levels - due, quiet == period * (levels - 1))
-        return self.finish(m)
+        return due, quiet == period * (levels - 1)
+
+    def _set(self, m: Module, levels: int) -> tuple[Any, Any]:
+        """Return the same where a host sets the period: quiet ticks are counted from the last closing step on."""
+        quiet, due = Signal(range(self.config.window_period)), Signal(range(levels))
+        closes = (quiet + 1 >= self.period) & (due != levels - 1)
+        with m.If(self.open):
+            m.d.sync += [quiet.eq(0), due.eq(0)]
+        with m.Elif(self.tick & (due != levels - 1)):
+            m.d.sync += [quiet.eq(Mux(closes, 0, quiet + 1)), due.eq(due + closes)]
+        return due, due == levels - 1

@@ -1,0 +1,103 @@
+"""The decay ticks: every row leaks once in a period, at its phase."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+from amaranth.hdl import Array, Const, Module, Mux, Signal
+from amaranth.lib.wiring import In
+
+from eskin.model.config import ReadoutConfig
+from eskin.model.decay import decay_phases
+from eskin.rtl.decay import DecayTicks
+from eskin.rtl.registers.decay import SettableDecayTicks
+from eskin.verify.proofs.checker import Checker, Property, before
+
+
+class DecayChecker(Checker[ReadoutConfig]):
+    """Watches the decay ticks as they are built.
+
+    Attributes
+    ----------
+    watch : In(bits)
+        A row, any, for good.
+    """
+
+    block: ClassVar[type[Any]] = DecayTicks
+    properties = (
+        Property("only_on_ticks", "no row leaks but at a sample tick"),
+        Property("at_its_phase", "row r leaks at tick floor(r P / R) of every P, counted from a reset or a new period"),
+        Property("once_a_period", "from one leak of a row to its next there are P ticks"),
+    )
+
+    def observed(self, config: ReadoutConfig) -> dict[str, Any]:
+        return super().observed(config) | {"watch": In(max(1, (config.rows - 1).bit_length()))}
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        self._surroundings(m)
+        period, restart = self._period()
+        rows, most = self.config.rows, self.config.leak_period
+        ticks, since = Signal(range(most)), Signal(range(most + 1))
+        leaks = Signal()
+        m.d.comb += leaks.eq(self._of_row())
+        counts = self.tick & ~restart
+        with m.If(restart):
+            m.d.sync += [ticks.eq(0), since.eq(0)]
+        with m.Elif(self.tick):
+            m.d.sync += ticks.eq(Mux(ticks + 1 >= period, 0, ticks + 1))
+            m.d.sync += since.eq(Mux(leaks, 1, since + (since != 0)))
+        phases = [(row * period) // rows for row in range(rows)]
+        phase = Array([*phases, *[Const(0)] * ((1 << len(self.watch)) - rows)])[self.watch]
+        real = self.watch < rows
+        self.promise(m, "only_on_ticks", counts | ~leaks, leaks)
+        self.promise(
+            m, "at_its_phase", ~real | (leaks == (counts & (ticks == phase))), leaks & ((phase != 0) | (since != 0))
+        )
+        again = leaks & (since != 0)
+        self.promise(m, "once_a_period", (~again | (since == period)) & (restart | (since <= period)), again)
+        return self.finish(m)
+
+    def _surroundings(self, m: Module) -> None:
+        """Say when the assumptions hold."""
+
+    def _period(self) -> tuple[Any, Any]:
+        """Return the period, and whether it begins anew in this clock."""
+        return Const(self.config.leak_period), Const(0)
+
+    def _of_row(self) -> Any:
+        """Return whether the watched row leaks."""
+        found = sorted(set(decay_phases(self.config).tolist()))
+        lines = [self.decay[found.index(phase)] for phase in decay_phases(self.config)]
+        return Array([*lines, *[Const(0)] * ((1 << len(self.watch)) - len(lines))])[self.watch]
+
+
+class SettableDecayChecker(DecayChecker):
+    """Watches the decay ticks with a period that a host sets: it changes where a restart goes with it alone."""
+
+    block = SettableDecayTicks
+    assumptions: ClassVar = {"period_in_range": "a period is at least the number of rows, and changes with a restart"}
+
+    def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
+        """Let the period change only where a restart goes with it, as the register file does."""
+        low, high = self.config.rows, self.config.leak_period
+        begins, new = free("restart", 1), free("period", len(self.period))
+        kept = Signal(len(self.period), init=high, name="kept_period")
+        with m.If(begins):
+            m.d.sync += kept.eq(Mux((new < low) | (new > high), high, new))
+        m.d.sync += self.restart.eq(begins)
+        m.d.comb += self.period.eq(kept)
+        return {"restart", "period"}
+
+    def _surroundings(self, m: Module) -> None:
+        old, known = before(m, self.period, "period"), before(m, Const(1, 1), "known")
+        kept = ~known | self.restart | (self.period == old)
+        self.suppose(m, "period_in_range", (self.period >= self.config.rows) & kept)
+
+    def _period(self) -> tuple[Any, Any]:
+        return self.period, self.restart
+
+    def _of_row(self) -> Any:
+        lines = list(self.decay)
+        return Array([*lines, *[Const(0)] * ((1 << len(self.watch)) - len(lines))])[self.watch]
