@@ -101,7 +101,9 @@ class TaxelChecker(Checker[ReadoutConfig]):
 
     def __init__(self, config: ReadoutConfig) -> None:
         if config.registers != "none":
-            self.assumptions = {"settings_in_range": "D is one-hot, the leak and the window's period are at least 1"}
+            self.assumptions = {  # type: ignore[misc]  # one that only such a taxel has
+                "settings_in_range": "D is one-hot, the leak and the window's period are at least 1"
+            }
         super().__init__(config)
 
     def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
