@@ -120,7 +120,7 @@ class ReadoutConfig:
     True
     >>> ReadoutConfig(resolution=11)
     Traceback (most recent call last):
-    base.errors.InputError: resolution must be in 1..sample_bits - 2 = 10, not 11
+    eskin.base.errors.InputError: resolution must be in 1..sample_bits - 2 = 10, not 11
     """
 
     rows: int = parameter(8, "", f"{SPECIFICATION} 1", "rows of taxels, 1..64")

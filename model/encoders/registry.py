@@ -29,7 +29,7 @@ def named(name: str) -> Encoder:
     'N-LCS'
     >>> named("pcm")
     Traceback (most recent call last):
-    base.errors.InputError: there is no encoder 'pcm'; the encoders are lcs, cw-lcs, nlcs, nlcs-bipolar
+    eskin.base.errors.InputError: there is no encoder 'pcm'; the encoders are lcs, cw-lcs, nlcs, nlcs-bipolar
     """
     for encoder in ENCODERS:
         if encoder.name == name:

@@ -39,7 +39,7 @@ def test_it_gives_the_bits_of_torch_and_goes_on_from_its_checkpoints(weight_deca
 def test_moments_of_other_weights_are_refused() -> None:
     adam = Adam([nn.Parameter(torch.zeros(3))], 1e-3, 0.0)
     moments = {"step": torch.tensor(1.0), "exp_avg": torch.zeros(2), "exp_avg_sq": torch.zeros(2)}
-    with pytest.raises(ValueError, match="of other weights"):
+    with pytest.raises(ValueError, match="belong to other weights"):
         adam.load_state_dict({"state": {0: moments}})
 
 

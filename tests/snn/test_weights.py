@@ -96,10 +96,10 @@ def test_a_file_of_another_kind_is_named_with_the_command_that_makes_the_right_o
     with pytest.raises(InputError) as refused:
         IntegerWeights.load(path)
     remedy = "make one with eskin quantise WEIGHTS.npz -o INTEGER.npz"
-    assert str(refused.value) == f"{path}: it is a float network, where an integer network belongs; {remedy}"
+    assert str(refused.value) == f"{path}: it is a float network instead of an integer network; {remedy}"
     shapes = {"w_in": (4, 4), "w_rec": (4, 4), "w_out": (4, 2), "b_hidden": 4, "b_out": 2}
     config = ClassifierConfig(inputs=4, hidden=4, classes=2, lanes=4)
     network = IntegerNetwork(config, **{name: np.zeros(shape, np.int64) for name, shape in shapes.items()})
     IntegerWeights(network, ("a", "b")).save(integer)
-    with pytest.raises(InputError, match="it is an integer network, where a float network belongs; make one"):
+    with pytest.raises(InputError, match="it is an integer network instead of a float network; make one"):
         load_weights(integer)
