@@ -156,7 +156,9 @@ def test_a_mutant_is_compared_in_many_configurations() -> None:
 
 def test_what_tests_do_not_kill_is_equivalent_or_alive_and_the_generator_may_refuse(tmp_path: Path) -> None:
     # A mask of more bits than rows has bits that nothing reads; a row that waits for every bit is no row at all.
-    asked = Asked(original(tmp_path), Questions(()), (), 300, 1, designs=6)
+    checkout = original(tmp_path)
+    assert (checkout / "build").readlink() == tmp_path / "build"  # programs never lie among the sources
+    asked = Asked(checkout, Questions(()), (), 300, 1, designs=6)
     same, other, refused = (
         the("rtl/arbiter.py", "Arbiter.elaborate", operator, number)
         for operator, number in (

@@ -66,10 +66,10 @@ def original(folder: Path) -> Path:
         for name in names:
             (draft / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, draft / name, follow_symlinks=False)
-        for folder in {(ROOT / name).parent.relative_to(ROOT) for name in names}:  # what is compiled comes along
-            for kernel in (ROOT / folder).glob("__pycache__/*.nb?"):
-                (draft / folder / "__pycache__").mkdir(exist_ok=True)
-                shutil.copy2(kernel, draft / folder / "__pycache__")
+        for sources in {(ROOT / name).parent.relative_to(ROOT) for name in names}:  # what is compiled comes along
+            for kernel in (ROOT / sources).glob("__pycache__/*.nb?"):
+                (draft / sources / "__pycache__").mkdir(exist_ok=True)
+                shutil.copy2(kernel, draft / sources / "__pycache__")
         (folder / "build").mkdir(exist_ok=True)
         (draft / "build").symlink_to(folder.resolve() / "build")
         draft.rename(place)
