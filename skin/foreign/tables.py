@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -80,7 +81,7 @@ def _columns(path: Path) -> dict[str, NDArray[Any]]:
         raise InputError(f"cannot read {path}: {error.strerror}") from None
     if path.suffix.lower() in TEXT_SUFFIXES:
         return _text_columns(path, content)
-    return _array_columns(path)
+    return _array_columns(path, content)
 
 
 def _text_columns(path: Path, content: bytes) -> dict[str, NDArray[Any]]:
@@ -128,9 +129,9 @@ def _number(cell: str) -> int | float | None:
     return None
 
 
-def _array_columns(path: Path) -> dict[str, NDArray[Any]]:
+def _array_columns(path: Path, content: bytes) -> dict[str, NDArray[Any]]:
     try:
-        found: Any = np.load(path, allow_pickle=False)
+        found: Any = np.load(io.BytesIO(content), allow_pickle=False)
         if isinstance(found, np.ndarray):
             if found.dtype.names and found.ndim == 1:
                 return {name: found[name] for name in found.dtype.names}
