@@ -143,7 +143,7 @@ def _holds_recordings(source: Path) -> bool:
 
 
 def _chosen(names: dict[str, str | None], only: str | None) -> list[str]:
-    """Return names in turns of their classes, or the one that is wanted."""
+    """Return the names, alternating between classes, or only the name given as ``only``."""
     if only is not None:
         if only not in names:
             raise InputError(f"there is no {only!r}; one of them is {next(iter(names))}")

@@ -88,7 +88,7 @@ def scan_of(
 
 
 def textures_of(weights: IntegerWeights, dataset: str) -> tuple[Dataset, list[str]]:
-    """Return a dataset of textures, and the names of those that the network has not learned (all, if it has none)."""
+    """Return a dataset, and the names of its textures outside the training set (all names, if none is outside)."""
     training = weights.notes["training"]
     data = open_dataset(dataset)
     names = [texture.name for texture in data]

@@ -32,7 +32,7 @@ class RelayBench:
     offer : tuple of int or None
         The event that the tile offers.
     offered, given, taken, left, ready : list
-        First clock and event of every offer; clocks in which events were taken; clock and payload of those that left;
+        First clock and event of every offer; the clock of every event taken; clock and payload of every event sent;
         the ready of the other end in every clock.
     """
 

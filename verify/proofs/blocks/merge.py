@@ -26,7 +26,7 @@ class MergeChecker(Checker[TilesConfig]):
 
     block = Merge
     properties = (
-        Property("takes_one", "at most one tile's event is taken in a clock, and only one that is offered"),
+        Property("takes_one", "in each clock at most one tile's event is taken, and that tile offers an event"),
         Property("takes_what_fits", "while fewer than two events are held an offered one is taken, else none"),
         Property("tile_order", "the tile that is taken is the first offering one behind the last taken, cyclically"),
         Property("in_order", "an event that leaves is the oldest that its tile has given and that has not left"),

@@ -18,7 +18,7 @@ class WindowChecker(Checker[ReadoutConfig]):
     block = ClosingWindow
     properties = (
         Property("within_bounds", "the half-width is never below one closing step and never above D"),
-        Property("opens_fully", "after it is told to open, the half-width is D"),
+        Property("opens_fully", "the half-width is D after the signal to open"),
         Property("says_closed", "it says that it is closed exactly where the half-width is one step"),
         Property(
             "closes_step_by_step", "otherwise the half-width holds still or loses one closing step, on a sample tick"
