@@ -116,7 +116,7 @@ def field_options(
     Parameters
     ----------
     cls : dataclass
-        Its fields are made by ``model.config.parameter``.
+        Its fields are made by ``eskin.model.config.parameter``.
     names : iterable of str, optional
         Fields that become options; all by default.
     defaults : mapping of str to object, optional

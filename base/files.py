@@ -33,8 +33,8 @@ def atomic_write(path: Path) -> Iterator[IO[bytes]]:
 
     The bytes go to a temporary file in the same folder, which replaces ``path`` at the end and is removed on any error.
     An interrupted command therefore leaves the old file, or none. A device or FIFO receives all bytes at the end. A
-    link is replaced: commands resolve the user's links first (``base.outputs.file_of``), and a link planted in a folder
-    of the program must not select the overwritten file.
+    link is replaced: commands resolve the user's links first (``eskin.base.outputs.file_of``), and a link planted in a
+    folder of the program must not select the overwritten file.
 
     Raises
     ------

@@ -2,7 +2,7 @@
 
 ``python benchmarks/load.py --json benchmarks/results/load.json`` prints the table of docs/results/load.md.
 
-Ours is ``model.arbiter``, the one that the RTL equals. The others are written for comparison: a tree with fixed
+Ours is ``eskin.model.arbiter``, the one that the RTL equals. The others are written for comparison: a tree with fixed
 priority (the lowest index first), a flat round robin over all taxels, a binary AER tree whose nodes of two toggle
 (the side that was served last yields), and greedy rows, as a fabricated chip can be set: the row that was served last
 keeps the bus as long as it has requests, and sends its highest address first. They are idealised: each chooses among
@@ -96,7 +96,7 @@ def serve(kind: int, due: Any, first: Any, clocks: int, state: Any, rows: Any) -
         Where the events of each taxel begin.
     clocks : int
     state, rows : ndarray
-        Of ``model.arbiter``, after reset.
+        Of ``eskin.model.arbiter``, after reset.
 
     Returns
     -------

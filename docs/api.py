@@ -75,7 +75,7 @@ def list_of_modules() -> str:
     for room, paths in rooms().items():
         rest = [path for path in paths if path not in called]
         if rest:
-            parts += [f"## {room}", head + "\n".join(map(row_of, rest))]
+            parts += [f"## eskin.{room}", head + "\n".join(map(row_of, rest))]
     return "\n\n".join(parts) + "\n"
 
 

@@ -16,10 +16,10 @@ from eskin.model.encoders import registry
 from eskin.model.encoders.encoder import Encoder
 
 Encoding = Literal["lcs", "cw-lcs", "nlcs", "nlcs-bipolar"]
-"""Names of ``model.encoders.registry``, written once more for the type checker."""
+"""Names of ``eskin.model.encoders.registry``, written once more for the type checker."""
 if get_args(Encoding) != registry.NAMES:
     raise TypeError(
-        f"Encoding lists {get_args(Encoding)}, model.encoders.registry {registry.NAMES}; make them the same"
+        f"Encoding lists {get_args(Encoding)}, eskin.model.encoders.registry {registry.NAMES}; make them the same"
     )
 
 Link = Literal["stream", "four_phase", "four_phase_dual"]
@@ -77,7 +77,7 @@ class ReadoutConfig:
     rows, columns : int
         Taxel array, 1..64 each. Taxel (r, c) has index ``r * columns + c``.
     encoding : str
-        Name of an encoder of ``model.encoders``.
+        Name of an encoder of ``eskin.model.encoders``.
     sample_bits : int
         W, bits of a signed sample; full scale +-1.0 is +-2**(W-1) codes.
     resolution : int
@@ -205,7 +205,7 @@ class ReadoutConfig:
 
     @property
     def encoder(self) -> Encoder:
-        """The encoder, of ``model.encoders``."""
+        """The encoder, of ``eskin.model.encoders``."""
         return registry.named(self.encoding)
 
     @property

@@ -1,6 +1,6 @@
 """Compute the leak of N-LCS: its size, and its staggered ticks from one counter for the whole array.
 
-Plain Python, which ``model.encoders.compiled`` compiles.
+Plain Python, which ``eskin.model.encoders.compiled`` compiles.
 """
 
 from __future__ import annotations

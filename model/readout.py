@@ -307,9 +307,9 @@ class Registers(NamedTuple):
     taxels : ndarray of ``taxel_dtype``, shape (taxels,)
     rows : ndarray of ROW_DTYPE, shape (rows,)
     latch : ndarray of uint64, shape (6,)
-        See ``model.arbiter``.
+        See ``eskin.model.arbiter``.
     link : ndarray of int64, shape (7,)
-        See ``model.link``.
+        See ``eskin.model.link``.
     """
 
     taxels: NDArray[np.void]

@@ -239,7 +239,7 @@ def error_bound(config: ReadoutConfig) -> tuple[float, float]:
     """Return (low, high): low <= x - u <= high at the end of every tick, in codes, for inputs within a limit.
 
     The limit is ``slope_limit``, which also applies to the step from the reset value of the reference to the first
-    sample. ``error_bound`` of each encoder (``model.encoders``) defines its bound.
+    sample. ``error_bound`` of each encoder (``eskin.model.encoders``) defines its bound.
     """
     return config.encoder.error_bound(config)
 

@@ -1,6 +1,6 @@
-"""Compiled loops of ``model.taxel``, and the taxel's part of the loop of ``model.readout``, for every encoder.
+"""Compile the loops of ``eskin.model.taxel`` and the taxel's part of the loop of ``eskin.model.readout``.
 
-``model.encoders`` contains the rules.
+The loops serve every encoder; ``eskin.model.encoders`` contains the rules.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def decide(p: Any, taxel: Any, tick: bool, leaks: bool) -> tuple[bool, bool, boo
     Parameters
     ----------
     p : Parameters
-        Parameters of ``model.readout``.
+        Parameters of ``eskin.model.readout``.
     taxel : record of ``taxel_dtype``
         Changed in place.
     tick, leaks : bool

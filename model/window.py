@@ -1,6 +1,6 @@
 """The closing window of CW-LCS: its half-width, and how it closes while no event happens.
 
-Plain Python, which ``model.encoders.compiled`` compiles.
+Plain Python, which ``eskin.model.encoders.compiled`` compiles.
 """
 
 from __future__ import annotations

@@ -228,7 +228,7 @@ def measure_table(
     dataset : Dataset
         At least one image.
     scan : Scan
-        Preset, from ``skin.textures.presets.preset``.
+        Preset, from ``eskin.skin.textures.presets.preset``.
     base : ReadoutConfig, optional
         Array and sample rate; the default array by default.
     resolutions, taus_s : sequences

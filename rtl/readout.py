@@ -37,7 +37,7 @@ class Readout(Block[ReadoutConfig]):
     aer_req, aer_ack, aer_addr
         Address events (``link="four_phase"``).
     spi_sck, spi_cs_n, spi_mosi, spi_miso, spi_miso_enable
-        Settings at run time (``registers="spi"``), see ``rtl.registers``.
+        Settings at run time (``registers="spi"``), see ``eskin.rtl.registers``.
     step_code : Out(half_width_bits)
         D in codes, a register, for the comparators (analog front end with registers, where there is no half_width).
     """

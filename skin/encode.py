@@ -106,12 +106,12 @@ def encode_samples(
     Parameters
     ----------
     path : Path
-        One of ``skin.samples.ARRAY_SUFFIXES``.
+        One of ``eskin.skin.samples.ARRAY_SUFFIXES``.
     config : ReadoutConfig
     given : collection of str
         Fields of ``config`` that the user set; the others follow the recording.
     prepared : mapping of str to object, optional
-        Fields of ``skin.recordings.options.Preparation`` that the user set.
+        Fields of ``eskin.skin.recordings.options.Preparation`` that the user set.
     model : "cycle" or "functional"
 
     Raises

@@ -27,7 +27,7 @@ class SpikingConfig:
     ----------
     hidden_rate, output_rate : float
         If not 0, training starts from biases with which every hidden neuron fires this often per step, and the mean
-        input of every output neuron is this fraction of its threshold (``snn.calibration``).
+        input of every output neuron is this fraction of its threshold (``eskin.snn.calibration``).
     decay, output_decay : float
         Part of the membrane potential left after one step; 1 is the paper's neuron without leak.
     learn_decay : bool

@@ -66,7 +66,7 @@ class Network:
     def load(cls, path: Path) -> Network:
         """Return the network of a file; refuse one without notes on its training.
 
-        What it says is described at ``snn.experiments.trained.said_of_training``.
+        What it says is described at ``eskin.snn.experiments.trained.said_of_training``.
         """
         weights = IntegerWeights.load(path)
         again = "quantise again, with result.json of the training beside its weights"

@@ -7,17 +7,19 @@ between rooms are the imports. networkx comes with scikit-image.
 from __future__ import annotations
 
 import ast
+import itertools
 import textwrap
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import networkx as nx
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import FancyBboxPatch
 
 from eskin.base.figures.style import PALETTE, new_figure, save_figure
-from eskin.model.config import ReadoutConfig
+from eskin.model.config import Link, ReadoutConfig
 from eskin.rtl.arbiter import Arbiter
 from eskin.rtl.link import FourPhaseLink
 from eskin.rtl.taxel import Row, Taxel
@@ -65,7 +67,7 @@ def ports(block: type, direction: str) -> set[str]:
 
 def draw_signal_path() -> None:
     """Draw the way of a signal from the texture to the class: above through the array, below to the left."""
-    figure, axis = plane("From signal to class", 16, 12.8)
+    figure, axis = plane("From signal to class", 16, 12.5)
     lines = ports(Arbiter, "In") - ports(FourPhaseLink, "Out")
     for row in range(3):
         y = 10.2 - 1.8 * row
@@ -89,7 +91,7 @@ def draw_signal_path() -> None:
     arrow(axis, (2.6, 8.3), (4.5, 8.3), ports(Taxel, "In") & ports(Row, "In") - {"enable", "tick", "granted"})
     arrow(axis, (15.1, 5.9), (15.1, 2.7))
     label(axis, 14.9, 3.0, "\n".join(sorted(ports(Arbiter, "Out") & ports(FourPhaseLink, "In"))), ha="right")
-    box(axis, 12.9, 0.5, 2.9, 2.2, "link\n\nstream or\nfour_phase")
+    box(axis, 12.9, 0.5, 2.9, 2.2, "link:\n" + " or\n".join(get_args(Link)))
     box(axis, 8.1, 0.5, 2.9, 2.2, "address events\n\nt, x, y, p", "purple")
     box(axis, 3.9, 0.9, 2.6, 1.4, "classifier", "vermilion")
     box(axis, 0.1, 0.9, 2.2, 1.4, "class", "grey")
@@ -107,7 +109,8 @@ def house() -> nx.DiGraph:
     for room in rooms:
         for node in (node for path in (ROOT / room).rglob("*.py") for node in ast.walk(ast.parse(path.read_text()))):
             start = f"{node.module}." if isinstance(node, ast.ImportFrom) else ""
-            names = [start + alias.name for alias in getattr(node, "names", [])]
+            imports = isinstance(node, (ast.Import, ast.ImportFrom))
+            names = [start + alias.name for alias in node.names] if imports else []
             graph.add_edges_from(
                 (room, other)
                 for other in {name.split(".")[1] for name in names if name.startswith("eskin.")} & rooms - {room}
@@ -115,18 +118,37 @@ def house() -> nx.DiGraph:
     return graph
 
 
+def places_of(graph: nx.DiGraph) -> dict[str, tuple[float, float]]:
+    """Return column and floor of every room, such that the fewest arrows pass over rooms and the arrows are short."""
+    floors = list(map(sorted, nx.topological_generations(graph.reverse())))
+    columns = max(map(len, floors))
+    best: tuple[tuple[float, float], dict[str, tuple[float, float]]] = ((np.inf, np.inf), {})
+    for chosen in itertools.product(*(itertools.permutations(range(columns), len(rooms)) for rooms in floors)):
+        places = {
+            room: (float(column), float(floor))
+            for floor, (rooms, slots) in enumerate(zip(floors, chosen, strict=True))
+            for room, column in zip(rooms, slots, strict=True)
+        }
+        over, length = 0, 0.0
+        for upper, lower in graph.edges:
+            (x, y), (to_x, to_y) = places[upper], places[lower]
+            length += abs(x - to_x)
+            for other, floor in places.values():
+                passes = (x + (to_x - x) * (y - end) / (y - to_y) for end in (floor - 0.3, floor + 0.3))
+                over += to_y < floor < y and any(abs(at - other) < 0.5 for at in passes)
+        best = min(best, ((over, length), places), key=lambda found: found[0])
+    return best[1]
+
+
 def draw_house() -> None:
     """Draw the rooms, with their folders, above those that they import; an arrow that others imply is left out."""
     graph = nx.transitive_reduction(house())  # raises if imports run in a circle
-    floors = list(nx.topological_generations(graph.reverse()))
-    width = 5.0 * max(map(len, floors))
-    figure, axis = plane("Rooms and their imports", width, 2.5 * len(floors))
-    places = {}
-    for floor, rooms in enumerate(floors):
-        for number, room in enumerate(sorted(rooms)):
-            places[room] = x, y = width * (number + 0.5) / len(rooms), 2.5 * floor + 1
-            folders = ", ".join(sorted(path.parent.name for path in (ROOT / room).glob("*/__init__.py")))
-            box(axis, x - 2.3, y - 0.75, 4.6, 1.5, f"{room}/\n\n{textwrap.fill(folders, 32)}")
+    places = {room: (5.0 * column + 2.5, 2.5 * floor + 1) for room, (column, floor) in places_of(graph).items()}
+    width, height = (max(ends) for ends in zip(*places.values(), strict=True))
+    figure, axis = plane("Rooms and their imports", width + 2.5, height + 1)
+    for room, (x, y) in places.items():
+        folders = ", ".join(sorted(path.parent.name for path in (ROOT / room).glob("*/__init__.py")))
+        box(axis, x - 2.3, y - 0.75, 4.6, 1.5, f"{room}/\n\n{textwrap.fill(folders, 32)}")
     for upper, lower in graph.edges:
         (x, y), (to_x, to_y) = places[upper], places[lower]
         arrow(axis, (x, y - 0.75), (to_x, to_y + 0.75), color="#555555")

@@ -75,7 +75,7 @@ def check(netlist: Netlist, design: dict[str, Any]) -> Structure:
     ----------
     netlist : Netlist
     design : dict
-        From ``flow.asic.equivalence.design_of``.
+        From ``eskin.flow.asic.equivalence.design_of``.
 
     Raises
     ------

@@ -57,7 +57,7 @@ class Group:
 
 
 class Timing:
-    """Arrivals and slews at every net of an array; see ``flow.asic.constraints`` for what ports wait for.
+    """Arrivals and slews at every net of an array; see ``eskin.flow.asic.constraints`` for what ports wait for.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Define the interface of an encoder: names and traits, rule, decoder, and bounds.
 
-The functions under "compiled" are plain Python that Numba understands; ``model.encoders.compiled`` compiles them. Numba
-selects the encoder by the type of ``rule``, so every encoder needs its own rule class with a unique name.
+The functions under "compiled" are plain Python that Numba understands; ``eskin.model.encoders.compiled`` compiles them.
+Numba selects the encoder by the type of ``rule``, so every encoder needs its own rule class with a unique name.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ class Encoder(ABC):
     @staticmethod
     @abstractmethod
     def told(rule: Any, now: Any) -> Any:
-        """Return the rule with a host's settings, a record of ``model.registers.settings``."""
+        """Return the rule with a host's settings, a record of ``eskin.model.registers.settings``."""
 
     # -- compiled: all taxels, tick by tick ------------------------------------------------------
 

@@ -1,7 +1,7 @@
 """Simulate the relay stations on the lines from tiles to merge, clock by clock.
 
 A station holds two events and takes an offered event while a place is free, like a merge of a single stream. State and
-clock are therefore those of ``model.tiles.merge``.
+clock are therefore those of ``eskin.model.tiles.merge``.
 """
 
 from __future__ import annotations

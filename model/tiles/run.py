@@ -1,6 +1,6 @@
 """Simulate a whole skin, clock by clock: all tiles, and the merge of their events.
 
-A tile's clock is that of ``model.readout``, whose loop for a single readout is kept apart for its speed.
+A tile's clock is that of ``eskin.model.readout``, whose loop for a single readout is kept apart for its speed.
 """
 
 from __future__ import annotations
@@ -147,7 +147,7 @@ def _take(p: Any, r: Any, tile: int, taxels: int) -> np.int64:
 
 @njit(cache=True, nogil=True)
 def _clock(p: Any, s: Any, t: int, tile: int, taxels: Any, rows: Any, latch: Any, at: NDArray[np.int64]) -> None:
-    """Advance a tile by clock ``t``, whether its event was taken or not; see ``model.readout._loop``."""
+    """Advance a tile by clock ``t``, whether its event was taken or not; see ``eskin.model.readout._loop``."""
     masked = at[CHANGES] < len(s.enable_clock) and s.enable_clock[at[CHANGES]] == t
     if masked:
         mask_rows(p, s.enable[tile, at[CHANGES]], taxels, rows, latch)

@@ -1,4 +1,4 @@
-"""Pictures of the power model, each made from its data (``power.study``, ``power.explore``)."""
+"""Pictures of the power model, each made from its data (``eskin.power.study``, ``eskin.power.explore``)."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ class Own:
 
 
 class Encoder(ABC):
-    """The hardware of an encoder of ``model.encoders``, of the same name.
+    """The hardware of an encoder of ``eskin.model.encoders``, of the same name.
 
     Attributes
     ----------

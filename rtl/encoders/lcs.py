@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class Lcs(Encoder):
-    """Level-crossing sampling. A digital sample never asks for a step that would leave the scale (``model.taxel``)."""
+    """Level-crossing sampling. No digital sample asks for a step beyond the full scale (``eskin.model.taxel``)."""
 
     name = "lcs"
 

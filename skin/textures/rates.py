@@ -79,7 +79,7 @@ def measure_rates(
     ----------
     dataset : Dataset
     scan : Scan
-        Preset, from ``skin.textures.presets.preset``.
+        Preset, from ``eskin.skin.textures.presets.preset``.
     config : ReadoutConfig
         From ``scan.configure``.
     start_rows : sequence of float
@@ -187,7 +187,7 @@ def scan_image(image: Image, scan: Scan, configs: Sequence[ReadoutConfig], start
 
 
 Watch = Callable[[str, int], AbstractContextManager[Callable[[], object]]]
-"""Takes what is done and its number of pieces, and gives what to call after each, as ``base.progress.bar``."""
+"""Takes what is done and its number of pieces, and gives what to call after each, as ``eskin.base.progress.bar``."""
 
 
 @contextmanager

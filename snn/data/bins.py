@@ -1,7 +1,7 @@
 """Convert event files to event counts per time bin, as tensors for the networks (docs/guide/classifier.md).
 
-Recordings of the RTL and of the model (``snn.data.record``) pass through the same ``collect``, so equal events give
-equal tensors.
+Recordings of the RTL and of the model (``eskin.snn.data.record``) pass through the same ``collect``, so equal events
+give equal tensors.
 """
 
 from __future__ import annotations

@@ -410,7 +410,7 @@ def record_disturbed(
     Parameters
     ----------
     texture, dataset_name, scan, config
-        Same as for ``snn.data.record.record``; without a disturbance the events are equal.
+        Same as for ``eskin.snn.data.record.record``; without a disturbance the events are equal.
     strengths : mapping
         Strength by name of DISTURBANCES.
     generator : Generator

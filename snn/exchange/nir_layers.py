@@ -1,6 +1,6 @@
 """Read a NIR graph as layers of our network: neurons in discrete time with a threshold of 1.
 
-``snn.exchange.nir_network`` describes the discretisation.
+``eskin.snn.exchange.nir_network`` describes the discretisation.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Bits per second of an experiment's readout after lossless coding (``snn.data.coding``)."""
+"""Bits per second of an experiment's readout after lossless coding (``eskin.snn.data.coding``)."""
 
 from __future__ import annotations
 

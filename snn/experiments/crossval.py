@@ -1,4 +1,6 @@
-"""Cross-validation: one cell (fold and seed), its file, and the summary. ``snn.experiments.sweep`` runs the cells.
+"""Run one cell (fold and seed) of a cross-validation, write its file, and summarise all cells.
+
+``eskin.snn.experiments.sweep`` runs the cells.
 
 Protocol: folds are stratified and fixed by a seed. Every cell trains twice with the same number of epochs. The first
 training uses all training images, and its last epoch counts. The second leaves out an inner validation part, which

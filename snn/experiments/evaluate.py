@@ -178,7 +178,8 @@ def check_model(
 def model_recording(rtl: Recording, texture: Texture) -> Recording:
     """Return the model's recording of an RTL recording's scan, with the same length or to its end.
 
-    A replay continues after the last sample until the array is silent, so it is longer than ``snn.data.record.record``.
+    A replay continues after the last sample until the array is silent, so it is longer than a recording of
+    ``eskin.snn.data.record.record``.
     """
     metadata, config = rtl.metadata, rtl.config
     start_row = metadata.get("start_row")
@@ -211,7 +212,7 @@ class Places:
     Attributes
     ----------
     dataset : str or None
-        Path of the textures, as for ``skin.textures.dataset.open_dataset``.
+        Path of the textures, as for ``eskin.skin.textures.dataset.open_dataset``.
     data : Path or None
         Folder of own recordings.
     """

@@ -35,7 +35,7 @@ class Experiment:
     Parameters
     ----------
     dataset : str or None
-        Path as for ``skin.textures.dataset.open_dataset``.
+        Path as for ``eskin.skin.textures.dataset.open_dataset``.
     events : str or None
         Folder of event files (an RTL replay) instead of the model.
     preset : "physical", "paper" or None
@@ -51,16 +51,16 @@ class Experiment:
     start_rows : int
         Scans of each image, evenly spread; tests use the first.
     disturbed : int
-        Additional scans of each image, randomly disturbed (``snn.data.disturb``); tests use the clean one.
+        Additional scans of each image, randomly disturbed (``eskin.snn.data.disturb``); tests use the clean one.
     variant : "" or "on"
-        Variant of the events (``snn.data.record``).
+        Variant of the events (``eskin.snn.data.record``).
     bins : BinConfig
     network : dict
         Fields of NetworkConfig but inputs and classes, which follow from the data.
     train : TrainConfig
     grid : dict or None
         Values to try by name of a network or training field; inner validation chooses among all their combinations
-        (``snn.experiments.crossval``).
+        (``eskin.snn.experiments.crossval``).
     """
 
     dataset: str | None = None

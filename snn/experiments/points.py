@@ -28,7 +28,7 @@ READINGS = {"last": "last epoch", "selected": "epoch selected by inner validatio
 
 @dataclass(frozen=True)
 class Result:
-    """The results of the cells of complete seeds for one epoch (``snn.experiments.crossval.summarise``).
+    """The results of the cells of complete seeds for one epoch (``eskin.snn.experiments.crossval.summarise``).
 
     Attributes
     ----------
@@ -89,7 +89,8 @@ class PointSummary:
     labels : str or None
         The true class of every image, as in ``Result.predictions``.
     coded_bps : dict or None
-        Bits per second after lossless coding, by what is coded (``snn.data.coding``); None before the scans are made.
+        Bits per second after lossless coding, by what is coded (``eskin.snn.data.coding``); None before the scans are
+        made.
     """
 
     name: str

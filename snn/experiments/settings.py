@@ -16,7 +16,7 @@ from eskin.snn.network_config import HINTS, NetworkConfig
 from eskin.snn.training import TrainConfig
 
 VARIANTS = {encoder.name: ("", "on") if encoder.polarity else ("",) for encoder in registry.ENCODERS}
-"""Variants of an encoder's events (``snn.data.record``), behind its resolution: lcs:6:on."""
+"""Variants of an encoder's events (``eskin.snn.data.record``), behind its resolution: lcs:6:on."""
 
 
 def parse_settings(texts: list[str], option: str = "--set") -> dict[str, Any]:
@@ -98,7 +98,7 @@ def experiment_of(
     Parameters
     ----------
     recipe : str
-        A name of ``snn.experiments.recipes.RECIPES``.
+        A name of ``eskin.snn.experiments.recipes.RECIPES``.
     settings : mapping of str to object
         Fields of NetworkConfig and TrainConfig that replace those of the recipe.
     epochs : int

@@ -1,4 +1,4 @@
-"""Compute the data of Fig. 9 from sweeps (``snn.figures.fig9_plot`` draws the picture)."""
+"""Compute the data of Fig. 9 from sweeps (``eskin.snn.figures.fig9_plot`` draws the picture)."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ FRAME_NETWORKS = {"rnn": "ReLU units", "cnn": "convolutions", "gru": "gated unit
 """Networks on frames in words, by the recipe, which is the beginning of a point's name."""
 
 RECEIVED = {"diff": "differences ", "onoff": "ON/OFF "}
-"""What the receiver makes of frames, by the second word of a point's name (``snn.data.frame_steps``)."""
+"""What the receiver makes of frames, by the second word of a point's name (``eskin.snn.data.frame_steps``)."""
 
 RATES = "rates-"
 """Names of the sweeps at equal data rate begin with it."""
@@ -68,7 +68,7 @@ def kept_sweeps() -> list[Path]:
 
 
 def kept_rates() -> list[Path]:
-    """Return the files of the sweeps that compare readouts at equal data rate (``snn.figures.fig9_rates``)."""
+    """Return the files of the sweeps that compare readouts at equal data rate (``eskin.snn.figures.fig9_rates``)."""
     return sorted(KEPT.glob(f"{RATES}*.json"))
 
 

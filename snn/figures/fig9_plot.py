@@ -1,4 +1,4 @@
-"""Draw Fig. 9 from its data (``snn.figures.fig9``)."""
+"""Draw Fig. 9 from its data (``eskin.snn.figures.fig9``)."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Call the compiled kernel (cpu.cpp) through ctypes; g++ builds it once into the user's cache.
 
-Without a compiler, ``available()`` is false and ``snn.kernels.dense`` computes the layer with torch. The functions here
-need contiguous float32 CPU tensors and check nothing else.
+Without a compiler, ``available()`` is false and ``eskin.snn.kernels.dense`` computes the layer with torch. The
+functions here need contiguous float32 CPU tensors and check nothing else.
 """
 
 from __future__ import annotations

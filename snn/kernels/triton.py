@@ -1,7 +1,7 @@
 """Compute the time loop of a layer on a GPU: one Triton kernel forward, one backward.
 
-Importing this module imports Triton; ``snn.kernels.layer`` does so on demand. All tensors are contiguous float32 of
-shape (steps, batch, neurons), and of shape (neurons, neurons) and (neurons,); nothing else is checked.
+Importing this module imports Triton; ``eskin.snn.kernels.layer`` does so on demand. All tensors are contiguous float32
+of shape (steps, batch, neurons), and of shape (neurons, neurons) and (neurons,); nothing else is checked.
 
 A program (CUDA block) owns ROWS sequences of the batch for all steps and all neurons, so programs never wait for each
 other. A step is done in blocks of COLUMNS neurons. Each needs the spikes (backwards: the gradients) of *all* neurons

@@ -218,8 +218,8 @@ def points_of(subjects: Sequence[Subject], cells: Sequence[dict[str, Any]]) -> l
 def power_of(experiment: Experiment, mode: Mode, noise_v: float, rates: Rates) -> dict[str, float]:
     """Return AFE, converter, I/O and total in watts.
 
-    Encoders use the equations of ``power.readouts``. Frames cost 2 BW M samples per second in ``paper``, of which the
-    receiver ignores unused ones; in ``consistent`` only the used samples count.
+    Encoders use the equations of ``eskin.power.readouts``. In mode ``paper`` frames cost 2 BW M samples per second,
+    used or not; in mode ``consistent`` only the used samples count.
     """
     parameters = PowerParameters(rows=experiment.readout.rows, columns=experiment.readout.columns)
     readout: Readout = "frame"

@@ -1,4 +1,4 @@
-"""model.events.recording: what is saved comes back, and nothing that is damaged or foreign passes for a recording."""
+"""A saved recording (eskin.model.events.recording) comes back; damaged and foreign files are refused."""
 
 from __future__ import annotations
 

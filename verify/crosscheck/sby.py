@@ -1,6 +1,6 @@
 """A second solver searches: SymbiYosys translates the design in its own way, z3 looks at it.
 
-Only the design is shared with ``verify.proofs.engine``: block, checker and bench.
+Only the design is shared with ``eskin.verify.proofs.engine``: block, checker and bench.
 """
 
 from __future__ import annotations

@@ -56,7 +56,7 @@ def upsets(config: ClassifierConfig, stride: int = 1, flops: str = "") -> Iterat
     An outcome is "others moved" where all classes and evidences of the scan are right, if at other clocks or from other
     potentials, and "others changed" where they are not, and the next scan is right in every output and clock. It is
     "until written" where only a scan with weights loaded anew is, or where the core waits for a scan to begin. See
-    ``verify.faults.outcomes.upsets``.
+    ``eskin.verify.faults.outcomes.upsets``.
 
     Raises
     ------

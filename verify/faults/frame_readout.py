@@ -24,7 +24,7 @@ def upsets(config: FrameConfig, stride: int = 1, flops: str = "") -> Iterator[Up
     """Turn every flop of a frame readout in every clock of some frames, one in each run; yield what came of it.
 
     An outcome is "others changed" where words are wrong, with their frames as ``lost``, and "others moved" where they
-    are right but come at other clocks. See ``verify.faults.outcomes.upsets``.
+    are right but come at other clocks. See ``eskin.verify.faults.outcomes.upsets``.
     """
     gates = bench_gates(FrameReadout(config))
     period = config.taxels * (config.settle_clocks + ADC_CLOCKS + 4) + 3 * config.words_per_frame + 12

@@ -25,7 +25,7 @@ def upsets(config: TilesConfig, stride: int = 1, flops: str = "") -> Iterator[Up
 
     Of a skin with relay stations it is one of those that is upset. Every event of a tile has a number of its own, so
     what is lost and what is added is known one by one. Before the last load tile 0 alone sends an event: then its turn
-    is the same in all runs. See ``verify.faults.outcomes.upsets``.
+    is the same in all runs. See ``eskin.verify.faults.outcomes.upsets``.
 
     Raises
     ------

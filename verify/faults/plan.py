@@ -27,7 +27,7 @@ class Trial:
     ----------
     config : ReadoutConfig, TilesConfig, FrameConfig or ClassifierConfig
     calm : bool
-        Which scenario is played, see ``verify.faults.scenario``; only readouts without registers read it.
+        Which scenario is played, see ``eskin.verify.faults.scenario``; only readouts without registers read it.
     slow : int
         Clocks that the receiver of a four-phase link takes for an edge of ACK.
     stride : int

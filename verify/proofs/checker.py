@@ -1,8 +1,7 @@
-"""A checker watches a block of the readout and says, clock by clock, which of its properties hold.
+"""Watch a block of the readout and report, clock by clock, which of its properties hold.
 
-It is a block of its own, so one description serves three ends: a solver proves that its outputs never fall
-(``verify.proofs.bench``), Verilog of it is bound to the delivered text (``verify.proofs.bind``), and both look at
-the same ports and registers.
+A checker is a block of its own. A solver proves that its outputs never fall (``eskin.verify.proofs.bench``), and its
+Verilog is bound to the delivered text (``eskin.verify.proofs.bind``). Both watch the same ports and registers.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ class Mutant:
     rtlil: str
 
     def instead(self, checker: Checker[Any]) -> str:
-        """Return the block with the mutant, where ``verify.proofs.bench.netlist`` returns the block."""
+        """Return the block with the mutant, where ``eskin.verify.proofs.bench.netlist`` returns the block."""
         return self.rtlil
 
 

@@ -34,7 +34,7 @@ from eskin.verify.coverage.points.board import board as points
 def text(config: BoardConfig) -> str:
     """Return the Verilog of a board in the style of what is delivered: the same netlist, without initial values.
 
-    That of ``board.gateware.top`` is for tools, and has a wire for every gate. Names that SystemVerilog keeps for
+    That of ``eskin.board.gateware.top`` is for tools, and has a wire for every gate. Names that SystemVerilog keeps for
     itself become others.
     """
     script = YOSYS_SCRIPT.format(top=TOP)

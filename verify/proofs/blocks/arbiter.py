@@ -68,7 +68,7 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         return super().observed(config) | own | ({"polarity": In(config.taxels)} if config.has_polarity else {})
 
     def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
-        """Drive the lines as ``rtl.taxel.Row`` does, from requests that come and go as they like."""
+        """Drive the lines as ``eskin.rtl.taxel.Row`` does, from requests that come and go as they like."""
         m.d.comb += self.request.eq(free("request", self.config.taxels))
         rows, columns = self._lines(self.request)
         m.d.comb += [self.row_request.eq(rows), self.column_request.eq(columns)]
