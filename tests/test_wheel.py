@@ -23,7 +23,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the folder into which the wheel of the project was unpacked."""
     folder = tmp_path_factory.mktemp("wheel")
     sources = folder / "sources"
-    for name in ("eskin", *ROOMS):
+    for name in ("eskin", "cocotbext-aer", *ROOMS):
         shutil.copytree(ROOT / name, sources / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, sources / name)
@@ -55,7 +55,9 @@ def test_every_file_of_the_packages_is_in_the_wheel(installed: Path) -> None:
     wanted = {f"eskin/{name}/{path}" for name in ROOMS for path in files(ROOT / name)} | {"eskin/api.py"}
     assert {path for path in wanted if path.endswith((".json", ".html", ".v", ".cpp"))}
     assert wanted <= files(installed)
-    (metadata,) = (path for path in installed.iterdir() if path.name != "eskin")  # nothing else lies beside them
+    beside = {path.name: path for path in installed.iterdir() if path.name != "eskin"}
+    assert beside.pop("cocotbext").is_dir()  # the shared name of cocotb's extensions; nothing else lies beside them
+    (metadata,) = beside.values()
     assert metadata.suffix == ".dist-info"
     assert "eskin = eskin.app.__main__:main" in (metadata / "entry_points.txt").read_text()
 

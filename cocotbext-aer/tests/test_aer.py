@@ -1,0 +1,27 @@
+"""Plays the benches on Icarus, or on the simulator that SIM names."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from cocotb_tools.check_results import get_results
+from cocotb_tools.runner import get_runner
+
+HERE = Path(__file__).parent
+
+
+def test_benches(tmp_path: Path) -> None:
+    runner = get_runner(os.environ.get("SIM", "icarus"))
+    runner.build(sources=[HERE / "wires.v"], hdl_toplevel="wires", build_dir=tmp_path, timescale=("1ns", "1ps"))
+    paths = [str(HERE), str(HERE.parent), os.environ.get("PYTHONPATH", "")]
+    results = runner.test(
+        test_module="benches",
+        hdl_toplevel="wires",
+        build_dir=tmp_path,
+        test_dir=tmp_path,
+        extra_env={"PYTHONPATH": os.pathsep.join(paths)},
+    )
+    tests, failed = get_results(results)
+    assert tests >= 20
+    assert failed == 0
