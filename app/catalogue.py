@@ -44,7 +44,12 @@ COMMANDS: dict[str, dict[str, str]] = {
     | _in("power", power="sensitivity", event_rates="event-rates"),
     "Figures and studies of the paper": _in("power", power="fig6 fig7")
     | _in(
-        "learn", figures="fig8 fig9", robustness="robustness", studies="noise-power merits precision", counts="counts"
+        "learn",
+        figures="fig8 fig9",
+        frontier="frontier",
+        robustness="robustness",
+        studies="noise-power merits precision",
+        counts="counts",
     ),
 }
 """Module of every command of a user, grouped by what users want to do, in the order of ``eskin --help``."""

@@ -84,7 +84,7 @@ def scan_of(
         raise InputError(f"{data.name} has no {chosen!r}; one of them is {names[0]}")
     image = data[names.index(chosen)].load()
     image = large_enough(image, readout) if data.name == EMBEDDED else image
-    return chosen, preset(training["preset"]).samples(readout, image, 0.0)[0]
+    return chosen, preset(training["preset"], training.get("wiring")).samples(readout, image, 0.0)[0]
 
 
 def textures_of(weights: IntegerWeights, dataset: str) -> tuple[Dataset, list[str]]:

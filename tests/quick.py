@@ -75,6 +75,7 @@ COMMANDS = {
     "pair": "tests/snn/test_pairs.py::test_a_sweep_keeps_every_prediction",
     "predict": "tests/snn/test_predict.py::test_an_intact_replay_passes",
     "fig8": "tests/snn/test_figures.py::test_fig8_shows_the_first_test_image_and_its_logits",
+    "frontier": "tests/snn/test_frontier.py::test_frames_and_events_of_one_rate_and_network_are_paired",
     "fig9": "tests/snn/test_figures.py::test_what_is_drawn_is_what_the_sweeps_say",
     "export": "tests/snn/test_nir_network.py::test_networks_go_out_and_come_back",
     "import": "tests/snn/test_nir_network.py::test_networks_go_out_and_come_back",

@@ -41,7 +41,7 @@ def draw(plan: Plan, summary: dict[str, Any], path: Path) -> Path | None:
         true=said["classes"][said["true"]],
         label=said["true"],
         tested=name in network.tested,
-        scan=preset(plan.material.preset) if scanned else None,
+        scan=preset(plan.material.preset, network.wiring) if scanned else None,
         pixels=plan.image(name, array) if scanned else None,
         recording=Recording(run.events(chip), chip.readout, len(samples) * chip.readout.clocks_per_sample),
         signals=samples / chip.readout.full_scale,

@@ -52,6 +52,8 @@ class Network:
         What the float network said of each image that it has not learned.
     own : OwnReadout or None
         How own recordings were taken.
+    wiring : dict or None
+        Skin and chosen taxels of the training, as for ``eskin.skin.textures.presets.preset``.
     """
 
     path: Path
@@ -61,6 +63,7 @@ class Network:
     preset: str | None
     tested: dict[str, int]
     own: OwnReadout | None
+    wiring: dict[str, Any] | None
 
     @classmethod
     def load(cls, path: Path) -> Network:
@@ -79,7 +82,8 @@ class Network:
         except (KeyError, TypeError, ValueError):
             raise InputError(f"the training data in {path} are damaged; {again}") from None
         chip = ChipConfig(readout=ReadoutConfig.from_dict(readout), classifier=weights.network.config)
-        return cls(path, weights, chip, dataset, preset, tested, None if own is None else OwnReadout.from_dict(own))
+        owned = None if own is None else OwnReadout.from_dict(own)
+        return cls(path, weights, chip, dataset, preset, tested, owned, said.get("wiring"))
 
 
 @dataclass(frozen=True)
@@ -167,8 +171,9 @@ class Plan:
         """Return the codes to play for an image, or for a recording."""
         if not self.material.preset:
             return array
-        readout = self.networks[name].chip.readout
-        return preset(self.material.preset).samples(readout, self.image(name, array), self.material.start_row)[0]
+        network = self.networks[name]
+        scan = preset(self.material.preset, network.wiring)
+        return scan.samples(network.chip.readout, self.image(name, array), self.material.start_row)[0]
 
     def image(self, name: str, array: NDArray[Any]) -> NDArray[Any]:
         """Return the image to scan; embedded ones are repeated for large arrays."""

@@ -54,42 +54,55 @@ def accuracy_frames() -> None:
     table("network | published | last epoch | selected epoch", frame_points().values(), cells)
 
 
-def accuracy_rates() -> None:
-    """Print accuracies of readouts at equal data rate, by network."""
-    data = read("docs/data/fig9_rates.json")
-    networks = list(data["networks"])
+NETWORKS = {"leaky": "leaky spiking", "convolutions": "convolutions", "paper": "the paper's"}
+
+
+def frontier_points(preset: str) -> list[dict[str, Any]]:
+    """Return the points of the frontier of a scan, with words for readout and network."""
+    points = read("docs/data/frontier.json")["points"]
+    return [
+        p | {"of": NETWORKS[p["network"]], "count": len(p["taxels"]), "events": not p["readout"].startswith("frame")}
+        for p in points
+        if p["preset"] == preset
+    ]
+
+
+def frontier(preset: str) -> None:
+    """Print the points of the frontier of a scan."""
+    rows = [
+        p | {"rate": f"{p['rate_hz']:,.0f}" if p["events"] else "frames"}
+        for p in sorted(frontier_points(preset), key=lambda p: (p["network"], p["bits_per_s"]))
+    ]
     table(
-        "network | readout | normalised rate (coded) | last epoch | seeds x folds",
-        [
-            p | {"network": data["networks"][p["sweep"]], "name": p["label"].split(", rates-")[0]}
-            for p in sorted(data["points"], key=lambda p: (networks.index(p["sweep"]), p["normalised_rate"]))
-        ],
-        "{network} | {name} | {normalised_rate:#3} ({coded_rate:#3})"
-        " | {accuracy:100*.1f} % ({interval[0]:100*.1f} to {interval[1]:100*.1f}) | {seeds} x 6",
+        "network | readout | taxels | events/s | kb/s (coded) | power, uW | accuracy | seeds",
+        rows,
+        "{of} | `{readout}` | `{choice}` ({count}) | {rate} | {bits_per_s:1e-3*#3} ({coded_bits_per_s:1e-3*#3})"
+        " | {power_w:1e6*#3} | {accuracy:100*.1f} % ({interval[0]:100*.1f} to {interval[1]:100*.1f}) | {seeds}",
     )
 
 
-def rates_pairs() -> None:
-    """Print frames against events of about the same rate, the same network, image by image."""
-    data = read("docs/data/fig9_rates.json")
+def frontier_pairs() -> None:
+    """Print frames against events of about the same rate, the same scan and network, image by image."""
+    data = read("docs/data/frontier.json")
+    by_name = {point["name"]: point for point in data["points"]}
     rows = []
     for pair in data["pairs"]:
-        a, b = (pair[which].split(":") for which in ("first", "second"))
+        a, b = (by_name[pair[which]] for which in ("first", "second"))
         more = {
-            "network": data["networks"][a[0]],
-            "a": only(data["points"], sweep=a[0], name=a[1]),
-            "b": only(data["points"], sweep=b[0], name=b[1]),
+            "of": NETWORKS[a["network"]],
+            "a": a,
+            "b": b,
             "right": f"{sum(pair['only_first'])}, {sum(pair['only_second'])}",
             "p_values": ", ".join(filled("{p:p}", {"p": p}) for p in pair["p"]),
         }
         rows.append(pair | more)
     table(
-        "network | A: events | of 640 kb/s | accuracy | B: frames | of 640 kb/s | accuracy | B - A, points"
+        "scan, network | A: events, taxels | kb/s | B: frames, taxels | kb/s | B - A, points"
         " | only A right, only B right | McNemar p by seed",
         rows,
-        "{network} | `{a[name]}` | {a[normalised_rate]:#3} | {a[accuracy]:100*.1f} % | `{b[name]}`"
-        " | {b[normalised_rate]:#3} | {b[accuracy]:100*.1f} %"
-        " | {difference:100*+.1f} ({interval[0]:100*+.1f} to {interval[1]:100*+.1f}) | {right} | {p_values}",
+        "{a[preset]}, {of} | `{a[readout]}`, `{a[choice]}` | {a[bits_per_s]:1e-3*#3} | `{b[readout]}`, `{b[choice]}`"
+        " | {b[bits_per_s]:1e-3*#3} | {difference:100*+.1f} ({interval[0]:100*+.1f} to {interval[1]:100*+.1f})"
+        " | {right} | {p_values}",
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 from dataclasses import dataclass
@@ -113,22 +114,24 @@ class PaperScan(Scan):
             raise InputError(f"start row must be 0 in the paper preset, not {start_row:g}; use the physical preset")
         kept = self._kept_pixels(config, pixels.shape)
         turned = pixels.T if pixels.shape[1] > pixels.shape[0] else pixels
-        length = turned.shape[0] - config.rows + 1
-        lines = np.empty((kept, config.rows, config.columns))
-        for row in range(config.rows):
-            lines[:, row] = turned[row : row + length : self.pixel_step, : config.columns]
-        return _paper_response(self, kept, every) @ lines.reshape(kept, config.taxels)
+        rows, _, row, column = self._places(config)
+        length = turned.shape[0] - rows + 1
+        lines = np.empty((kept, config.taxels))
+        for taxel, (r, c) in enumerate(zip(row, column, strict=True)):
+            lines[:, taxel] = turned[r : r + length : self.pixel_step, c]
+        return _paper_response(dataclasses.replace(self, skin=None, taxels=()), kept, every) @ lines
 
     def _kept_pixels(self, config: ReadoutConfig, shape: tuple[int, int]) -> int:
         """Return the number of pixels used of a line."""
         long, wide = max(shape), min(shape)
-        if long - config.rows < self.pixel_step or wide < config.columns:
+        rows, columns, _, _ = self._places(config)
+        if long - rows < self.pixel_step or wide < columns:
             raise InputError(
-                f"an image {shape[1]} pixels wide and {shape[0]} high is too small for {config.rows} x "
-                f"{config.columns} taxels in the paper preset; it needs {config.rows + self.pixel_step} "
-                f"pixels along the scan and {config.columns} across"
+                f"an image {shape[1]} pixels wide and {shape[0]} high is too small for {rows} x "
+                f"{columns} taxels in the paper preset; it needs {rows + self.pixel_step} "
+                f"pixels along the scan and {columns} across"
             )
-        return -(-(long - config.rows + 1) // self.pixel_step)
+        return -(-(long - rows + 1) // self.pixel_step)
 
     def _every(self, config: ReadoutConfig) -> int:
         """Return the samples of the played line per sample tick."""

@@ -79,21 +79,23 @@ class PhysicalScan(Scan):
     def signals(self, config: ReadoutConfig, image: ArrayLike, start_row: float = 0.0) -> Signals:
         """Return the sensor outputs at the sample ticks; see ``Scan.signals``."""
         pixels = gray(image)
+        rows, columns, row, column = self._places(config)
         lowest = self._lowest_start_row(config, pixels.shape)
         if not 0 <= start_row <= lowest:
             raise InputError(
-                f"start row must be in 0..{lowest:.6g} for {config.rows} x {config.columns} taxels "
+                f"start row must be in 0..{lowest:.6g} for {rows} x {columns} taxels "
                 f"on an image {pixels.shape[0]} pixels high, not {start_row:g}"
             )
         pitch, finer = self.taxel_pitch_px, self._finer(config)
         step = self._step_px(config) / finer
         count = (self._ticks(config, pixels.shape) - 1) * finer + 1
-        rows = _interpolate(pixels, start_row + pitch * np.arange(config.rows)).T
-        lines = np.empty((count, config.rows, config.columns))
+        lines = np.empty((count, config.taxels))
         travelled = step * np.arange(count)
-        for column in range(config.columns):
-            lines[:, :, column] = _interpolate(rows, travelled + pitch * column)
-        response = self.sensor(lines.reshape(count, config.taxels), config.sample_rate_hz * finer)
+        for one in np.unique(column):
+            there = column == one
+            strips = _interpolate(pixels, start_row + pitch * row[there]).T
+            lines[:, there] = _interpolate(strips, travelled + pitch * one)
+        response = self.sensor(lines, config.sample_rate_hz * finer)
         return np.ascontiguousarray(response[::finer])
 
     def _step_px(self, config: ReadoutConfig) -> float:
@@ -105,18 +107,19 @@ class PhysicalScan(Scan):
         return max(1, math.ceil(self.lowest_time_base_hz / config.sample_rate_hz - 1e-9))
 
     def _lowest_start_row(self, config: ReadoutConfig, shape: tuple[int, int]) -> float:
-        room = shape[0] - 1 - self.taxel_pitch_px * (config.rows - 1)
-        if room < 0 or shape[1] - 1 - self.taxel_pitch_px * (config.columns - 1) <= 0:
+        rows, columns, _, _ = self._places(config)
+        room = shape[0] - 1 - self.taxel_pitch_px * (rows - 1)
+        if room < 0 or shape[1] - 1 - self.taxel_pitch_px * (columns - 1) <= 0:
             raise InputError(
-                f"an image {shape[1]} pixels wide and {shape[0]} high is too small for {config.rows} x "
-                f"{config.columns} taxels in the physical preset, {self.taxel_pitch_px:.3g} pixels apart; "
+                f"an image {shape[1]} pixels wide and {shape[0]} high is too small for {rows} x "
+                f"{columns} taxels in the physical preset, {self.taxel_pitch_px:.3g} pixels apart; "
                 f"use a smaller array or a larger image"
             )
         return room
 
     def _ticks(self, config: ReadoutConfig, shape: tuple[int, int]) -> int:
         self._lowest_start_row(config, shape)
-        way = shape[1] - 1 - self.taxel_pitch_px * (config.columns - 1)
+        way = shape[1] - 1 - self.taxel_pitch_px * (self._places(config)[1] - 1)
         # The last tick stands at the right edge or before it; the margin is for rounding only.
         return math.floor(way / self._step_px(config) + 1e-9) + 1
 

@@ -8,7 +8,9 @@ configuration. docs/guide/textures.md explains our interpretation of the paper.
 
 from __future__ import annotations
 
-from typing import get_args
+import dataclasses
+from collections.abc import Mapping
+from typing import Any, get_args
 
 from eskin.base.errors import InputError
 from eskin.skin.textures.paper import PaperScan
@@ -22,9 +24,16 @@ PRESETS: dict[Preset, Scan] = {"paper": PaperScan(), "physical": PhysicalScan()}
 """The scan of each preset, with the constants of the specification."""
 
 
-def preset(name: str) -> Scan:
-    """Return the scan of a preset by name."""
+def preset(name: str, wiring: Mapping[str, Any] | None = None) -> Scan:
+    """Return the scan of a preset by name.
+
+    ``wiring`` holds ``skin`` and ``taxels`` of the scan (``Scan.wired_to``), as notes on a training store them.
+    """
     for known in get_args(Preset):
         if name == known:
-            return PRESETS[known]
+            found = PRESETS[known]
+            if wiring is None:
+                return found
+            rows, columns = wiring["skin"]
+            return dataclasses.replace(found, skin=(rows, columns), taxels=tuple(wiring["taxels"]))
     raise InputError(f"preset must be one of {', '.join(get_args(Preset))}, not {name!r}")

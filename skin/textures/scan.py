@@ -5,8 +5,9 @@ from __future__ import annotations
 import dataclasses
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -61,6 +62,11 @@ class Scan(ABC):
         1000 s / (s^2 + 1007 s + 7000), a POSFET with 7 rad/s high-pass and a pole at 1000 rad/s.
     pixel_full_scale : float
         Pixel value of 1.0 full scale: 2^8 for 8-bit images.
+    skin : (int, int) or None
+        Rows and columns of the skin that slides; by default those of the readout.
+    taxels : tuple of int
+        Taxels of ``skin`` (row * columns + column) that the inputs of the readout are wired to, in their order; empty:
+        all of them.
     """
 
     name: ClassVar[Preset]
@@ -68,10 +74,15 @@ class Scan(ABC):
     sensor_numerator: tuple[float, ...] = (1000.0, 0.0)
     sensor_denominator: tuple[float, ...] = (1.0, 1007.0, 7000.0)
     pixel_full_scale: float = 256.0
+    skin: tuple[int, int] | None = None
+    taxels: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
+        self._check_wiring()
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
+            if value is None:
+                continue
             if isinstance(value, tuple):
                 if not all(math.isfinite(v) for v in value):
                     raise InputError(f"{field.name} must be finite numbers, not {value}")
@@ -129,6 +140,42 @@ class Scan(ABC):
         """
 
     # -- common ----------------------------------------------------------------------------------
+
+    def wired_to(self, skin: ReadoutConfig, taxels: Sequence[int]) -> tuple[Self, ReadoutConfig]:
+        """Return the scan of a skin, and the readout whose inputs are wired to some of its taxels.
+
+        The readout is an array of one column with as many rows as taxels. The other taxels of the skin have no
+        converter.
+
+        Parameters
+        ----------
+        skin : ReadoutConfig
+            Readout of all taxels.
+        taxels : sequence of int
+            Each once: row * columns + column.
+        """
+        scan = dataclasses.replace(self, skin=(skin.rows, skin.columns), taxels=tuple(taxels))
+        return scan, skin.replace(rows=len(taxels), columns=1)
+
+    def _check_wiring(self) -> None:
+        """Refuse taxels that the skin does not have, or has twice."""
+        if self.skin is None:
+            if self.taxels:
+                raise InputError("chosen taxels need the rows and columns of the skin; give skin")
+            return
+        count = self.skin[0] * self.skin[1]
+        if wrong := [taxel for taxel in self.taxels if not 0 <= taxel < count]:
+            raise InputError(f"taxel {wrong[0]} is not on the skin; its taxels are 0..{count - 1}")
+        if len(set(self.taxels)) < len(self.taxels) or not self.taxels:
+            raise InputError("chosen taxels must be at least one, each once")
+
+    def _places(self, config: ReadoutConfig) -> tuple[int, int, NDArray[np.int64], NDArray[np.int64]]:
+        """Return rows and columns of the skin, and row and column of the taxel of every input of a readout."""
+        rows, columns = self.skin or (config.rows, config.columns)
+        taxels = np.array(self.taxels or range(config.taxels), np.int64)
+        if len(taxels) != config.taxels:
+            raise InputError(f"{len(taxels)} taxels are chosen, but the readout has {config.taxels} inputs")
+        return rows, columns, taxels // columns, taxels % columns
 
     def samples(self, config: ReadoutConfig, image: ArrayLike, start_row: float = 0.0) -> tuple[NDArray[np.int32], int]:
         """Return the codes of all taxels, int32 of shape (ticks, taxels), and the number of clipped ones."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
-from eskin.skin.textures.dataset import Dataset, Texture
+from eskin.skin.textures.dataset import Dataset
 from eskin.skin.textures.presets import Scan
 from eskin.snn.data.frame_steps import FrameSteps
 from eskin.snn.data.scans import ScanData
@@ -27,8 +27,9 @@ def frame_dataset(
     """Return the frames of the scans; of ``config`` only the array is used."""
     scans, images = [], []
     for number, texture in enumerate(dataset):
+        image = texture.load()
         for start_row in start_rows:
-            codes = codes_of(frames, texture, scan, config, start_row)
+            codes = codes_of(frames, image, scan, config, start_row)
             if len(codes) < frames.frames_per_step:
                 raise InputError(f"image {texture.name} gives {len(codes)} frames, less than one step of them")
             scans.append(values_of(frames, codes))
@@ -51,10 +52,10 @@ def frame_dataset(
 
 
 def codes_of(
-    frames: FrameSteps, texture: Texture, scan: Scan, config: ReadoutConfig, start_row: float = 0.0
+    frames: FrameSteps, image: NDArray[np.uint8], scan: Scan, config: ReadoutConfig, start_row: float = 0.0
 ) -> NDArray[np.int32]:
     """Return the sent frames of one scan, shape (frames, taxels); of ``config`` only the array is used."""
-    codes, _ = scan.samples(sampled_config(frames, config), texture.load(), start_row)
+    codes, _ = scan.samples(sampled_config(frames, config), image, start_row)
     return codes
 
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
@@ -38,15 +41,18 @@ def record(
     config: ReadoutConfig,
     start_row: float = 0.0,
     variant: Variant = "",
+    image: NDArray[np.uint8] | None = None,
 ) -> Recording:
     """Return the recording of a texture by the clock-by-clock model of the readout.
+
+    ``image`` holds the pixels of the texture, if they are loaded already.
 
     The recording has the events and the metadata of an RTL replay but ``source``, which is "model".
     """
     from eskin.model.readout import Stimulus, simulate
 
     try:
-        samples, clipped = scan.samples(config, texture.load(), start_row)
+        samples, clipped = scan.samples(config, texture.load() if image is None else image, start_row)
     except InputError as error:
         raise InputError(f"image {texture.name}: {error}") from None
     stimulus = Stimulus.from_samples(config, samples)
@@ -83,8 +89,9 @@ def record_dataset(
     """
     recordings = []
     for texture in dataset:
+        image = texture.load()
         for start_row in start_rows:
-            recordings.append(record(texture, dataset.name, scan, config, start_row, variant))
+            recordings.append(record(texture, dataset.name, scan, config, start_row, variant, image))
             if progress is not None:
                 progress()
     return collect(recordings, bins, dataset.class_names)

@@ -28,7 +28,7 @@ def coded_bps(experiment: Experiment) -> dict[str, float]:
         kind = experiment.variant
         recordings = [record(texture, textures.name, scan, config, variant=kind) for texture in textures]
         return _of_events(recordings, experiment.bins.start_s)
-    codes = [codes_of(frames, texture, scan, config) for texture in textures]
+    codes = [codes_of(frames, texture.load(), scan, config) for texture in textures]
     seconds = sum(map(len, codes)) / frames.rate_hz
     return {name: bits / seconds for name, bits in coded_frames(codes, frames.bits).items()}
 

@@ -46,6 +46,8 @@ class Experiment:
         Time constant of a leak in seconds; by default the paper's 0.2 s, or with ``given_leak`` that of ``readout``.
     given_leak : bool
         The leak of ``readout`` was asked for, and is not only the default of its fields.
+    taxels : tuple of int
+        Taxels of the array of ``readout`` that are read (``Scan.wired_to``), in their order; empty: all of them.
     frames : FrameSteps or None
         Frames instead of events.
     start_rows : int
@@ -69,6 +71,7 @@ class Experiment:
     readout: ReadoutConfig = field(default_factory=lambda: ReadoutConfig(resolution=4))
     tau_s: float | None = None
     given_leak: bool = False
+    taxels: tuple[int, ...] = ()
     frames: FrameSteps | None = None
     start_rows: int = 1
     disturbed: int = 0
@@ -83,6 +86,8 @@ class Experiment:
             if not isinstance(value := getattr(self, name), str | None):
                 raise InputError(f"{name} must be text, not {value!r}")
         refuse_unknown(self.network, set(FIELDS) - {"inputs", "classes"}, "network")
+        if self.taxels:
+            self._check_taxels()
         if self.events is not None and self.frames is not None:
             raise InputError("frames need textures, not event files; give one of both")
         if self.frames is not None and self.train.augment.speed_spread:
@@ -95,6 +100,13 @@ class Experiment:
         self._settle_leak()
         if self.grid is not None:
             self.settings()
+
+    def _check_taxels(self) -> None:
+        """Refuse chosen taxels of recorded events, or that the array does not have."""
+        object.__setattr__(self, "taxels", tuple(self.taxels))
+        if self.events is not None or self.disturbed:
+            raise InputError("chosen taxels need undisturbed scans of textures; leave taxels out")
+        self.scan_and_config()
 
     def _check_disturbed(self) -> None:
         """Refuse disturbed scans for readouts that the clock-by-clock model does not scan."""
@@ -187,11 +199,12 @@ class Experiment:
         )
 
     def scan_and_config(self) -> tuple[Scan, ReadoutConfig]:
-        """Return the scan of the preset, and the readout with the fields set by preset and ``tau_s``."""
+        """Return the scan of the preset, and the readout with the fields set by preset, ``tau_s`` and ``taxels``."""
         scan, tau_s = preset(str(self.preset)), None
         if self.readout.encoder.leaks:
             tau_s = PAPER_TAU_S if self.tau_s is None and not self.given_leak else self.tau_s
-        return scan, scan.configure(self.readout, tau_s)
+        config = scan.configure(self.readout, tau_s)
+        return scan.wired_to(config, self.taxels) if self.taxels else (scan, config)
 
     def network_config(self, data: ScanData) -> NetworkConfig:
         """Return the network for these scans; scans of one class are refused, of which any network is right."""
@@ -207,8 +220,9 @@ class Experiment:
         fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "given_leak"}
         if not self.disturbed:  # files and cells of experiments without are those of before
             del fields["disturbed"]
-        if not self.variant:
-            del fields["variant"]
+        for name in ("variant", "taxels"):
+            if not fields[name]:
+                del fields[name]
         for name in ("readout", "train"):
             fields[name] = fields[name].to_dict()
         for name in ("bins", "frames"):

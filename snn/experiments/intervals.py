@@ -31,7 +31,7 @@ def bootstrap(correct: NDArray[np.float64], seed: int = 0) -> tuple[float, float
     Parameters
     ----------
     correct : shape (images, seeds)
-        1 if the network of a seed classifies an image correctly, else 0.
+        1 if the network of a seed classifies an image correctly, else 0; or the difference of two networks.
     """
     images, seeds = correct.shape
     generator = np.random.default_rng(seed)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.snn.experiments.intervals import BOOTSTRAPS
+from eskin.snn.experiments.intervals import bootstrap
 from eskin.snn.experiments.points import PointSummary, load_sweep
 
 
@@ -30,7 +30,7 @@ class Pair:
     difference : float
         Second minus first, mean over images and seeds.
     interval : [float, float]
-        Its 95 % bootstrap interval over images, which are drawn in pairs; the seeds stay.
+        Its 95 % bootstrap interval over images and seeds, which are drawn in pairs.
     images : int
     """
 
@@ -81,10 +81,7 @@ def pair(first: PointSummary, second: PointSummary, reading: str) -> Pair:
     of_first, of_second = of_first[:seeds], of_second[:seeds]
     only_first = (of_first & ~of_second).sum(1).tolist()
     only_second = (of_second & ~of_first).sum(1).tolist()
-    gains = (of_second.astype(float) - of_first).mean(0)
-    images = len(gains)
-    draws = np.random.default_rng(0).multinomial(images, np.full(images, 1 / images), BOOTSTRAPS)
-    low, high = np.percentile(draws @ gains / images, [2.5, 97.5])
+    gains = of_second.astype(float) - of_first
     return Pair(
         accuracy_first=of_first.mean(1).tolist(),
         accuracy_second=of_second.mean(1).tolist(),
@@ -92,8 +89,8 @@ def pair(first: PointSummary, second: PointSummary, reading: str) -> Pair:
         only_second=only_second,
         p=[mcnemar(a, b) for a, b in zip(only_first, only_second, strict=True)],
         difference=float(gains.mean()),
-        interval=(float(low), float(high)),
-        images=images,
+        interval=bootstrap(gains.T),
+        images=gains.shape[1],
     )
 
 

@@ -66,7 +66,11 @@ class SweepPoint:
         """Address and polarity bits of an event, or the bits of a frame's sample."""
         frames, variant = self.experiment.frames, self.experiment.variant
         one = {"": 0, "on": -1}[variant]  # ON events alone need no bit for the polarity
-        return self.experiment.readout.event_bits + one if frames is None else frames.bits
+        if frames is not None:
+            return frames.bits
+        experiment = self.experiment
+        readout = experiment.scan_and_config()[1] if experiment.taxels else experiment.readout
+        return readout.event_bits + one
 
 
 class PointRun:

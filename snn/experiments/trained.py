@@ -260,7 +260,8 @@ def said_of_training(path: Path, weights: Weights) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``readout``, ``preset``, ``dataset``, ``bin_s``; ``tested``: the predicted class number of every image outside
+        ``readout``, ``preset``, ``dataset``, ``bin_s``; ``wiring``: skin and chosen taxels, or None; ``tested``: the
+        predicted class number of every image outside
         the training, by name; and ``recordings``: how a user's recordings were prepared.
     """
     note = path.parent / "result.json"
@@ -271,11 +272,15 @@ def said_of_training(path: Path, weights: Weights) -> dict[str, Any]:
     names, labels, dataset = _images_of(experiment, result.class_names, result.own is not None)
     if experiment.events is not None:
         experiment = experiment.with_readout_of_events()
+    wiring = None
+    if experiment.taxels:
+        wiring = {"skin": [experiment.readout.rows, experiment.readout.columns], "taxels": list(experiment.taxels)}
     readout = result.own.config if result.own else experiment.scan_and_config()[1]
     tested = [names[number] for number in result.test_images(labels)]
     return {
         "readout": readout.to_dict(),
         "preset": experiment.preset,
+        "wiring": wiring,
         "dataset": dataset,
         "bin_s": experiment.bins.bin_s,
         "tested": dict(zip(tested, result.predicted, strict=True)) if result.predicted else {},

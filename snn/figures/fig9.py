@@ -42,7 +42,7 @@ RECEIVED = {"diff": "differences ", "onoff": "ON/OFF "}
 """What the receiver makes of frames, by the second word of a point's name (``eskin.snn.data.frame_steps``)."""
 
 RATES = "rates-"
-"""Names of the sweeps at equal data rate begin with it."""
+"""Names of the sweeps whose points belong to the frontier begin with it."""
 
 PUBLISHED_NAME = "published"
 
@@ -63,13 +63,8 @@ def load_sweeps(paths: Sequence[Path]) -> list[Sweep]:
 
 
 def kept_sweeps() -> list[Path]:
-    """Return the files of the project's sweeps, without those of ``kept_rates``."""
+    """Return the files of the project's sweeps, without those of the frontier (``eskin.snn.figures.frontier``)."""
     return [path for path in sorted(KEPT.glob("*.json")) if not path.name.startswith(RATES)]
-
-
-def kept_rates() -> list[Path]:
-    """Return the files of the sweeps that compare readouts at equal data rate (``eskin.snn.figures.fig9_rates``)."""
-    return sorted(KEPT.glob(f"{RATES}*.json"))
 
 
 # -- Fig. 9, data ------------------------------------------------------------------------------------

@@ -221,7 +221,8 @@ def power_of(experiment: Experiment, mode: Mode, noise_v: float, rates: Rates) -
     Encoders use the equations of ``eskin.power.readouts``. In mode ``paper`` frames cost 2 BW M samples per second,
     used or not; in mode ``consistent`` only the used samples count.
     """
-    parameters = PowerParameters(rows=experiment.readout.rows, columns=experiment.readout.columns)
+    config = experiment.scan_and_config()[1]
+    parameters = PowerParameters(rows=config.rows, columns=config.columns)
     readout: Readout = "frame"
     bits, tau_s = experiment.readout.resolution, 0.2
     if experiment.frames is not None:
@@ -230,7 +231,7 @@ def power_of(experiment: Experiment, mode: Mode, noise_v: float, rates: Rates) -
     else:
         readout = equations_of(experiment.readout.encoding)
         if experiment.readout.encoder.leaks:
-            tau_s = experiment.scan_and_config()[1].tau_s
+            tau_s = config.tau_s
     model = PowerModel(parameters=parameters, corrections=CORRECTED[mode], measured=rates)
     found = model.breakdown(readout, bits, noise_v, tau_s)
     return {name: float(getattr(found, name)) for name in ("afe", "converter", "io", "total")}

@@ -100,6 +100,7 @@ GOOD: dict[str, tuple[str, ...]] = {
     "convert": ("good/events.npz", "-o", "new.npy"),
     "fig8": ("--weights", "good/train/weights.npz", "-o", "new"),
     "fig9": ("--sweep", "good/sweep/sweep.json", "-o", "new"),
+    "frontier": ("physical/leaky/lcs:2/across:9", "-o", "new"),
     "soak": ("--sim", "good/nothing", "-o", "new"),
     "sim": ("--only", "no-such-texture"),
     "touch": ("--only", "no-such-texture"),

@@ -15,7 +15,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 from eskin.skin.textures.paper import PaperScan
 from eskin.skin.textures.physical import PhysicalScan
-from eskin.skin.textures.presets import PRESETS, preset, quantise
+from eskin.skin.textures.presets import PRESETS, Scan, preset, quantise
 
 PAPER = PaperScan()
 PHYSICAL = PhysicalScan()
@@ -387,3 +387,21 @@ def test_scan_constants_are_used():
     np.testing.assert_allclose(half.signals(config, image) * 2, PAPER.signals(config, image))
     slow = PhysicalScan(speed_m_per_s=65e-4)
     assert slow.duration_s(config, (90, 90)) == pytest.approx(10 * PHYSICAL.duration_s(config, (90, 90)), rel=0.01)
+
+
+@pytest.mark.parametrize("scan", [PAPER, PHYSICAL], ids=lambda scan: str(scan.name))
+def test_a_readout_wired_to_some_taxels_gets_their_signals(scan: Scan) -> None:
+    image = noise(64, 96)
+    skin = scan.configure(ReadoutConfig(rows=3, columns=5, resolution=4))
+    wired, config = scan.wired_to(skin, [13, 0, 7])
+    assert (config.rows, config.columns) == (3, 1)
+    np.testing.assert_allclose(
+        wired.signals(config, image), scan.signals(skin, image)[:, [13, 0, 7]], rtol=0, atol=1e-12
+    )
+    assert wired.duration_s(config, image.shape) == scan.duration_s(skin, image.shape)
+    with pytest.raises(InputError, match=r"^3 taxels are chosen, but the readout has 15 inputs$"):
+        wired.signals(skin, image)
+    with pytest.raises(InputError, match=r"^taxel 15 is not on the skin; its taxels are 0\.\.14$"):
+        scan.wired_to(skin, [15])
+    with pytest.raises(InputError, match="each once"):
+        scan.wired_to(skin, [1, 1])

@@ -672,3 +672,14 @@ def write_textures(folder: Path, classes: tuple[str, ...]) -> None:
     for name in classes:
         (folder / name).mkdir(parents=True, exist_ok=True)
         Image.fromarray(np.zeros((64, 256), np.uint8)).save(folder / name / "a.png")
+
+
+def test_the_names_of_frames_are_words() -> None:
+    def words(name: str) -> str:
+        return figures.detail({"readout": "frame", "name": name, "resolution": 8})
+
+    assert words("frame-250-8") == "250 Hz 8 b"
+    assert words("frame-diff-62.5-8") == "differences 62.5 Hz 8 b"
+    assert words("frame-onoff-250-8-3") == "ON/OFF 250 Hz 8 b, levels of 3 b"
+    assert words("cnn-20") == "convolutions"
+    assert figures.detail({"readout": "frame", "resolution": 10}) == "10 b"

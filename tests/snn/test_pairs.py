@@ -44,6 +44,8 @@ def test_two_points_are_compared_image_by_image() -> None:
     assert (found.accuracy_first, found.accuracy_second) == ([0.8, 0.4], [0.8, 1.0])
     assert found.difference == pytest.approx(0.3)
     assert found.interval[0] < 0.3 < found.interval[1]
+    seeds = pair(point("a", "00112", "11221"), point("b", "00112", "00112"), "last")
+    assert seeds.interval == (0.0, 1.0), "every image gains the same, so that the interval is all of the seeds"
     same = pair(point("a", "00110"), point("b", "00110"), "selected")
     assert (same.difference, same.interval, same.p) == (0.0, (0.0, 0.0), [1.0])
     with pytest.raises(InputError, match="a and b have different images or classes and cannot be compared"):

@@ -25,14 +25,11 @@ def fig9(
     out: OutOption = DEFAULT_OUT,
     data_out: DataOutOption = None,
 ) -> None:
-    """Draw figure 9 (accuracy against data rate, with published points), confusion matrices, and readouts at equal
-    rates.
-    """
-    from eskin.snn.experiments.points import READINGS, load_sweep
+    """Draw figure 9 (accuracy against data rate, with published points), and confusion matrices."""
+    from eskin.snn.experiments.points import READINGS
     from eskin.snn.figures.confusion import confusion_data, plot_confusion
-    from eskin.snn.figures.fig9 import fig9_data, kept_rates, load_sweeps
+    from eskin.snn.figures.fig9 import fig9_data, load_sweeps
     from eskin.snn.figures.fig9_plot import plot_fig9
-    from eskin.snn.figures.fig9_rates import plot_rates, rates_data
 
     if reading not in READINGS:
         raise InputError(f"reading must be one of {', '.join(READINGS)}, not {reading!r}")
@@ -42,9 +39,6 @@ def fig9(
     print(printable(write_results(out, "fig9", data, plot_fig9, data_out, command=asked_for())))
     if matrices["points"]:
         print(printable(write_results(out, "confusion", matrices, plot_confusion, data_out, command=asked_for())))
-    if not sweep and (kept := kept_rates()):
-        rates = rates_data([load_sweep(path) for path in kept], reading)
-        print(printable(write_results(out, "fig9_rates", rates, plot_rates, data_out, command=asked_for())))
     for point in data["left_out"]:
         print(printable(f"left out, as no seed is finished: {point}"))
 

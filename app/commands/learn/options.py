@@ -26,6 +26,7 @@ from eskin.base.errors import InputError
 from eskin.base.outputs import check_file
 from eskin.model.config import ReadoutConfig
 from eskin.skin.recordings.options import Preparation
+from eskin.skin.textures.choice import CHOICES, choose
 from eskin.snn.data.frame_steps import FRAMES
 from eskin.snn.experiments.recipes import RECIPES
 
@@ -49,6 +50,7 @@ StartRows = Annotated[int | None, typer.Option(min=1, help="scans per image (phy
 Disturbed = Annotated[
     int | None, typer.Option(min=1, help="additional training scans per image, randomly disturbed (physical)")
 ]
+Taxels = Annotated[str | None, typer.Option(metavar=CHOICES, help="taxels of the array that are read [all]")]
 BinSeconds = Annotated[
     float | None, typer.Option("--bin", metavar="SECONDS", help="time bin, or step of frames [0.004]")
 ]
@@ -77,8 +79,19 @@ DEFAULT_RESOLUTION = 4
 
 WITHOUT_EFFECT = {
     "frames": ("encoding", "resolution", "tau", "start"),
-    "events": ("preset", "encoding", "resolution", "tau", "config_file", "dataset", "start_rows", "disturbed", "data"),
-    "data": ("preset", "tau", "dataset", "start_rows", "disturbed", "frames"),
+    "events": (
+        "preset",
+        "encoding",
+        "resolution",
+        "tau",
+        "config_file",
+        "dataset",
+        "start_rows",
+        "disturbed",
+        "taxels",
+        "data",
+    ),
+    "data": ("preset", "tau", "dataset", "start_rows", "disturbed", "taxels", "frames"),
 }
 """Parameters that mean nothing beside another: frames have no encoder, and recordings were scanned before."""
 
@@ -104,6 +117,7 @@ def _options(
     frames: Frames = None,
     start_rows: StartRows = None,
     disturbed: Disturbed = None,
+    taxels: Taxels = None,
     bin_s: BinSeconds = None,
     start: Start = None,
     recipe: Recipe = None,
@@ -198,6 +212,7 @@ def build_experiment(options: dict[str, Any]) -> Experiment:
         preset=options["preset"],
         start_rows=options["start_rows"],
         disturbed=options["disturbed"],
+        taxels=choose(options["taxels"], readout.rows, readout.columns) if options["taxels"] else None,
         variant=options.get("variant"),
     )
 

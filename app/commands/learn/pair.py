@@ -39,7 +39,8 @@ def pair(
         print(f"seed {seed}: A {a:.1%}, B {b:.1%}; only A right {only_a}, only B right {only_b}, McNemar p {p:.2g}")
     low, high = found.interval
     print(
-        f"B - A: {100 * found.difference:+.1f} points, 95 % interval over images {100 * low:+.1f} to {100 * high:+.1f}"
+        f"B - A: {100 * found.difference:+.1f} points, 95 % interval over images and seeds {100 * low:+.1f} to "
+        f"{100 * high:+.1f}"
     )
     if out is not None:
         write_json(out, {"first": first, "second": second, "reading": reading} | dataclasses.asdict(found))

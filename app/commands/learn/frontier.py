@@ -1,0 +1,97 @@
+"""The command frontier (docs/guide/classifier.md)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from eskin.app.cli import asked_for, printable
+from eskin.app.commands.learn.options import DatasetName, Seeds, check_device
+from eskin.app.options import WRITES_FOLDER
+from eskin.app.tables import new_table, show
+from eskin.base.errors import InputError
+from eskin.base.figures.files import write_results
+from eskin.base.progress import bar
+
+
+def frontier(
+    points: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="POINT...",
+            help="PRESET/NETWORK/READOUT/TAXELS, such as physical/leaky/lcs:3/across:4 [all of docs]",
+        ),
+    ] = None,
+    seeds: Seeds = 1,
+    inner: Annotated[
+        int | None,
+        typer.Option(min=1, max=6, metavar="FOLDS", help="only inner validation, in so many folds; no test image"),
+    ] = None,
+    draw: Annotated[Path | None, typer.Option(metavar="FILE", help="frontier.json to draw; nothing is trained")] = None,
+    dataset: DatasetName = None,
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="DIR", help="cells, frontier.json and .png"), WRITES_FOLDER
+    ] = Path("out/frontier"),
+) -> None:
+    """Train readouts of chosen taxels: accuracy against events/s, bits/s and power; a stopped run goes on."""
+    from eskin.base.shapes import read_shaped
+    from eskin.snn.experiments.points import load_sweep
+    from eskin.snn.figures.fig9 import KEPT
+    from eskin.snn.figures.frontier import plot_frontier
+    from eskin.snn.studies.frontier import (
+        CANDIDATES,
+        FOLDS,
+        PLAN,
+        SHAPE,
+        SWEEPS,
+        Frontier,
+        Point,
+        frontier_data,
+        points_of,
+    )
+
+    out.mkdir(parents=True, exist_ok=True)
+    if draw is not None:
+        if points or inner is not None:
+            raise InputError("--draw draws a finished file; leave points and --inner out")
+        plot_frontier(read_shaped(draw, "the frontier", SHAPE), out / "frontier.png")
+        print(printable(f"wrote {out / 'frontier.png'}"))
+        return
+    if inner is not None and not points:
+        raise InputError("--inner needs points, such as physical/leaky/lcs:3/across:4")
+    named = {Point.parse(text): seeds for text in points or ()}
+    trained = named or {Point.parse(text): number for text, number in PLAN.items()}
+    judged = {Point.parse(text): number for text, number in ({} if points else CANDIDATES).items()}
+    if inner is not None:
+        trained, judged = {}, dict.fromkeys(named, inner)
+    check_device("cpu", 1)
+    run = Frontier(out / "frontier.json", dataset)
+    with bar("cells", sum(judged.values()) + FOLDS * sum(trained.values())) as step:
+        validated = [run.inner(point, number, step) for point, number in judged.items()]
+        made = [run.point(point, number, step) for point, number in trained.items()]
+    for one in validated:
+        print(printable(f"{one['name']}: {100 * one['accuracy']:.1f} % in inner validation of {one['folds']} folds"))
+    if inner is not None:
+        return
+    for name, network in ({} if points else SWEEPS).items():
+        made += points_of(load_sweep(KEPT / f"{name}.json"), network)
+    data = frontier_data(made, validated)
+    _print(data)
+    print(printable(write_results(out, "frontier", data, plot_frontier, command=asked_for())))
+
+
+def _print(data: dict[str, Any]) -> None:
+    table = new_table(("point", "events/s", "bits/s", "accuracy", "95 % interval", "seeds"), "last epoch", left=(0,))
+    for point in data["points"]:
+        low, high = point["interval"]
+        table.add_row(
+            printable(point["name"]),
+            f"{point['rate_hz']:,.0f}",
+            f"{point['bits_per_s']:,.0f}",
+            f"{100 * point['accuracy']:.1f}",
+            f"{100 * low:.1f} to {100 * high:.1f}",
+            str(point["seeds"]),
+        )
+    show(table)

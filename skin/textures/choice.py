@@ -1,0 +1,61 @@
+"""Choose taxels of an array: lines, corners, checkerboard, random ones, or a list (docs/guide/classifier.md)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from eskin.base.errors import InputError
+
+CHOICES = "across:K|along:K|corners|checkerboard|random:K:SEED|NUMBER+NUMBER..."
+"""How taxels are chosen on the command line."""
+
+
+def choose(text: str, rows: int, columns: int) -> tuple[int, ...]:
+    """Return the chosen taxels of an array, row * columns + column, in rising order.
+
+    ``across:K`` are K taxels of the first column, evenly spread over the rows; the skin slides along its rows, so they
+    read K lines of the surface. ``along:K`` are K taxels of the middle row, which read one line after each other.
+    ``checkerboard`` is every second taxel.
+
+    Raises
+    ------
+    InputError
+        If the text is no choice, or the array has too few taxels for it.
+    """
+    kind, *numbers = text.split(":")
+    places = np.arange(rows * columns).reshape(rows, columns)
+    try:
+        counts = [int(number) for number in numbers]
+        if kind in ("across", "along") and len(counts) == 1:
+            line = places[:, 0] if kind == "across" else places[rows // 2]
+            return _of(line[_spread(len(line), counts[0])])
+        if kind == "corners" and not counts:
+            return _of(places[[0, 0, -1, -1], [0, -1, 0, -1]])
+        if kind == "checkerboard" and not counts:
+            return _of(places[np.add.outer(np.arange(rows), np.arange(columns)) % 2 == 0])
+        if kind == "random" and len(counts) == 2:
+            return _of(np.random.default_rng(counts[1]).choice(places.size, counts[0], replace=False))
+        return _of(places.ravel()[[_number(word) for word in text.split("+")]])
+    except (ValueError, IndexError):
+        raise InputError(
+            f"taxels of {rows} x {columns} are chosen by {CHOICES}, with numbers in 0..{rows * columns - 1}, "
+            f"not {text!r}"
+        ) from None
+
+
+def _spread(length: int, count: int) -> list[int]:
+    """Return places evenly spread over a line, both ends among them; a single one is the first."""
+    if not 1 <= count <= length:
+        raise ValueError
+    return [round(place) for place in np.linspace(0, length - 1, count)]
+
+
+def _number(word: str) -> int:
+    if not (word.isascii() and word.isdigit()):
+        raise ValueError
+    return int(word)
+
+
+def _of(taxels: np.typing.ArrayLike) -> tuple[int, ...]:
+    found = sorted(int(taxel) for taxel in np.unique(taxels))
+    return tuple(found)

@@ -1,0 +1,170 @@
+"""Chosen taxels, and the frontier of readouts that choose them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eskin.base.errors import InputError
+from eskin.base.files import plain
+from eskin.skin.textures.choice import choose
+from eskin.snn.data.folds import stratified_folds
+from eskin.snn.experiments.experiment import Experiment
+from eskin.snn.experiments.points import load_sweep, write_sweep
+from eskin.snn.figures import fig9
+from eskin.snn.figures.frontier import NETWORKS, draw_frontier, words_of
+from eskin.snn.studies import frontier
+from eskin.snn.studies.frontier import SWEEPS, Frontier, Point, compare, frontier_data, points_of
+
+SMALL = {"leaky": {"recipe": "tuned", "hidden": 8}, "convolutions": {"recipe": "cnn", "hidden": 8}}
+
+
+@pytest.mark.parametrize(
+    ("text", "taxels"),
+    [
+        ("across:3", (0, 8, 12)),
+        ("along:2", (8, 11)),
+        ("corners", (0, 3, 12, 15)),
+        ("checkerboard", (0, 2, 5, 7, 8, 10, 13, 15)),
+        ("3+1+3", (1, 3)),
+    ],
+)
+def test_taxels_are_chosen_by_name(text: str, taxels: tuple[int, ...]) -> None:
+    assert choose(text, 4, 4) == taxels
+    assert len(choose("random:5:1", 4, 4)) == 5
+    assert choose("random:5:1", 4, 4) != choose("random:5:2", 4, 4)
+
+
+@pytest.mark.parametrize(
+    "text", ["across", "across:5", "along:0", "corners:1", "16", "-1", "1+", "random:99:0", "lines"]
+)
+def test_a_choice_that_the_array_does_not_have_is_one_sentence(text: str) -> None:
+    with pytest.raises(InputError, match=r"^taxels of 4 x 4 are chosen by across:K\|.*, with numbers in 0\.\.15, not "):
+        choose(text, 4, 4)
+
+
+def test_points_are_read_as_they_are_written() -> None:
+    point = Point.parse("physical/leaky/lcs:2/12x16:across:4")
+    experiment = point.experiment()
+    config = experiment.scan_and_config()[1]
+    assert experiment.taxels == (0, 64, 112, 176)
+    assert (config.taxels, config.event_bits, config.resolution) == (4, 3, 2)
+    assert Experiment.from_dict(json.loads(json.dumps(plain(experiment.to_dict())))) == experiment
+    for text in ("physical/leaky/lcs:2", "physical/none/lcs:2/all", "physical/leaky/lcs/all", "paper/leaky/lcs:2/x"):
+        with pytest.raises(InputError):
+            Point.parse(text)
+
+
+def test_a_run_goes_on_and_inner_validation_sees_no_test_image(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frontier, "NETWORKS", {"physical": SMALL})
+    monkeypatch.setattr(frontier, "SCANS", {"physical": {"start_rows": 2, "epochs": 1}})
+    point, steps = Point("physical", "leaky", "lcs:3", "across:2"), []
+    first = Frontier(tmp_path / "frontier.json", "embedded").point(point, 1, lambda: steps.append(0))
+    assert len(steps) == 6
+    monkeypatch.setattr(frontier, "_train", None)
+    run = Frontier(tmp_path / "frontier.json", "embedded")
+    assert run.point(point, 1, lambda: None) == first
+    assert first["taxels"] == [0, 56]
+    assert first["bits_per_s"] == 2 * first["rate_hz"]
+    assert first["accuracy"] == np.mean([a == b for a, b in zip(first["predictions"][0], first["labels"], strict=True)])
+    with pytest.raises(TypeError):
+        run.point(point, 2, lambda: None)
+    monkeypatch.undo()
+    monkeypatch.setattr(frontier, "_train", lambda _, data, fold, seed, inner: spy(data, fold, inner))
+
+    def spy(data: Any, fold: int, inner: bool) -> dict[str, Any]:
+        assert inner
+        return {"labels": [fold], "predicted": [fold if fold else 9], "scans": len(data)}
+
+    monkeypatch.setattr(frontier, "SCANS", {"physical": {"start_rows": 1, "epochs": 1}})
+    assert run.inner(point, 2, lambda: None)["accuracy"] == 0.5
+
+
+def test_inner_validation_is_of_training_images(monkeypatch: pytest.MonkeyPatch) -> None:
+    labels, seen = np.repeat(np.arange(3), 12), []
+
+    class Stop(Exception):
+        pass
+
+    def train(split: Any, *_: Any) -> None:
+        seen.append(split)
+        raise Stop
+
+    monkeypatch.setattr("eskin.snn.train.train", train)
+    experiment = Point("physical", "leaky", "lcs:3", "across:2").experiment()
+    monkeypatch.setattr(Experiment, "network_config", lambda *_: None)
+    for inner in (False, True):
+        with pytest.raises(Stop):
+            frontier._train(experiment, type("Data", (), {"image_labels": labels})(), 2, 0, inner)  # type: ignore[arg-type]
+    test = set(stratified_folds(labels, 6, 0)[2].tolist())
+    assert set(seen[0].learned) == set(range(36)) - test
+    assert set(seen[1].learned) < set(seen[0].learned)
+
+
+def made(name: str, rate: float, *words: str) -> dict[str, Any]:
+    preset, network, readout, choice = name.split("/")
+    result = frontier._result("000111222", list(words))
+    return {
+        "name": name,
+        "preset": preset,
+        "network": network,
+        "readout": readout,
+        "choice": choice,
+        "taxels": [0, 1],
+        "rate_hz": rate / 4,
+        "bits_per_s": rate,
+        "coded_bits_per_s": rate / 2,
+        "power_w": 1e-6 if "nlcs-bipolar" not in readout else None,
+    } | result
+
+
+POINTS = [
+    made("physical/leaky/lcs:2/across:2", 1000.0, "000111220", "000111220"),
+    made("physical/leaky/frame-onoff:125:6/across:2", 1500.0, "000111222"),
+    made("physical/leaky/frame-onoff:250:6/across:2", 3000.0, "000111222"),
+    made("paper/convolutions/nlcs-bipolar:4/all", 900.0, "000111111"),
+]
+
+
+def test_frames_and_events_of_one_rate_and_network_are_paired() -> None:
+    (pair,) = frontier_data(POINTS)["pairs"]
+    assert (pair["first"], pair["second"]) == (POINTS[0]["name"], POINTS[1]["name"]), "not those of other rates"
+    assert (pair["seeds"], pair["only_first"], pair["only_second"], pair["p"]) == (1, [0], [1], [1.0])
+    assert pair["difference"] == pytest.approx(1 / 9)
+    assert compare(POINTS[1], POINTS[0])["difference"] == pytest.approx(-1 / 9)
+
+
+def test_each_scan_and_network_has_its_panels() -> None:
+    figure = draw_frontier(frontier_data(POINTS))
+    marks = {
+        (panel.get_title(loc="left"), panel.get_xlabel()[:6]): sorted(
+            (line.get_xdata()[0], round(line.get_ydata()[0], 3)) for line in panel.lines if line.get_marker() in "sov^D"
+        )
+        for panel in figure.axes
+    }
+    leaky, convolutions = (f"{scan} scan, {NETWORKS[name]}" for scan, name in
+                           (("physical", "leaky"), ("paper", "convolutions")))  # fmt: skip
+    assert marks[leaky, "bits/s"] == [(1000.0, 88.889), (1500.0, 100.0), (3000.0, 100.0)]
+    assert len(marks[leaky, "power "]) == 3
+    assert marks[convolutions, "power "] == [], "the power model has no equations for this encoder"
+    assert words_of(POINTS[1]) == "ON/OFF 125 Hz 6 b, 2 taxels"
+    assert words_of(POINTS[3]) == "4 b, 2 taxels"
+
+
+@pytest.mark.parametrize("name", SWEEPS)
+def test_the_kept_sweeps_are_points_of_the_frontier(name: str, tmp_path: Path) -> None:
+    file = fig9.KEPT / f"{name}.json"
+    sweep = load_sweep(file)
+    assert file not in fig9.kept_sweeps()
+    write_sweep(tmp_path / file.name, sweep.command, sweep.points)
+    written, kept = (json.loads(path.read_text()) for path in (tmp_path / file.name, file))
+    assert (written["command"], written["points"]) == (kept["command"], kept["points"])
+    for one, point in zip(sweep.points, points_of(sweep, SWEEPS[name]), strict=True):
+        assert one.last is not None
+        assert point["accuracy_of_seeds"] == pytest.approx(one.last.accuracy_of_seeds, abs=1e-12)
+        assert point["bits_per_s"] == pytest.approx(one.data_rate_bps)
+        assert Point.parse(point["name"]).name == point["name"]
