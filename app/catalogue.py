@@ -25,7 +25,7 @@ COMMANDS: dict[str, dict[str, str]] = {
     "Signals to events and back": _in(
         "signals", encode="encode decode", convert="convert", compare="compare", report="report"
     ),
-    "RTL against model": _in("simulate", sim="sim", replay="replay", touch="touch"),
+    "RTL against model": _in("simulate", sim="sim", replay="replay", touch="touch", agree="agree"),
     "Classifier": _in(
         "learn",
         train="train crossval",

@@ -23,9 +23,9 @@ EXIT_INPUT_ERROR = 2
 YES, NO = ("1", "yes", "true"), ("", "0", "no", "false")
 
 NEEDS = {
-    "sim": "sim replay touch soak gatesim asic gatepower coverage mutants crosscheck",
+    "sim": "sim replay touch agree soak gatesim asic gatepower coverage mutants crosscheck",
     "snn": "train crossval predict sweep counts quantise export import convert cache mutants fig8 robustness "
-    "noise-power merits precision",
+    "noise-power merits precision agree",
     "asic": "gatesim asic asic-scale gatepower layout",
     "board": "demo play listen load rescue",
     "fpga": "fpga",

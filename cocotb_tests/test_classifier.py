@@ -46,6 +46,14 @@ CONFIGS = [
         9, 17, 2, 32, bias_bits=2, out_bits=2, rec_bits=2, out_threshold=1, leak_shift=16, floor=0, out_floor=-3
     ),
 ]
+SYNAPSE = {"synapse_shift": 8, "synapse_factor": 115, "leak_shift": 8, "leak_factor": 26}
+OUT_SYNAPSE = {"out_synapse_shift": 1, "out_leak_shift": 8, "out_leak_factor": 115}
+NARROW = {"membrane_bits": 11, "floor": -700, "readout": "membrane", "output_bits": 10}
+SYNAPTIC = [
+    network_of(4, 10, 3, 4, **SYNAPSE, **OUT_SYNAPSE, membrane_bits=32, output_bits=24),
+    network_of(3, 5, 2, 1, **SYNAPSE, **OUT_SYNAPSE, **NARROW, neuron_reset="subtract", reset="async"),
+]
+"""Neurons with a synaptic current: with room for all values, and with sums that saturate."""
 
 
 def name(config: ClassifierConfig) -> str:
@@ -53,7 +61,7 @@ def name(config: ClassifierConfig) -> str:
     return f"{config.inputs}-{config.hidden}-{config.classes}-{config.lanes}l-{config.reset}"
 
 
-@pytest.mark.parametrize("config", CONFIGS, ids=name)
+@pytest.mark.parametrize("config", CONFIGS + SYNAPTIC, ids=name)
 def test_rtl_equals_the_model_in_every_potential_class_and_clock(config: ClassifierConfig, tmp_path: Path) -> None:
     counts = cosimulate(config, "icarus", tmp_path, config.hidden)
     assert counts["events"] > 100

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from eskin.cocotb_tests.blocks.classifier import random_network
-from eskin.cocotb_tests.test_classifier import CONFIGS, name
+from eskin.cocotb_tests.test_classifier import CONFIGS, SYNAPTIC, name
 from eskin.cocotb_tests.test_verilog import lint
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.file import IntegerWeights
@@ -22,7 +22,7 @@ TOP = "eskin_classifier"
 PAPERS = ClassifierConfig(floor=-256, out_floor=-256)
 
 
-@pytest.mark.parametrize("config", [CONFIGS[1], CONFIGS[5], CONFIGS[7], PAPERS], ids=name)
+@pytest.mark.parametrize("config", [CONFIGS[1], CONFIGS[5], CONFIGS[7], SYNAPTIC[0], PAPERS], ids=name)
 def test_files_are_clean_complete_and_agree(config: ClassifierConfig, tmp_path: Path) -> None:
     write(config, tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == [f"{TOP}.{s}" for s in ("core", "json", "sdc", "v")]
@@ -31,7 +31,10 @@ def test_files_are_clean_complete_and_agree(config: ClassifierConfig, tmp_path: 
     assert "initial" not in text
     assert not re.search(r"'[bh][0-9a-f]*x", text)
     memories = re.findall(r"^  reg \[(\d+):0\] memory \[(\d+):0\];", text, re.MULTILINE)
-    assert sum((int(high) + 1) * (int(last) + 1) for high, last in memories[-2:]) == config.memory_bits
+    bits = [(int(high) + 1) * (int(last) + 1) for high, last in memories]
+    if config.synapse_shift:
+        assert bits.pop(-2) == config.hidden * config.membrane_bits
+    assert sum(bits[-2:]) == config.memory_bits
     described = json.loads((tmp_path / f"{TOP}.json").read_text())
     assert ClassifierConfig.from_dict(described["configuration"]) == config
     assert described["clock_hz"] == config.clock_hz

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from eskin.model import __version__
@@ -46,13 +47,15 @@ FRAME_WAIVERS = WAIVERS | {"WIDTHEXPAND": "a narrower operand is extended by zer
 
 CLASSIFIER_WAIVERS = WAIVERS | {"CASEOVERLAP": "each condition of a case compares one state: at most one of them holds"}
 
-MEMORIES_WITHOUT_RESET = ("eskin_weights", "eskin_neuron_weights", "eskin_lane")
+MEMORIES_WITHOUT_RESET = ("eskin_weights", "eskin_neuron_weights", "eskin_potentials", "eskin_lane")
 
 UNUSED_RESET = "a memory has no reset"
 
 UNUSED_AWAKE = "low in a clock at whose end no register changes: for a clock gate, should there be one"
 
 UNUSED_SAMPLE_BITS = "bits below the encoder's step can never change a decision: the taxel keeps the others"
+
+UNUSED_PRODUCT = "the bits below a leak's shift are cut off"
 
 UNUSED_WRITE_BITS = "no register has a field there"
 
@@ -154,4 +157,6 @@ def _waive(text: str, config: Config) -> str:
     if isinstance(config, ClassifierConfig | ChipConfig):
         for module in MEMORIES_WITHOUT_RESET:
             text = yosys.waive_signal(text, module, "rst", "UNUSEDSIGNAL", UNUSED_RESET)
+        for name in re.findall(r"^  wire .*\b(leak_product\w*);", text, re.MULTILINE):
+            text = yosys.waive_signal(text, "eskin_classifier", name, "UNUSEDSIGNAL", UNUSED_PRODUCT)
     return text

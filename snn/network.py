@@ -111,7 +111,8 @@ class SpikingNetwork(nn.Module):
     def _hidden(self, x: Tensor, w_in: Tensor, w_rec: Tensor) -> Tensor:
         decay, _ = self.decays()
         x = _scaled(self.config, x)
-        return layer(self.config.neurons.rule, x, w_in, self.b_hidden, decay, w_rec, self.backend)
+        neurons = self.config.neurons
+        return layer(neurons.rule, x, w_in, self.b_hidden, decay, w_rec, self.backend, neurons.synapse_decay)
 
     def forward(self, x: Tensor) -> Output:
         """Return logits, penalty and rate for scans of shape (steps, scans, inputs)."""
@@ -126,10 +127,11 @@ class SpikingNetwork(nn.Module):
         if config.dropout and self.training:
             s = s * functional.dropout(s.new_ones(s.shape[1:]), config.dropout)
         _, decay = self.decays()
+        synapse_decay = neurons.output_synapse_decay
         if neurons.readout == "spikes":
-            out = layer(neurons.rule, s, w_out, self.b_out, decay, None, self.backend).sum(0)
+            out = layer(neurons.rule, s, w_out, self.b_out, decay, None, self.backend, synapse_decay).sum(0)
         else:
-            out = self._mean_membrane(functional.linear(s, w_out, self.b_out), decay)
+            out = self._mean_membrane(synaptic(functional.linear(s, w_out, self.b_out), synapse_decay), decay)
         return Output(out * config.output_scale, penalty, rate)
 
     @staticmethod
@@ -138,6 +140,16 @@ class SpikingNetwork(nn.Module):
         left = torch.arange(len(current) - 1, -1, -1, device=current.device)  # steps behind each step
         powers = torch.cumsum(decay[None, :] ** torch.arange(len(current), device=current.device)[:, None], 0)
         return torch.einsum("tbo,to->bo", current, powers[left]) / len(current)
+
+
+def synaptic(currents: Tensor, decay: float) -> Tensor:
+    """Return the synaptic current of every step."""
+    if not decay:
+        return currents
+    found = [currents[0]]
+    for current in currents[1:].unbind():
+        found.append(current + decay * found[-1])
+    return torch.stack(found)
 
 
 class RecurrentBaseline(nn.Module):

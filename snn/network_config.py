@@ -30,6 +30,8 @@ class SpikingConfig:
         input of every output neuron is this fraction of its threshold (``eskin.snn.calibration``).
     decay, output_decay : float
         Part of the membrane potential left after one step; 1 is the paper's neuron without leak.
+    synapse_decay, output_synapse_decay : float
+        Part of the synaptic current left after one step (NIR: CubaLIF); 0 for inputs that reach the membrane at once.
     learn_decay : bool
         Every neuron learns its decays, from those values on (below 1).
     rule : NeuronRule
@@ -47,6 +49,8 @@ class SpikingConfig:
     output_rate: float = 0.0
     decay: float = 1.0
     output_decay: float = 1.0
+    synapse_decay: float = 0.0
+    output_synapse_decay: float = 0.0
     learn_decay: bool = False
     rule: NeuronRule = field(default_factory=NeuronRule)
     readout: OutputMode = "spikes"
@@ -63,6 +67,9 @@ class SpikingConfig:
                 raise InputError(f"{name} must be above 0 and at most 1, not {value!r}")
             if self.learn_decay and value == 1:
                 raise InputError(f"{name} must be below 1 to be learned; give a start value such as 0.95")
+        for name in ("synapse_decay", "output_synapse_decay"):
+            if not 0 <= getattr(self, name) < 1:
+                raise InputError(f"{name} must be from 0 to below 1, not {getattr(self, name)!r}")
         for name in ("hidden_rate", "output_rate"):
             if not 0 <= getattr(self, name) < 1:
                 raise InputError(f"{name} must be from 0 to below 1 spikes per step, not {getattr(self, name)!r}")
@@ -193,7 +200,8 @@ def _from_zero(config: Any, *names: str) -> None:
 
 FIELDS = (
     *("inputs", "classes", "kind", "hidden", "input_scale", "input_offset", "input_rms", "input_center"),
-    *("hidden_rate", "output_rate", "decay", "output_decay", "learn_decay"),
+    *("hidden_rate", "output_rate", "decay", "output_decay", "synapse_decay", "output_synapse_decay"),
+    "learn_decay",
     *("reset", "reset_gradient", "floor", "surrogate", "surrogate_scale", "surrogate_width"),
     *("readout", "weight_bits", "output_scale", "dropout", "rate_weight", "rate_limit"),
 )

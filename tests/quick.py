@@ -64,6 +64,7 @@ COMMANDS = {
     "sim": "tests/app/test_simulate.py::test_sim_ends_with_its_one_line",
     "soak": "tests/verify/test_soak.py::test_mistakes_are_one_sentence",
     "touch": "cocotb_tests/test_touch.py::test_mistakes_are_one_sentence",  # a run takes half a minute
+    "agree": "tests/snn/test_integer.py::test_published_networks_are_bit_exact_in_the_rtl",
     "replay": "tests/app/test_simulate.py::test_replay_finds_a_dataset_by_a_relative_place",
     "train": "tests/snn/test_hostile.py::test_train_names_the_data_it_used",
     "crossval": "tests/snn/test_train.py::test_crossval_prints_both_readings",

@@ -11,11 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import cocotb
 import numpy as np
+from numpy.typing import NDArray
 
 from eskin.cocotb_tests.bench.block import JOB, report
 from eskin.cocotb_tests.bench.classifier import ClassifierBench, Stimulus
 from eskin.model.classifier.config import ClassifierConfig, highest, lowest
-from eskin.model.classifier.network import IntegerNetwork
+from eskin.model.classifier.file import IntegerWeights
+from eskin.model.classifier.network import IntegerNetwork, State
+from eskin.model.classifier.run import first_ready, work_clocks
 
 if TYPE_CHECKING:
     from eskin.cocotb_tests.runner.cocotb_runners import Simulator
@@ -90,13 +93,62 @@ async def scans_begin_at_any_time(dut: Any) -> None:
     report(bench.check.counts)
 
 
+def spaced(network: IntegerNetwork, counts: NDArray[Any]) -> Stimulus:
+    """Return a scan with given events, shape (bins, inputs), in bins that are just long enough for their work."""
+    config, state = network.config, State(network)
+    clock, before = first_ready(config, -1), 0
+    events, ends = [], []
+    for row in counts:
+        channels = np.repeat(np.arange(config.inputs), row).tolist()
+        events += [(clock, channel) for channel in channels]
+        clock += config.groups * len(channels) + 1
+        ends.append(clock)
+        state.add_counts(row[None])
+        state.end_bin()
+        now = int(state.spikes.sum())
+        clock, before = clock + work_clocks(config, before, now) + 4, now
+    return Stimulus(events, ends, clock)
+
+
+@cocotb.test()
+async def given_scans(dut: Any) -> None:
+    """Play the scans of a file through the network of a file."""
+    fields = json.loads(os.environ[JOB])
+    network = IntegerWeights.load(Path(fields["network"])).network
+    bench = ClassifierBench(dut, network.config, random.Random(0))
+    await bench.load(network)
+    for number, counts in enumerate(np.load(fields["scans"])):
+        stimulus = spaced(network, counts)
+        await bench.play(stimulus, reset=number == 0)
+        bench.check.counts["clocks"] += stimulus.clocks
+    report(bench.check.counts)
+
+
+def play_scans(made: IntegerWeights, scans: NDArray[Any], simulator: Simulator, folder: Path) -> Counter[str]:
+    """Play events of shape (scans, bins, inputs) through the RTL of a network, and return the counts of the comparison.
+
+    Raises
+    ------
+    MismatchFound
+        If any potential, spike, class or clock differs from the model.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    made.save(folder / "network.npz")
+    np.save(folder / "scans.npy", scans)
+    job = {"network": str((folder / "network.npz").resolve()), "scans": str((folder / "scans.npy").resolve())}
+    return _run(made.network.config, simulator, folder, "given_scans", job)
+
+
 def cosimulate(
     config: ClassifierConfig, simulator: Simulator, folder: Path, seed: int, test: str = "scans_equal_the_model"
 ) -> Counter[str]:
     """Run a cocotb test of the classifier and return its counts."""
+    return _run(config, simulator, folder, test, {"config": config.to_dict(), "seed": seed})
+
+
+def _run(config: ClassifierConfig, simulator: Simulator, folder: Path, test: str, job: dict[str, Any]) -> Counter[str]:
     from eskin.cocotb_tests.runner.simulator import build  # not in the simulator, which imports this file too
 
-    environment = {JOB: json.dumps({"config": config.to_dict(), "seed": seed})}
     program = build(config, simulator, top="eskin_classifier")
-    program.test(__name__, folder, test, environment)
+    program.test(__name__, folder, test, {JOB: json.dumps(job)})
     return Counter(json.loads((folder / "counts.json").read_text()))

@@ -157,6 +157,24 @@ def precision() -> None:
     print(f"`{report['command']}`\n")
 
 
+def nir_networks() -> None:
+    """Print how often integer networks of other programs give the class of their float networks, and the RTL's run."""
+    report = read(f"{TEXTURES}nir.json")
+    bits = [point["bits"] for point in report["networks"][0]["points"]]
+    rows = [
+        [one["network"], *(f"{100 * point['same'] / one['scans']:.1f}" for point in one["points"])]
+        for one in report["networks"]
+    ]
+    table(["scans with the same class, %", *(f"{n} b" for n in bits)], rows)
+    rtl = {name: sum(one["rtl"][name] for one in report["networks"]) for name in ("clocks", "events", "bins")}
+    first = report["networks"][0]
+    print(
+        f"`{report['command']}`, commit {report['commit']}, {report['date']}: {first['scans']} scans of "
+        f"{first['bins']} bins; in the RTL {rtl['clocks']:,} clocks, {rtl['events']:,} events, "
+        f"{rtl['bins']:,} bins, 0 mismatches.\n"
+    )
+
+
 def robustness() -> None:
     """Print the accuracy of both networks under every disturbance, in per cent."""
     rows: dict[str, dict[str, Any]] = {}

@@ -109,6 +109,8 @@ def _memories(config: ClassifierConfig) -> list[str]:
         ("rows of input and recurrent weights", config.weight_words, config.lanes * config.weight_bits),
         ("output weights and biases", config.neuron_words, config.neuron_bits),
     ]
+    if config.synapse_shift:
+        rows.append(("potentials, which `load_*` does not reach", config.hidden, config.membrane_bits))
     table = [(what, f"{words}", f"{bits}", f"{words * bits}") for what, words, bits in rows]
     return [
         f"{config.memory_bits} bits, {config.memory_bits / 8192:.4g} KiB. In reset, or while nothing else is under "

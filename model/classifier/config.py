@@ -6,7 +6,7 @@ import dataclasses
 import json
 import math
 from dataclasses import dataclass
-from typing import Any, Literal, get_args, get_type_hints
+from typing import Any, Literal, NamedTuple, get_args, get_type_hints
 
 from eskin.base.errors import InputError
 from eskin.model.config import Reset, parameter
@@ -43,12 +43,16 @@ class ClassifierConfig:
         A weight of 1 counts 2**shift units of the potential that it is added to, 0..16.
     membrane_bits, output_bits, evidence_bits : int
         Bits of a hidden potential, of an output potential, and of the evidence, signed, up to 32.
-    threshold, floor, neuron_reset, leak_shift
+    threshold, floor, neuron_reset, leak_shift, leak_factor
         Hidden neurons: a neuron spikes if v > threshold; floor is the lower limit of v (None: no limit); reset by a
-        spike; after a bin v - (v >> leak_shift) remains (0: all).
+        spike; after a bin v - (v * leak_factor >> leak_shift) remains (leak_shift 0: all).
+    synapse_shift, synapse_factor
+        Hidden neurons with a synaptic current (NIR: CubaLIF): weights and bias add to the current i, and at the end of
+        a bin i is added to v; then i - (i * synapse_factor >> synapse_shift) remains. Shift 0: no current, weights add
+        to v.
     readout : "spikes" or "membrane"
         The outputs fire and their spikes are the evidence, or they do not fire and the sum of their potentials is it.
-    out_threshold, out_floor, out_leak_shift
+    out_threshold, out_floor, out_leak_shift, out_leak_factor, out_synapse_shift, out_synapse_factor
         Output neurons; threshold and floor count where they fire.
     reset : "sync" or "async"
         Style of the flops' reset, active high.
@@ -84,7 +88,12 @@ class ClassifierConfig:
     neuron_reset: NeuronReset = parameter(
         "zero", "", CLASSIFIER, "a spike sets the potential to zero, or subtracts the threshold: zero, subtract"
     )
-    leak_shift: int = parameter(0, "", CLASSIFIER, "leak per bin: v - (v >> shift); 0: no leak")
+    leak_shift: int = parameter(0, "", CLASSIFIER, "leak per bin: v - (v * factor >> shift); 0: no leak")
+    leak_factor: int = parameter(1, "", CLASSIFIER, "factor of the leak, up to 2**shift")
+    synapse_shift: int = parameter(
+        0, "", CLASSIFIER, "leak per bin of the synaptic current, as of the potential; 0: no synaptic current"
+    )
+    synapse_factor: int = parameter(1, "", CLASSIFIER, "factor of the leak of the synaptic current")
     readout: OutputMode = parameter(
         "spikes", "", CLASSIFIER, "evidence: spikes of the outputs, or membrane, the sum of their potentials"
     )
@@ -95,6 +104,11 @@ class ClassifierConfig:
         None, "", CLASSIFIER, "readout spikes: lower limit of an output potential [no floor]; ignored with membrane"
     )
     out_leak_shift: int = parameter(0, "", CLASSIFIER, "leak of the outputs")
+    out_leak_factor: int = parameter(1, "", CLASSIFIER, "factor of the leak of the outputs")
+    out_synapse_shift: int = parameter(
+        0, "", CLASSIFIER, "leak of the synaptic current of the outputs; 0: no synaptic current"
+    )
+    out_synapse_factor: int = parameter(1, "", CLASSIFIER, "factor of the leak of the synaptic current of the outputs")
     reset: Reset = parameter("sync", "", CLASSIFIER, "reset style of the flops")
 
     def __post_init__(self) -> None:
@@ -108,6 +122,10 @@ class ClassifierConfig:
         for name, (low, high) in ranges.items():
             if not low <= getattr(self, name) <= high:
                 raise InputError(f"{name} must be in {low}..{high}, not {getattr(self, name)}")
+        for name in LEAKS:
+            factor, most = getattr(self, f"{name}_factor"), 2 ** getattr(self, f"{name}_shift")
+            if not 1 <= factor <= most:
+                raise InputError(f"{name}_factor must be in 1..{most} (2**{name}_shift), not {factor}")
         if self.lanes & (self.lanes - 1):
             raise InputError(f"lanes must be a power of two, not {self.lanes}")
         if not (math.isfinite(self.bin_s) and self.bin_s > 0):
@@ -173,7 +191,7 @@ class ClassifierConfig:
 
     @property
     def memory_bits(self) -> int:
-        """Bits of both memories."""
+        """Bits of both memories of weights."""
         return self.weight_words * self.lanes * self.weight_bits + self.neuron_words * self.neuron_bits
 
     def additions(self, events: float, spikes: float, bins: float) -> float:
@@ -218,14 +236,18 @@ class ClassifierConfig:
         return self.output_ends(low, high)
 
     def hidden_ends(self, low: int, high: int) -> tuple[int, int] | None:
-        """Return the limits of the hidden potentials if a bin adds between ``low`` and ``high``."""
-        return ends(low, high, self.threshold, self.floor, self.neuron_reset, self.leak_shift)
+        """Return the limits of the hidden potentials and currents if a bin adds between ``low`` and ``high``."""
+        synapse = Leak(self.synapse_shift, self.synapse_factor)
+        leak = Leak(self.leak_shift, self.leak_factor)
+        return neuron_ends(low, high, synapse, self.threshold, self.floor, self.neuron_reset, leak)
 
     def output_ends(self, low: int, high: int) -> tuple[int, int] | None:
-        """Return the limits of the output potentials if a bin adds between ``low`` and ``high``."""
+        """Return the limits of the output potentials and currents if a bin adds between ``low`` and ``high``."""
+        synapse = Leak(self.out_synapse_shift, self.out_synapse_factor)
+        leak = Leak(self.out_leak_shift, self.out_leak_factor)
         if self.readout == "membrane":
-            return ends(low, high, None, None, "zero", self.out_leak_shift)
-        return ends(low, high, self.out_threshold, self.out_floor, self.neuron_reset, self.out_leak_shift)
+            return neuron_ends(low, high, synapse, None, None, "zero", leak)
+        return neuron_ends(low, high, synapse, self.out_threshold, self.out_floor, self.neuron_reset, leak)
 
     @property
     def saturates(self) -> bool:
@@ -244,8 +266,9 @@ class ClassifierConfig:
         return self.from_dict(self.to_dict() | changes)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as a plain dictionary."""
-        return dataclasses.asdict(self)
+        """Return all fields as a plain dictionary; those of synaptic currents and leak factors only if they differ."""
+        fields = dataclasses.asdict(self)
+        return {name: value for name, value in fields.items() if name not in OPTIONAL or value != OPTIONAL[name]}
 
     def to_json(self) -> str:
         """Return the configuration as JSON text, keys in the order of the fields."""
@@ -262,7 +285,19 @@ class ClassifierConfig:
         return cls(**fields)
 
 
-SHIFTS = ("in_shift", "rec_shift", "bias_shift", "out_shift", "out_bias_shift", "leak_shift", "out_leak_shift")
+LEAKS = ("leak", "synapse", "out_leak", "out_synapse")
+SHIFTS = ("in_shift", "rec_shift", "bias_shift", "out_shift", "out_bias_shift", *(f"{name}_shift" for name in LEAKS))
+
+
+OPTIONAL = {f"{name}_factor": 1 for name in LEAKS} | {"synapse_shift": 0, "out_synapse_shift": 0}
+"""Fields that files only have if they differ from these."""
+
+
+class Leak(NamedTuple):
+    """The part of a potential or current that a bin loses: factor / 2**shift, rounded down; shift 0: none."""
+
+    shift: int
+    factor: int = 1
 
 
 def lowest(bits: int, shift: int = 0) -> int:
@@ -283,14 +318,33 @@ def bits_of(ends: tuple[int, int] | None) -> float:
     return max((~low if low < 0 else low).bit_length(), high.bit_length()) + 1
 
 
+def neuron_ends(
+    low: int,
+    high: int,
+    synapse: Leak,
+    threshold: int | None,
+    floor: int | None,
+    reset: NeuronReset,
+    leak: Leak,
+) -> tuple[int, int] | None:
+    """Return limits of potential and synaptic current, if the neuron has one; parameters as for ``ends``."""
+    if not synapse.shift:
+        return ends(low, high, threshold, floor, reset, leak)
+    current = ends(low, high, None, None, "zero", synapse)
+    assert current is not None  # it leaks
+    potential = ends(*current, threshold, floor, reset, leak)
+    return None if potential is None else (min(current[0], potential[0]), max(current[1], potential[1]))
+
+
 def ends(
-    low: int, high: int, threshold: int | None, floor: int | None, reset: NeuronReset, leak_shift: int
+    low: int, high: int, threshold: int | None, floor: int | None, reset: NeuronReset, leak: Leak
 ) -> tuple[int, int] | None:
     """Return limits that a potential never leaves for any order of additions; None if unlimited.
 
-    ``x - (x >> k)`` rises with x, and with A = high its value at X = ((A + 1) << k) - 1 is X - A. So a potential of at
-    most X remains at most X in the next bin. The lower limit follows in the same way with X = low << k. A reset to zero
-    leaves at most the threshold, and so does a reset by subtraction if a bin adds at most the threshold.
+    ``x - (x * n >> k)`` rises with x, and with A = high its value at X = (((A + 1) << k) - 1) // n is at most X - A.
+    So a potential of at most X remains at most X in the next bin. The lower limit follows in the same way with
+    X = (low << k) // n. A reset to zero leaves at most the threshold, and so does a reset by subtraction if a bin adds
+    at most the threshold.
 
     Parameters
     ----------
@@ -300,15 +354,14 @@ def ends(
         None for a neuron that does not fire.
     floor : int or None
     reset : "zero" or "subtract"
-    leak_shift : int
-        0 for none.
+    leak : Leak
     """
     if floor is not None:
         least: int | None = floor + low
     else:
-        least = low << leak_shift if leak_shift or low == 0 else None
+        least = (low << leak.shift) // leak.factor if leak.shift or low == 0 else None
     if threshold is not None and (reset == "zero" or high <= threshold):
         most: int | None = threshold + high
     else:
-        most = (high + 1 << leak_shift) - 1 if leak_shift else (0 if high == 0 else None)
+        most = ((high + 1 << leak.shift) - 1) // leak.factor if leak.shift else (0 if high == 0 else None)
     return None if least is None or most is None else (least, most)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.model.classifier.config import MAX_BITS, ClassifierConfig, bits_of, highest, lowest
+from eskin.model.classifier.config import MAX_BITS, ClassifierConfig, Leak, bits_of, highest, lowest
 
 Whole = NDArray[np.int64]
 
@@ -166,14 +166,19 @@ class State:
     """Potentials, spikes and evidence of several scans, between two events.
 
     The order of additions is part of the contract: leaked potential, bias, events as they are taken, recurrent spikes
-    in rising order of their neuron. Each addition stops at the end of the bits.
+    in rising order of their neuron. Each addition stops at the end of the bits. In neurons with a synaptic current all
+    this adds to the current, and the end of the bin adds the current to the leaked potential.
 
     Attributes
     ----------
     v : shape (scans, hidden)
+        Potentials, or synaptic currents.
+    rest : shape (scans, hidden)
+        With a synaptic current: potentials after the previous bin, leaked.
     spikes : shape (scans, hidden)
         Spikes of the previous bin.
-    output : shape (scans, classes)
+    output, output_rest : shape (scans, classes)
+        Like v and rest.
     evidence : shape (scans, classes)
     """
 
@@ -186,9 +191,9 @@ class State:
         self._bias = network.b_hidden << config.bias_shift
         self._out_bias = network.b_out << config.out_bias_shift
         self.v = self._sum(np.zeros((scans, config.hidden), np.int64), self._bias)
-        self.spikes = np.zeros_like(self.v)
+        self.spikes, self.rest = np.zeros_like(self.v), np.zeros_like(self.v)
         self.output = self._out_sum(np.zeros((scans, config.classes), np.int64), self._out_bias)
-        self.evidence = np.zeros_like(self.output)
+        self.evidence, self.output_rest = np.zeros_like(self.output), np.zeros_like(self.output)
 
     def _sum(self, v: Whole, added: Whole) -> Whole:
         bits = self.config.membrane_bits
@@ -226,14 +231,17 @@ class State:
         output, output_spikes : shape (scans, classes)
         """
         config = self.config
+        leak, synapse = Leak(config.leak_shift, config.leak_factor), Leak(config.synapse_shift, config.synapse_factor)
         if self._stays_within(self.v, np.abs(self._rec).sum(0).max(), config.membrane_bits):
             v = self.v + _product(self.spikes, self._rec)
         else:
             v = self.v
             for neuron in np.flatnonzero(self.spikes.any(0)):
                 v = self._sum(v, self.spikes[:, neuron, None] * self._rec[neuron])
-        potential, self.spikes, rest = _fire(v, config.threshold, config.floor, config.neuron_reset)
-        self.v = self._sum(_leak(rest, config.leak_shift), self._bias)
+        potential = self._sum(self.rest, v) if synapse.shift else v
+        potential, self.spikes, rest = _fire(potential, config.threshold, config.floor, config.neuron_reset)
+        self.rest = _leak(rest, leak)
+        self.v = self._sum(_leak(v, synapse) if synapse.shift else self.rest, self._bias)
 
         output = self.output
         if self._stays_within(output, np.abs(self._out).sum(0).max(), config.output_bits):
@@ -241,12 +249,17 @@ class State:
         else:
             for neuron in np.flatnonzero(self.spikes.any(0)):
                 output = self._out_sum(output, self.spikes[:, neuron, None] * self._out[neuron])
+        leak = Leak(config.out_leak_shift, config.out_leak_factor)
+        synapse, current = Leak(config.out_synapse_shift, config.out_synapse_factor), output
+        if synapse.shift:
+            output = self._out_sum(self.output_rest, current)
         if config.readout == "spikes":
             output, fired, rest = _fire(output, config.out_threshold, config.out_floor, config.neuron_reset)
             gained = fired
         else:
             fired, rest, gained = np.zeros_like(output), output, output
-        self.output = self._out_sum(_leak(rest, config.out_leak_shift), self._out_bias)
+        self.output_rest = _leak(rest, leak)
+        self.output = self._out_sum(_leak(current, synapse) if synapse.shift else self.output_rest, self._out_bias)
         self.evidence = np.clip(self.evidence + gained, lowest(config.evidence_bits), highest(config.evidence_bits))
         return potential, self.spikes, output, fired
 
@@ -264,9 +277,9 @@ def _fire(v: Whole, threshold: int, floor: int | None, reset: str) -> tuple[Whol
     return v, fired, v - fired * threshold if reset == "subtract" else v * (1 - fired)
 
 
-def _leak(v: Whole, shift: int) -> Whole:
+def _leak(v: Whole, leak: Leak) -> Whole:
     """Return a potential after the leak of one bin; the shift rounds down."""
-    return v - (v >> shift) if shift else v
+    return v - (v * leak.factor >> leak.shift) if leak.shift else v
 
 
 def _product(counts: NDArray[Any], weights: Whole) -> Whole:

@@ -8,10 +8,10 @@ from typing import Any
 from amaranth.hdl import Array, Cat, Module, Mux, Signal, Value, signed
 from amaranth.lib.wiring import In, Out
 
-from eskin.model.classifier.config import ClassifierConfig
+from eskin.model.classifier.config import ClassifierConfig, Leak
 from eskin.rtl.block import Block
 from eskin.rtl.classifier.lane import Lane
-from eskin.rtl.classifier.memory import NeuronMemory, WeightMemory, address_bits
+from eskin.rtl.classifier.memory import NeuronMemory, PotentialMemory, WeightMemory, address_bits
 from eskin.rtl.classifier.numbers import add, fire, leak
 
 STALL_BITS = 24
@@ -38,6 +38,9 @@ class Classifier(Block[ClassifierConfig]):
     An event is a row of weights, read in ``groups`` clocks. At a bin's end: the rows of the neurons that fired in the
     bin before, every hidden neuron, the output weights of those that fire now, every output. Spikes, output
     potentials and evidence stand in rings that turn while the work passes through their numbers.
+
+    Neurons with a synaptic current have it where others have their potential: in the lanes, or in the ring of the
+    outputs. Their potentials stand in a memory, or in a second ring, and change only when a neuron is compared.
 
     Attributes
     ----------
@@ -119,6 +122,10 @@ class Classifier(Block[ClassifierConfig]):
         self.class_found, self.class_ready = Signal(config.class_bits), Signal()
         self.ring = Signal(config.classes * config.output_bits)
         self.evidence_ring = Signal(config.classes * config.evidence_bits)
+        if config.synapse_shift:
+            self.held_rest = Signal(signed(config.membrane_bits))
+        if config.out_synapse_shift:
+            self.rest_ring = Signal(config.classes * config.output_bits)
 
     def elaborate(self, platform: Any) -> Module:
         m = Module()
@@ -140,7 +147,7 @@ class Classifier(Block[ClassifierConfig]):
         ]
         self._control(m)
         potential = self._lanes(m, weights.read_data, platform)
-        self._hidden(m, potential, neurons.read_data)
+        self._hidden(m, potential, neurons.read_data, platform)
         self._outputs(m, neurons.read_data)
         return m
 
@@ -256,7 +263,7 @@ class Classifier(Block[ClassifierConfig]):
         m.d.comb += chosen.eq(Array(potentials)[lane_number] if place else potentials[0])
         return chosen
 
-    def _hidden(self, m: Module, potential: Value, word: Value) -> None:
+    def _hidden(self, m: Module, potential: Value, word: Value, platform: Any) -> None:
         config = self.config
         m.d.sync += [
             self.held_potential.eq(potential),
@@ -266,7 +273,13 @@ class Classifier(Block[ClassifierConfig]):
             self.held_neuron.eq(self.now_neuron & ~self.scan_start),
         ]
         v, bias = self.held_potential, self.held_bias << config.bias_shift
-        held, spike, rest = fire(m, v, config.threshold, config.floor, config.neuron_reset, config.leak_shift)
+        leaks = Leak(config.leak_shift, config.leak_factor)
+        if config.synapse_shift:
+            v, leaks = add(m, self.held_rest, v, config.membrane_bits, config.saturates), Leak(0)
+        held, spike, rest = fire(m, v, config.threshold, config.floor, config.neuron_reset, leaks)
+        if config.synapse_shift:
+            self._potentials(m, rest, platform)
+            rest = leak(m, self.held_potential, Leak(config.synapse_shift, config.synapse_factor))
         kept = Mux(self.held_clears, 0, rest)
         m.d.comb += [
             self.next_potential.eq(add(m, kept.as_signed(), bias, config.membrane_bits, config.saturates)),
@@ -276,18 +289,37 @@ class Classifier(Block[ClassifierConfig]):
             self.hidden_spike.eq(spike),
         ]
 
+    def _potentials(self, m: Module, rest: Value, platform: Any) -> None:
+        """Write what reset leaves of a potential, and read and leak that of the neuron two numbers later."""
+        config = self.config
+        potentials = PotentialMemory(config)
+        potentials.place(m, "potentials", platform)
+        m.d.comb += [
+            potentials.read_valid.eq(self.state == State.NEURONS),
+            potentials.read_address.eq(self.index[: len(potentials.read_address)]),
+            potentials.write_valid.eq(self.held_neuron),
+            potentials.write_address.eq(self.held_index),
+            potentials.write_data.eq(Mux(self.held_clears, 0, rest)),
+        ]
+        m.d.sync += self.held_rest.eq(leak(m, potentials.read_data, Leak(config.leak_shift, config.leak_factor)))
+
     def _outputs(self, m: Module, word: Value) -> None:
         config = self.config
         bits = config.output_bits
         own = self.ring[:bits].as_signed()
+        leaks, v = Leak(config.out_leak_shift, config.out_leak_factor), own
+        if config.out_synapse_shift:
+            v = add(m, self.rest_ring[:bits].as_signed(), own, bits, config.output_saturates)
         if config.readout == "spikes":
-            held, spike, rest = fire(
-                m, own, config.out_threshold, config.out_floor, config.neuron_reset, config.out_leak_shift
-            )
+            held, spike, rest = fire(m, v, config.out_threshold, config.out_floor, config.neuron_reset, leaks)
             m.d.comb += self.output_spike.eq(spike)
             gained: Value = Cat(spike, 0).as_signed()
         else:
-            held, rest, gained = own, leak(own, config.out_leak_shift), own
+            held, rest, gained = v, leak(m, v, leaks), v
+        if config.out_synapse_shift:
+            with m.If(self.now_output):
+                m.d.sync += self.rest_ring.eq(Cat(self.rest_ring[bits:], Mux(self.now_clears, 0, rest)))
+            rest = leak(m, own, Leak(config.out_synapse_shift, config.out_synapse_factor))
         weight = word[: config.out_bits].as_signed() << config.out_shift
         bias = word[: config.bias_bits].as_signed() << config.out_bias_shift
         left = Signal(signed(bits))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from amaranth.hdl import Module, unsigned
+from amaranth.hdl import Module, signed, unsigned
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
@@ -69,6 +69,50 @@ class NeuronMemory(WordMemory):
 
     def __init__(self, config: ClassifierConfig) -> None:
         super().__init__(config, config.neuron_words, config.neuron_bits)
+
+
+class PotentialMemory(Block[ClassifierConfig]):
+    """The hidden potentials of neurons with a synaptic current, which is in the lanes.
+
+    Latency: address at clock t, potential at t + 1. No reset: clearing a scan writes all potentials.
+
+    Attributes
+    ----------
+    read_valid, read_address, read_data : In, In, Out
+        Never of the address that is written in the same clock.
+    write_valid, write_address, write_data : In
+    """
+
+    module_name = "eskin_potentials"
+
+    def __init__(self, config: ClassifierConfig) -> None:
+        address = unsigned(address_bits(config.hidden))
+        super().__init__(
+            config,
+            {
+                "read_valid": In(1),
+                "read_address": In(address),
+                "read_data": Out(signed(config.membrane_bits)),
+                "write_valid": In(1),
+                "write_address": In(address),
+                "write_data": In(signed(config.membrane_bits)),
+            },
+        )
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        shape = unsigned(self.config.membrane_bits)
+        m.submodules.memory = memory = Memory(shape=shape, depth=self.config.hidden, init=[])
+        read, write = memory.read_port(), memory.write_port()
+        m.d.comb += [
+            read.addr.eq(self.read_address),
+            read.en.eq(self.read_valid),
+            self.read_data.eq(read.data),
+            write.addr.eq(self.write_address),
+            write.data.eq(self.write_data),
+            write.en.eq(self.write_valid),
+        ]
+        return m
 
 
 def address_bits(words: int) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from amaranth.hdl import Cat, Module, Mux, Signal, Value, signed
 
-from eskin.model.classifier.config import NeuronReset
+from eskin.model.classifier.config import Leak, NeuronReset
 
 
 def add(m: Module, left: Value, right: Value, bits: int, saturates: bool) -> Value:
@@ -20,7 +20,7 @@ def add(m: Module, left: Value, right: Value, bits: int, saturates: bool) -> Val
 
 
 def fire(
-    m: Module, v: Value, threshold: int, floor: int | None, reset: NeuronReset, leak_shift: int
+    m: Module, v: Value, threshold: int, floor: int | None, reset: NeuronReset, leaks: Leak
 ) -> tuple[Value, Value, Value]:
     """Return a potential held from the floor on, whether it fires, and what reset and leak leave of it."""
     held = Signal(signed(len(v)), name="held")
@@ -31,9 +31,16 @@ def fire(
         spike.eq(held > threshold),
         rest.eq(Mux(spike, held - threshold if reset == "subtract" else 0, held)),
     ]
-    return held, spike, leak(rest, leak_shift)
+    return held, spike, leak(m, rest, leaks)
 
 
-def leak(v: Value, shift: int) -> Value:
-    """Return v - (v >> shift), which needs no more bits than v; all of it for a shift of 0."""
-    return (v - (v >> shift))[: len(v)].as_signed() if shift else v
+def leak(m: Module, v: Value, leaks: Leak) -> Value:
+    """Return what a leak leaves of v, which needs no more bits than v; all of it for a shift of 0."""
+    if not leaks.shift:
+        return v
+    lost = v
+    if leaks.factor > 1:
+        exact = v * leaks.factor
+        lost = Signal(exact.shape(), name="leak_product")
+        m.d.comb += lost.eq(exact)
+    return (v - (lost >> leaks.shift))[: len(v)].as_signed()

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.model.classifier.config import ClassifierConfig, bits_of
+from eskin.model.classifier.config import ClassifierConfig, Leak, bits_of
 from eskin.model.classifier.file import IntegerWeights
 from eskin.model.classifier.network import IntegerNetwork
 from eskin.snn.exchange.weights import Weights, config_of
@@ -18,6 +18,17 @@ from eskin.snn.network import SpikingNetwork
 from eskin.snn.rounding import Grid, grid_of, related_grids
 
 LARGEST_SHIFT = 16
+
+DECAYS = {
+    "decay": "leak",
+    "output_decay": "out_leak",
+    "synapse_decay": "synapse",
+    "output_synapse_decay": "out_synapse",
+}
+"""Decays of a trained network, and the leaks of the hardware that they become."""
+
+SYNAPTIC_DECAY_BITS = 8
+"""Bits of the decays of networks with synaptic currents, whose decays are seldom shifts."""
 
 
 CLOCKS_HZ = (1e3, 1e10)
@@ -31,6 +42,9 @@ class Precision:
     Parameters
     ----------
     in_bits, rec_bits, out_bits, bias_bits : int
+    decay_bits : int or None
+        A decay becomes the nearest multiple of 2**-decay_bits, which costs an adder for every 1 or two in it; None:
+        the nearest 1 - 2**-k, which is a shift, or 8 bits in a network with synaptic currents.
     threshold_bits : int
         The potential's unit is a weight of 1 divided by a power of two, such that the threshold has at least this many
         bits. The leak is rounded to this unit.
@@ -44,6 +58,7 @@ class Precision:
     rec_bits: int = 8
     out_bits: int = 8
     bias_bits: int = 9
+    decay_bits: int | None = None
     threshold_bits: int = 8
     membrane_bits: int | None = None
     output_bits: int | None = None
@@ -54,6 +69,8 @@ class Precision:
         for name, (low, high) in {"threshold_bits": (2, 16), "bias_bits": (2, 16)}.items():
             if not low <= getattr(self, name) <= high:
                 raise InputError(f"{name} must be in {low}..{high}, not {getattr(self, name)}")
+        if self.decay_bits is not None and not 2 <= self.decay_bits <= LARGEST_SHIFT:
+            raise InputError(f"decay_bits must be in 2..{LARGEST_SHIFT}, not {self.decay_bits}")
         for name in ("in_bits", "rec_bits", "out_bits"):
             if not 2 <= getattr(self, name) <= 8:
                 raise InputError(f"{name} must be in 2..8, not {getattr(self, name)}")
@@ -91,8 +108,15 @@ def quantise(weights: Weights, precision: Precision) -> IntegerWeights:
     arrays = {name: value.detach().cpu().double().numpy() for name, value in network.named_parameters()}
     _check(network, arrays)
     notes: dict[str, Any] = {}
-    leak, notes["decay"] = _leak(network.decays()[0].detach().cpu().double().numpy(), "decay")
-    out_leak, notes["output_decay"] = _leak(network.decays()[1].detach().cpu().double().numpy(), "output_decay")
+    decays = [values.detach().cpu().double().numpy() for values in network.decays()]
+    synapses = [np.array([value]) for value in (neurons.synapse_decay, neurons.output_synapse_decay)]
+    decay_bits = SYNAPTIC_DECAY_BITS if precision.decay_bits is None and any(synapses) else precision.decay_bits
+    leaks: dict[str, int] = {}
+    for (name, place), values in zip(DECAYS.items(), [*decays, *synapses], strict=True):
+        if "synapse" in name and not values[0]:
+            continue
+        leak, notes[name] = _leak(values, name, decay_bits)
+        leaks |= {f"{place}_shift": leak.shift, f"{place}_factor": leak.factor}
 
     w_in, w_rec, w_out = arrays["w_in"].T * config.input_scale, arrays["w_rec"].T, arrays["w_out"].T
     in_grid, rec_grid = related_grids((w_in, w_rec), (precision.in_bits, precision.rec_bits))
@@ -120,11 +144,10 @@ def quantise(weights: Weights, precision: Precision) -> IntegerWeights:
         "threshold": hidden.threshold,
         "floor": _floor(neurons.rule.floor, hidden.unit),
         "neuron_reset": neurons.rule.reset,
-        "leak_shift": leak,
+        **leaks,
         "readout": neurons.readout,
         "out_threshold": outputs.threshold,
         "out_floor": _floor(neurons.rule.floor, outputs.unit),
-        "out_leak_shift": out_leak,
         "membrane_bits": 32,
         "output_bits": 32,
     }
@@ -155,8 +178,8 @@ def _check(network: SpikingNetwork, arrays: dict[str, NDArray[np.float64]]) -> N
         raise InputError(f"the hardware needs a floor of at most 0, but the network has {floor:g}")
 
 
-def _leak(decays: NDArray[np.float64], name: str) -> tuple[int, dict[str, float]]:
-    """Return the shift closest to a decay (0 for none), and both decays.
+def _leak(decays: NDArray[np.float64], name: str, bits: int | None) -> tuple[Leak, dict[str, float]]:
+    """Return the leak closest to a decay, of some bits or as a shift, and both decays.
 
     Raises
     ------
@@ -169,8 +192,13 @@ def _leak(decays: NDArray[np.float64], name: str) -> tuple[int, dict[str, float]
             f"{decays.max():.3g}; train it with --recipe hardware"
         )
     decay = float(decays.mean())
-    shift = min(range(LARGEST_SHIFT + 1), key=lambda k: abs((1 - 2.0**-k if k else 1.0) - decay))
-    return shift, {"trained": decay, "hardware": 1 - 2.0**-shift if shift else 1.0}
+    if bits is None:
+        leak = Leak(min(range(LARGEST_SHIFT + 1), key=lambda k: abs((1 - 2.0**-k if k else 1.0) - decay)))
+    else:
+        lost = max(round((1 - decay) * 2**bits), int(decay < 1))
+        common = min((lost & -lost).bit_length() - 1, bits - 1) if lost else bits
+        leak = Leak(bits - common, max(lost >> common, 1))
+    return leak, {"trained": decay, "hardware": 1 - leak.factor * 2.0**-leak.shift if leak.shift else 1.0}
 
 
 def _units(grids: list[Grid], bias: NDArray[np.float64], precision: Precision) -> _Units:
@@ -209,10 +237,11 @@ def summary(made: IntegerWeights) -> list[str]:
         lines.append(
             f"{name}: {bits} bits, a 1 is {notes[name]['step']:.4g}, rounding changes {notes[name]['error']:.1%}"
         )
-    for name in ("decay", "output_decay"):
-        trained, hardware = notes[name]["trained"], notes[name]["hardware"]
+    for name, place in DECAYS.items():
+        trained, hardware = (notes[name][kind] if name in notes else 0.0 for kind in ("trained", "hardware"))
         if abs(trained - hardware) > 1e-6:
-            lines.append(f"{name} of {trained:.4g} becomes {hardware:.4g}, the nearest value with a shift")
+            means = "with a shift" if getattr(config, f"{place}_factor") == 1 else "in the decay's bits"
+            lines.append(f"{name} of {trained:.4g} becomes {hardware:.4g}, the nearest value {means}")
     fits = bits_of(made.network.hidden_ends) <= config.membrane_bits
     saturates = "which cover all values" if fits else "which saturate"
     lines.append(f"threshold {config.threshold}, potentials of {config.membrane_bits} bits, {saturates}")

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from eskin.base.errors import InputError
 
 _LINEAR = (nir.Affine, nir.Linear)
-_FIRING = (nir.IF, nir.LIF)
-_NEURONS = (nir.IF, nir.LIF, nir.I, nir.LI)
+_FIRING = (nir.IF, nir.LIF, nir.CubaLIF)
+_NEURONS = (*_FIRING, nir.I, nir.LI)
 
 
 @dataclass(frozen=True)
@@ -109,6 +109,8 @@ class Layer:
     ----------
     decay, gain, drive : float64 arrays, shape (neurons,)
         v <- decay v + gain I + drive.
+    synapse_decay : float
+        With a synaptic current J: J <- synapse_decay J + gain I, v <- decay v + J; else 0.
     raw : float array or None
         Learned decays before the logistic function, if the file has them.
     """
@@ -118,6 +120,7 @@ class Layer:
     decay: NDArray[np.float64]
     gain: NDArray[np.float64]
     drive: NDArray[np.float64]
+    synapse_decay: float
     floor: float
     reset: str
     raw: NDArray[np.float64] | None
@@ -127,14 +130,26 @@ class Layer:
         return len(self.decay)
 
     @classmethod
-    def of(cls, name: str, node: nir.NIRNode, dt: float, size: int) -> Layer:
-        """Return the neurons of a node, or raise InputError if the network has none of this type."""
+    def of(cls, name: str, node: nir.NIRNode, dt: float, size: int, reset: str | None = None) -> Layer:
+        """Return the neurons of a node, or raise InputError if the network has none of this type.
+
+        ``reset`` is the reset of neurons whose metadata have none, zero by default.
+        """
         raw = None
         if "raw_decay" in node.metadata:
             raw = broadcast(name, node.metadata["raw_decay"], size)
         part, leak, decay = np.ones(size), np.zeros(size), np.ones(size)
-        if isinstance(node, (nir.LIF, nir.LI)):
-            part = dt / broadcast(name, node.tau, size)
+        synapse = np.ones(size)
+        if isinstance(node, nir.CubaLIF):
+            synapse = dt / broadcast(name, node.tau_syn, size)
+            if not ((synapse > 0) & (synapse <= 1)).all():
+                raise InputError(f"node {name!r} has a tau_syn below {dt:g} s; choose a shorter time step")
+            if np.ptp(synapse) > 1e-6:
+                raise InputError(f"node {name!r} has a tau_syn for each neuron; the network has one")
+            if np.any(node.v_leak):
+                raise InputError(f"node {name!r} has a synaptic current and a v_leak other than 0; the network has 0")
+        if isinstance(node, (nir.LIF, nir.LI, nir.CubaLIF)):
+            part = dt / broadcast(name, node.tau_mem if isinstance(node, nir.CubaLIF) else node.tau, size)
             leak = broadcast(name, node.v_leak, size)
             decay = 1.0 - part
             if not ((part > 0) & ((part < 1) | ((part == 1) & (raw is not None)))).all():
@@ -154,10 +169,15 @@ class Layer:
             name=name,
             fires=fires,
             decay=decay,
-            gain=part * broadcast(name, node.r, size) / threshold,
+            gain=synapse
+            * broadcast(name, getattr(node, "w_in", 1.0), size)
+            * part
+            * broadcast(name, node.r, size)
+            / threshold,
             drive=part * leak / threshold,
+            synapse_decay=float(1.0 - synapse[0]),
             floor=float(floors[0]),
-            reset=str(node.metadata.get("reset", "zero")),
+            reset=str(node.metadata.get("reset", reset or "zero")),
             raw=raw,
         )
 

@@ -5,10 +5,13 @@ snnTorch they are solved by the forward Euler method, the input current I being 
 
     LI, LIF   tau dv/dt = v_leak - v + r I   v <- (1 - dt / tau) v + dt / tau (v_leak + r I)
     I, IF     dv/dt = r I                    v <- v + r I         r per step, as snnTorch reads it
+    CubaLIF   tau_syn dJ/dt = w_in I - J     J <- (1 - dt / tau_syn) J + dt / tau_syn w_in I
+              tau_mem dv/dt = v_leak - v + r J                    then v of the new J, as in LIF
 
 so that a membrane with the fraction ``decay`` of its potential left has tau = dt / (1 - decay). The file has r = 1 and
 no input scale: both are multiplied into the preceding weights and biases, in float64, because other programs ignore r
-or lack a node for a scale. Dividing again in float64 restores the float32 weights bit for bit.
+or lack a node for a scale. Dividing again in float64 restores the float32 weights bit for bit. A CubaLIF has
+r = tau_mem / dt and w_in = tau_syn / dt, as snnTorch demands, so its weights stay as they are.
 """
 
 from __future__ import annotations
@@ -20,7 +23,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import nir
 import numpy as np
@@ -33,6 +36,7 @@ from eskin.base.files import atomic_write
 from eskin.snn.exchange.hdf5 import read_hdf5
 from eskin.snn.exchange.nir_layers import Layer, affine, broadcast, follow
 from eskin.snn.exchange.weights import Weights, check_class_names, check_step, config_of
+from eskin.snn.kernels.rule import NeuronReset
 from eskin.snn.network import SpikingNetwork, build
 from eskin.snn.network_config import NetworkConfig
 
@@ -75,9 +79,12 @@ def to_nir(weights: Weights) -> nir.NIRGraph:
         raise InputError(f"a time step of {weights.step_s:g} s gives time constants that NIR cannot store; export .npz")
     arrays = {name: tensor.detach().cpu().numpy() for name, tensor in network.state_dict().items()}
     decay, output_decay = (tensor.detach().cpu().numpy() for tensor in network.decays())
-    gain, output_gain = _gain(decay), _gain(output_decay)
+    synapse, output_synapse = config.neurons.synapse_decay, config.neurons.output_synapse_decay
+    gain, output_gain = _gain(decay, synapse), _gain(output_decay, output_synapse)
     neuron = {"floor": config.neurons.rule.floor, "reset": config.neurons.rule.reset}
     fires = config.neurons.readout == "spikes"
+    if (synapse and (decay == 1).any()) or (output_synapse and (not fires or (output_decay == 1).any())):
+        raise InputError("NIR has synaptic currents only in neurons that leak and fire; export it as .npz")
     nodes: dict[str, nir.NIRNode] = {
         INPUT: nir.Input(input_type={"input": np.array([config.inputs])}),
         HIDDEN_IN: nir.Affine(
@@ -85,11 +92,15 @@ def to_nir(weights: Weights) -> nir.NIRGraph:
             bias=arrays["b_hidden"] * gain,
             metadata={FOLDED: config.input_scale},
         ),
-        HIDDEN: _neurons(decay, weights.step_s, True, neuron | _raw(arrays, "raw_decay")),
+        HIDDEN: _neurons(decay, synapse, weights.step_s, True, neuron | _raw(arrays, "raw_decay")),
         RECURRENT: nir.Linear(weight=arrays["w_rec"] * gain[:, None]),
         READOUT_IN: nir.Affine(weight=arrays["w_out"] * output_gain[:, None], bias=arrays["b_out"] * output_gain),
         READOUT: _neurons(
-            output_decay, weights.step_s, fires, (neuron if fires else {}) | _raw(arrays, "raw_output_decay")
+            output_decay,
+            output_synapse,
+            weights.step_s,
+            fires,
+            (neuron if fires else {}) | _raw(arrays, "raw_output_decay"),
         ),
         OUTPUT: nir.Output(output_type={"output": np.array([config.classes])}),
     }
@@ -123,22 +134,26 @@ def save_nir(path: Path, weights: Weights) -> None:
         file.write(data.getvalue())
 
 
-def _neurons(decay: NDArray[Any], step_s: float, fires: bool, metadata: dict[str, Any]) -> nir.NIRNode:
+def _neurons(decay: NDArray[Any], synapse: float, step_s: float, fires: bool, metadata: dict[str, Any]) -> nir.NIRNode:
     """Return the node of neurons with a threshold of 1, or of membranes without spikes."""
     one, zero = np.ones(len(decay)), np.zeros(len(decay))
     if (decay == 1).all():
         if not fires:
             return nir.I(r=one, metadata=metadata)
         return nir.IF(r=one, v_threshold=one, v_reset=zero, metadata=metadata)
+    if synapse:
+        r, w_in = 1.0 / (1.0 - decay.astype(np.float64)), one / (1.0 - synapse)
+        tau = {"tau_mem": step_s * r, "tau_syn": step_s * w_in, "r": r, "w_in": w_in}
+        return nir.CubaLIF(**tau, v_leak=zero, v_threshold=one, v_reset=zero, metadata=metadata)
     leak = {"tau": step_s * _gain(decay), "r": one, "v_leak": zero}
     if not fires:
         return nir.LI(**leak, metadata=metadata)
     return nir.LIF(**leak, v_threshold=one, v_reset=zero, metadata=metadata)
 
 
-def _gain(decay: NDArray[Any]) -> NDArray[np.float64]:
+def _gain(decay: NDArray[Any], synapse: float = 0.0) -> NDArray[np.float64]:
     """Return the factor of the currents of neurons, because a leak multiplies them by (1 - decay)."""
-    if (decay == 1).all():
+    if (decay == 1).all() or synapse:
         return np.ones(len(decay))
     return 1.0 / np.maximum(1.0 - decay.astype(np.float64), SMALLEST_LOSS)
 
@@ -151,7 +166,9 @@ def _raw(arrays: dict[str, NDArray[Any]], name: str) -> dict[str, NDArray[Any]]:
 # -- import ------------------------------------------------------------------------------------------
 
 
-def load_nir(path: Path, step_s: float | None = None, class_names: Sequence[str] | None = None) -> Weights:
+def load_nir(
+    path: Path, step_s: float | None = None, class_names: Sequence[str] | None = None, reset: str | None = None
+) -> Weights:
     """Return the network of a NIR file from ``save_nir``, or from another program with the same form.
 
     Parameters
@@ -161,6 +178,8 @@ def load_nir(path: Path, step_s: float | None = None, class_names: Sequence[str]
         Seconds per time step, required if the file's metadata have no ``dt``.
     class_names : sequence of str, optional
         Names of the outputs, by default those in the file, or else their numbers.
+    reset : "zero" or "subtract", optional
+        Effect of a spike on neurons whose metadata do not have it, zero by default: NIR has no reset by subtraction.
 
     Raises
     ------
@@ -174,12 +193,14 @@ def load_nir(path: Path, step_s: float | None = None, class_names: Sequence[str]
     except Exception:  # a damaged file makes h5py and nir raise almost any type
         raise InputError(f"{path} is damaged or not a NIR graph; export it again") from None
     try:
-        return from_nir(graph, step_s, class_names)
+        return from_nir(graph, step_s, class_names, reset)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
 
-def from_nir(graph: nir.NIRGraph, step_s: float | None = None, class_names: Sequence[str] | None = None) -> Weights:
+def from_nir(
+    graph: nir.NIRGraph, step_s: float | None = None, class_names: Sequence[str] | None = None, reset: str | None = None
+) -> Weights:
     """Return the network of a NIR graph; parameters and errors as for ``load_nir``."""
     try:
         graph.validate_structure()
@@ -187,7 +208,11 @@ def from_nir(graph: nir.NIRGraph, step_s: float | None = None, class_names: Sequ
         raise InputError(f"the graph is incomplete: {error}") from None
     header = _header(graph)
     dt = _time_step(graph, step_s)
-    parts = _Parts.of(graph, dt)
+    if reset not in (None, *get_args(NeuronReset)):
+        raise InputError(f"the reset must be zero or subtract, not {reset!r}")
+    parts = _Parts.of(graph, dt, reset)
+    if reset is not None and reset != parts.hidden.reset:
+        raise InputError(f"the graph has a reset {parts.hidden.reset} of its own, not {reset}; leave --reset out")
     config, names = _config_of(parts, header)
     names = names if class_names is None else class_names
     if isinstance(names, (list, tuple)) and len(names) != parts.readout.size:
@@ -239,13 +264,13 @@ class _Parts:
     input_scale: float
 
     @classmethod
-    def of(cls, graph: nir.NIRGraph, dt: float) -> _Parts:
+    def of(cls, graph: nir.NIRGraph, dt: float, reset: str | None) -> _Parts:
         """Return the parts of a graph, or raise InputError for parts that the network does not support."""
         chain = follow(graph)
         w_in, b_hidden = affine(graph, chain.hidden_in)
         w_out, b_out = affine(graph, chain.readout_in)
-        hidden = Layer.of(chain.hidden, graph.nodes[chain.hidden], dt, len(w_in))
-        readout = Layer.of(chain.readout, graph.nodes[chain.readout], dt, len(w_out))
+        hidden = Layer.of(chain.hidden, graph.nodes[chain.hidden], dt, len(w_in), reset)
+        readout = Layer.of(chain.readout, graph.nodes[chain.readout], dt, len(w_out), reset)
         w_rec, b_rec = np.zeros((hidden.size, hidden.size)), np.zeros(hidden.size)
         if chain.recurrent is not None:
             w_rec, b_rec = affine(graph, chain.recurrent)
@@ -304,13 +329,20 @@ def _config_of(parts: _Parts, header: dict[str, Any] | None) -> tuple[NetworkCon
         "readout": "spikes" if readout.fires else "membrane",
     }
     if header is None:
-        config = NetworkConfig.from_dict(found | _decay_fields(hidden, readout))
+        synapses = {"synapse_decay": hidden.synapse_decay, "output_synapse_decay": readout.synapse_decay}
+        config = NetworkConfig.from_dict(found | _decay_fields(hidden, readout) | synapses)
         return config, [str(number) for number in range(readout.size)]
     try:
         config, names = NetworkConfig.from_dict(header["network"]), header["class_names"]
     except (KeyError, InputError):
         raise InputError("the metadata of the graph are damaged; export it again") from None
     stated = config.to_dict()
+    for name, value in {"synapse_decay": hidden.synapse_decay, "output_synapse_decay": readout.synapse_decay}.items():
+        if abs(stated[name] - value) > MAX_DECAY_ERROR:
+            raise InputError(
+                f"the nodes of the graph give {name} = {value:g}, its metadata {stated[name]:g}; "
+                "remove the metadata of the graph"
+            )
     for name, value in found.items():
         if stated[name] != value:
             raise InputError(

@@ -22,7 +22,7 @@ from eskin.snn.data.scans import collect
 from eskin.snn.exchange.weights import Weights, load_weights
 from eskin.snn.experiments.trained import TrainingResult, read_result
 from eskin.snn.kernels.layer import layer
-from eskin.snn.network import SpikingNetwork
+from eskin.snn.network import SpikingNetwork, synaptic
 
 MEANINGS = {"spikes": "output spikes so far", "membrane": "output membranes so far, divided by all steps"}
 """The evidence, by the readout of the network."""
@@ -47,9 +47,11 @@ def evidence(network: SpikingNetwork, x: Tensor) -> tuple[Tensor, Tensor]:
     spikes = network.spikes(x)
     _, decay = network.decays()
     if neurons.readout == "spikes":
-        parts = layer(neurons.rule, spikes, network.w_out, network.b_out, decay, None, network.backend)
+        currents = neurons.output_synapse_decay
+        parts = layer(neurons.rule, spikes, network.w_out, network.b_out, decay, None, network.backend, currents)
     else:
         parts = functional.linear(spikes, network.w_out, network.b_out)
+        parts = synaptic(parts, neurons.output_synapse_decay).clone()
         for step in range(1, len(parts)):
             parts[step] += decay * parts[step - 1]
         parts /= len(parts)

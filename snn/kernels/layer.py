@@ -2,14 +2,16 @@
 
 The rule of one step (physics of the paper's network, section II-D; variants as parameters)::
 
-    v <- decay * carry + W_in x + W_rec s + b      held above the floor
+    i <- synapse_decay * i + W_in x + W_rec s + b
+    v <- decay * carry + i                         held above the floor
     s <- 1 if v > 1 else 0
     carry <- 0 where it fired (reset "zero"), or v - s (reset "subtract")
 
 Forward is one product with W_rec per step, and backward one with its transpose; the weight gradients are one product
 each at the end. On the CPU a compiled kernel computes products with spikes or sparse inputs over the events only. On a
 GPU the whole time loop is one Triton kernel. The torch path computes the same steps with dense products, on any device
-and in any float type. ``layer_reference`` is the plain loop and the reference for all.
+and in any float type. ``layer_reference`` is the plain loop, the reference for all, and alone has synaptic currents
+(``synapse_decay`` above 0).
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from torch.nn import functional
 from eskin.base.errors import InputError
 from eskin.snn.kernels import cpu as kernel
 from eskin.snn.kernels.dense import DenseLayer, dense_gradients
+from eskin.snn.kernels.reference import layer_reference
 from eskin.snn.kernels.rule import NeuronRule
 from eskin.snn.kernels.sparse import SparseLayer
 
@@ -41,6 +44,7 @@ def layer(
     decay: Tensor,
     w_rec: Tensor | None = None,
     backend: Backend = "auto",
+    synapse_decay: float = 0.0,
 ) -> Tensor:
     """Return the spikes of a layer that starts from rest.
 
@@ -57,6 +61,9 @@ def layer(
     backend : "auto", "kernel", "triton" or "torch"
         "auto" selects the kernel for float32 on the CPU if it can be compiled, and Triton for float32 on a GPU if it is
         installed.
+    synapse_decay : float
+        Part of the synaptic current that is left after one step; 0 for neurons without one. With it the plain loop
+        computes, whatever the backend.
 
     Returns
     -------
@@ -70,6 +77,8 @@ def layer(
     >>> layer(NeuronRule(), x, w_in, bias, decay).flatten().tolist()
     [0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0]
     """
+    if synapse_decay:
+        return layer_reference(rule, x, w_in, bias, decay, w_rec, synapse_decay)
     suits = x.device.type == "cpu" and all(p is None or p.dtype == torch.float32 for p in (x, w_in, w_rec))
     suits = suits and x.shape[0] * x.shape[1] * max(w_in.shape) < MOST_ENTRIES
     if backend == "kernel" and not (suits and kernel.available()):

@@ -27,16 +27,28 @@ class _Spike(torch.autograd.Function):
 
 
 def layer_reference(
-    rule: NeuronRule, x: Tensor, w_in: Tensor, bias: Tensor, decay: Tensor, w_rec: Tensor | None = None
+    rule: NeuronRule,
+    x: Tensor,
+    w_in: Tensor,
+    bias: Tensor,
+    decay: Tensor,
+    w_rec: Tensor | None = None,
+    synapse_decay: float = 0.0,
 ) -> Tensor:
-    """Return the result of ``layer``, from a plain loop differentiated by autograd."""
+    """Return the result of ``layer``, from a plain loop differentiated by autograd.
+
+    ``synapse_decay`` is the part of a synaptic current that is left after one step.
+    """
     currents = functional.linear(x, w_in, bias).unbind()  # indexing x[t] instead makes backward quadratic
-    carry = torch.zeros_like(currents[0])
+    carry = synaptic = torch.zeros_like(currents[0])
     spikes: list[Tensor] = []
     for current in currents:
+        if synapse_decay:
+            synaptic = current = current + synapse_decay * synaptic
         v = current + decay * carry
         if w_rec is not None and spikes:
-            v = v + functional.linear(spikes[-1], w_rec)
+            recurrent = functional.linear(spikes[-1], w_rec)
+            v, synaptic = v + recurrent, synaptic + recurrent
         v = torch.where(v > rule.floor, v, rule.floor)  # no gradient at the floor
         s = _Spike.apply(v, rule)
         resetting = s if rule.reset_gradient else s.detach()

@@ -103,6 +103,7 @@ GOOD: dict[str, tuple[str, ...]] = {
     "frontier": ("physical/leaky/lcs:2/across:9", "-o", "new"),
     "soak": ("--sim", "good/nothing", "-o", "new"),
     "sim": ("--only", "no-such-texture"),
+    "agree": ("good/train/weights.npz", "--bits", "9", "-o", "new"),
     "touch": ("--only", "no-such-texture"),
     "replay": ("--dataset", "good/images", "--only", "no-such-texture"),
 }

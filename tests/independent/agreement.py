@@ -151,15 +151,16 @@ def network_of(first: IntegerNetwork) -> Network:
     subtract = config.neuron_reset == "subtract"
     hidden = [
         Neuron(
-            config.membrane_bits, int(bias) << config.bias_shift, config.threshold, config.floor, config.leak_shift,
-            subtract,
+            config.membrane_bits, int(bias) << config.bias_shift, config.threshold, config.floor,
+            (config.leak_shift, config.leak_factor), (config.synapse_shift, config.synapse_factor), subtract,
         )
         for bias in first.b_hidden
     ]  # fmt: skip
     outputs = [
         Neuron(
             config.output_bits, int(bias) << config.out_bias_shift, config.out_threshold,
-            config.out_floor if fires else None, config.out_leak_shift, subtract, fires,
+            config.out_floor if fires else None, (config.out_leak_shift, config.out_leak_factor),
+            (config.out_synapse_shift, config.out_synapse_factor), subtract, fires,
         )
         for bias in first.b_out
     ]  # fmt: skip

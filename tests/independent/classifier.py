@@ -6,8 +6,13 @@ def limited(value, bits):
     return max(-(2 ** (bits - 1)), min(2 ** (bits - 1) - 1, value))
 
 
+def after(value, shift, factor):
+    """What a leak leaves of a value."""
+    return value - value * factor // 2**shift if shift else value
+
+
 class Neuron:
-    """A neuron: potential, threshold, floor, reset, leak.
+    """A neuron: potential, threshold, floor, reset, leak, perhaps a synaptic current before the potential.
 
     Parameters
     ----------
@@ -15,23 +20,24 @@ class Neuron:
     bias : added once a bin
     threshold : it fires above
     floor : what the potential is held above, or None
-    leak_shift : the share 2**-leak_shift of the potential is lost from bin to bin; 0: nothing is lost
+    leak : the share (shift, factor), factor / 2**shift, of the potential is lost from bin to bin; shift 0: nothing
+    synapse : the same of the current; shift 0: there is no current, weights go to the potential
     subtract : the threshold is subtracted by a spike; else the potential becomes 0
     fires : False: a neuron whose potential is read, not its spikes
     """
 
-    def __init__(self, bits, bias, threshold, floor, leak_shift, subtract, fires=True):
+    def __init__(self, bits, bias, threshold, floor, leak, synapse, subtract, fires=True):
         self.bits, self.bias, self.threshold, self.floor = bits, bias, threshold, floor
-        self.leak_shift, self.subtract, self.fires = leak_shift, subtract, fires
+        self.leak, self.synapse, self.subtract, self.fires = leak, synapse, subtract, fires
         self.restart()
 
     def restart(self):
         """Forget everything; the first bin starts from the bias alone."""
-        self.potential = limited(self.bias, self.bits)
+        self.potential, self.gathered = 0, limited(self.bias, self.bits)
 
     def add(self, weight):
-        """Add one weight."""
-        self.potential = limited(self.potential + weight, self.bits)
+        """Add one weight, to the current if there is one, else to the potential."""
+        self.gathered = limited(self.gathered + weight, self.bits)
 
     def end_bin(self):
         """Floor, comparison, reset, then leak and bias for the next bin.
@@ -40,14 +46,15 @@ class Neuron:
         -------
         (potential as compared, whether it fires)
         """
-        value = self.potential if self.floor is None else max(self.potential, self.floor)
+        value = limited(self.potential + self.gathered, self.bits) if self.synapse[0] else self.gathered
+        value = value if self.floor is None else max(value, self.floor)
         fires = self.fires and value > self.threshold
         left = value
         if fires:
             left = value - self.threshold if self.subtract else 0
-        if self.leak_shift:
-            left -= left >> self.leak_shift
-        self.potential = limited(left + self.bias, self.bits)
+        self.potential = after(left, *self.leak)
+        remains = after(self.gathered, *self.synapse) if self.synapse[0] else self.potential
+        self.gathered = limited(remains + self.bias, self.bits)
         return value, fires
 
 

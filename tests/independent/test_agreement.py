@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from eskin.cocotb_tests.bench.draw import Draw
-from eskin.model.classifier.config import ClassifierConfig, highest, lowest
+from eskin.model.classifier.config import LEAKS, ClassifierConfig, highest, lowest
 from eskin.model.classifier.network import IntegerNetwork, State
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.compare import first_difference
@@ -147,13 +147,17 @@ def network_draw(rng: np.random.Generator) -> IntegerNetwork:
         value = rng.choice(np.array(values, object))
         return value
 
+    def leak() -> tuple[int, int]:
+        shift = one(0, 1, 4)
+        return shift, one(1, *range(2, 2**shift + 1))
+
     config = ClassifierConfig(
         inputs=one(1, 3, 8), hidden=one(1, 5, 12), classes=one(1, 2, 6), in_bits=one(2, 4, 8), rec_bits=one(2, 4, 8),
         out_bits=one(2, 4, 8), bias_bits=one(2, 9), in_shift=one(0, 2), rec_shift=one(0, 3), bias_shift=one(0, 1),
         out_shift=one(0, 2), out_bias_shift=one(0, 1), membrane_bits=one(7, 9, 20), output_bits=one(7, 9, 20),
         evidence_bits=one(4, 8, 24), threshold=one(1, 20, 60), out_threshold=one(1, 20, 60), floor=one(None, 0, -30),
-        out_floor=one(None, 0, -30), neuron_reset=one("zero", "subtract"), leak_shift=one(0, 1, 4),
-        out_leak_shift=one(0, 1, 4), readout=one("spikes", "membrane"),
+        out_floor=one(None, 0, -30), neuron_reset=one("zero", "subtract"), readout=one("spikes", "membrane"),
+        **{f"{name}_{part}": value for name in LEAKS for part, value in zip(("shift", "factor"), leak(), strict=True)},
     )  # fmt: skip
 
     def weights(bits: int, *shape: int) -> Any:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from eskin.base.errors import InputError
-from eskin.model.classifier.config import ClassifierConfig, bits_of, ends, highest, lowest
+from eskin.model.classifier.config import ClassifierConfig, Leak, bits_of, ends, highest, lowest
 from eskin.model.classifier.file import IntegerWeights, neuron_image, weight_image, write_images
 from eskin.model.classifier.network import IntegerNetwork, State
 from eskin.model.classifier.run import first_ready, simulate, work_clocks
@@ -31,6 +31,7 @@ VARIANTS: list[dict[str, Any]] = [
     {"neuron_reset": "subtract", "leak_shift": 2, "floor": None, "out_leak_shift": 3},
     {"readout": "membrane", "out_leak_shift": 3, "leak_shift": 1},
     {"in_shift": 2, "rec_shift": 4, "bias_shift": 1, "out_shift": 3},
+    {"synapse_shift": 3, "synapse_factor": 3, "leak_shift": 4, "leak_factor": 5, "out_synapse_shift": 1, "floor": None},
 ]
 
 
@@ -97,8 +98,9 @@ def test_arrays_that_do_not_fit_are_refused() -> None:
 def test_without_floor_and_leak_there_are_no_ends() -> None:
     assert network(floor=None).hidden_ends is None
     assert network(floor=None).config.saturates
-    assert ends(-5, 7, 10, -3, "zero", 0) == (-8, 17)
-    assert ends(-5, 7, None, None, "zero", 2) == (-20, 31)
+    assert ends(-5, 7, 10, -3, "zero", Leak(0)) == (-8, 17)
+    assert ends(-5, 7, None, None, "zero", Leak(2)) == (-20, 31)
+    assert ends(-5, 7, None, None, "zero", Leak(2, 3)) == (-7, 10)
 
 
 @pytest.mark.parametrize("fields", [*VARIANTS, {"membrane_bits": 10, "output_bits": 9, "evidence_bits": 4}])

@@ -15,12 +15,13 @@ import pytest
 import torch
 
 from eskin.snn.data.scans import ScanData, Split
-from eskin.snn.exchange.nir_network import save_nir
+from eskin.snn.exchange.nir_network import load_nir, save_nir
 from eskin.snn.exchange.weights import Weights, load_weights, save_weights
 from eskin.snn.experiments.recipes import RECIPES
 from eskin.snn.flat import hints_of
 from eskin.snn.network import SpikingNetwork
 from eskin.snn.network_config import NetworkConfig
+from eskin.snn.studies.agreement import random_events
 from eskin.snn.train import predicted_classes, train
 from eskin.snn.training import TrainConfig
 from tests.snn.helpers import easy_data
@@ -41,6 +42,9 @@ WHOLE: dict[str, dict[str, Any]] = {
     "other decays": {"decay": 0.8, "output_decay": 0.95, "input_scale": 0.7, **NO_FLOOR},
     "learned decays": {"decay": 0.9, "output_decay": 0.8, "learn_decay": True, **NO_FLOOR},
     "no leak": NO_FLOOR,
+    "synaptic currents": {"synapse_decay": 0.6, "output_synapse_decay": 0.3, "decay": 0.7, "output_decay": 0.9}
+    | NO_FLOOR
+    | {"reset": "subtract"},
 }
 
 
@@ -54,10 +58,11 @@ def there(library: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[s
     return names
 
 
-def hidden_spikes(net: Any) -> list[torch.Tensor]:
+def hidden_spikes(net: Any, name: str = "hidden") -> list[torch.Tensor]:
     """Return the list that the hidden spikes of every step will be put into."""
     seen: list[torch.Tensor] = []
-    net.hidden.register_forward_hook(lambda _, __, out: seen.append(out[0] if isinstance(out, tuple) else out))
+    node = getattr(net, name)
+    node.register_forward_hook(lambda _, __, out: seen.append(out[0] if isinstance(out, tuple) else out))
     return seen
 
 
@@ -130,6 +135,37 @@ def test_what_a_library_lacks_is_another_network_there(tmp_path: Path, monkeypat
 # -- theirs ------------------------------------------------------------------------------------------
 
 STEP_S = 0.004
+BRAILLE = Path(__file__).parent / "nir_paper"
+PUBLISHED = {"braille_noDelay_bias_zero": "zero", "braille_noDelay_noBias_subtract": "subtract"}
+"""Networks of the NIR paper (Pedersen et al. 2024) with CubaLIF neurons; the files do not have their reset."""
+
+
+@pytest.mark.parametrize("library", LIBRARIES)
+@pytest.mark.parametrize(("name", "reset"), PUBLISHED.items())
+def test_published_networks_spike_here_as_in_the_libraries(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, reset: str, library: str
+) -> None:
+    graph = nir.read(BRAILLE / f"{name}.nir")
+    graph.metadata["dt"] = 1e-4
+    for node in (graph.nodes["lif1.lif"], graph.nodes["lif2"]):
+        node.metadata["reset"] = reset
+    if isinstance(loop := graph.nodes["lif1.w_rec"], nir.Affine):  # nirtorch adds this bias from the second step on
+        graph.nodes["fc1"].bias = graph.nodes["fc1"].bias + loop.bias
+        loop.bias = 0 * loop.bias
+    nir.write(tmp_path / "net.nir", graph)
+    weights = load_nir(BRAILLE / f"{name}.nir", 1e-4, reset=reset)
+    x = torch.from_numpy(random_events(32, 128, 12, 0.5, seed=1)).float().transpose(0, 1)
+    found = there(library, tmp_path, monkeypatch)
+    seen = hidden_spikes(found["net"], "lif1_lif")
+    classes = found["classify"](found["net"], x)
+    network = weights.network.eval()
+    assert isinstance(network, SpikingNetwork)
+    with torch.no_grad():
+        spikes, logits = network.spikes(x), network(x).logits
+    assert spikes.sum() > 500
+    assert torch.equal(torch.stack(seen), spikes)
+    assert classes.tolist() == logits.argmax(1).tolist()
+    assert len(set(classes.tolist())) > 3
 
 
 def snntorch_network(recurrent: bool) -> torch.nn.Sequential:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
+import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,11 @@ from typer.testing import CliRunner
 
 from eskin.app.cli import app
 from eskin.base.errors import InputError
+from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.file import IntegerWeights, weight_image
 from eskin.model.classifier.network import State
 from eskin.snn.exchange.integer import Precision, quantise
-from eskin.snn.exchange.nir_network import to_nir
+from eskin.snn.exchange.nir_network import load_nir, to_nir
 from eskin.snn.exchange.weights import Weights, save_weights
 from eskin.snn.network import SpikingNetwork, build
 from eskin.snn.network_config import NetworkConfig
@@ -104,6 +106,31 @@ def test_the_nearest_leak_is_taken_and_said() -> None:
     whole = quantise(weights_of(network(decay=0.8, output_decay=0.95, readout="membrane")), Precision())
     assert (whole.network.config.leak_shift, whole.network.config.out_leak_shift) == (2, 4)
     assert whole.notes["decay"]["hardware"] == 0.75
+    fields = {"decay": 0.9, "output_decay": 0.5, "synapse_decay": 0.55}
+    config = quantise(weights_of(network(**fields)), Precision(decay_bits=4)).network.config
+    assert (config.leak_factor, config.leak_shift) == (1, 3)  # 0.1 is nearest to 2 / 16
+    assert (config.synapse_factor, config.synapse_shift) == (7, 4)
+    assert (config.out_leak_factor, config.out_leak_shift) == (1, 1)
+    assert config.out_synapse_shift == 0
+
+
+def test_published_networks_are_bit_exact_in_the_rtl(tmp_path: Path) -> None:
+    """Play scans of the NIR paper's Braille networks in the RTL, and find nearly the classes of the float networks."""
+    paths = []
+    for file in sorted((Path(__file__).parent / "nir_paper").glob("*.nir")):
+        reset = "subtract" if "subtract" in file.name else "zero"
+        paths.append(tmp_path / f"{reset}.npz")
+        save_weights(paths[-1], load_nir(file, 1e-4, reset=reset))
+    options = ["--bits", "8", "--scans", "64", "--bins", "24", "--rate", "0.5", "--sim", "icarus"]
+    done = CliRunner().invoke(app, ["agree", *map(str, paths), *options, "-o", str(tmp_path / "out")])
+    assert done.exit_code == 0, done.output
+    assert re.search(
+        r"^bit-exact: 2 runs, \d{4} clocks, 1\d\d events, 48 bins, 0 mismatches$", done.output, re.MULTILINE
+    )
+    for network in json.loads((tmp_path / "out" / "agreement.json").read_text())["networks"]:
+        assert network["rtl"]["hidden spikes"] > 10
+        assert network["rtl"]["output spikes"] > 10
+        assert network["points"][0]["same"] >= 50
 
 
 @pytest.mark.parametrize(
@@ -168,4 +195,4 @@ def test_the_command_writes_the_network_and_its_images(tmp_path: Path) -> None:
     lines = (tmp_path / "integer.weights.hex").read_text().split()
     assert [int(line, 16) for line in lines] == weight_image(expected.network)
     assert (tmp_path / "integer.neurons.hex").exists()
-    assert dataclasses.asdict(loaded.network.config) == loaded.network.config.to_dict()
+    assert ClassifierConfig.from_dict(loaded.network.config.to_dict()) == loaded.network.config

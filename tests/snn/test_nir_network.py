@@ -260,7 +260,11 @@ def lif(**changes: Any) -> nir.LIF:
 REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "CubaLIF": (
         {"lif1": nir.CubaLIF(*[np.ones(5)] * 5)},
-        "node 'lif1' is of type CubaLIF, where the network has IF or LIF",
+        "node 'lif1' has a synaptic current and a v_leak other than 0",
+    ),
+    "tau_syn": (
+        {"lif1": nir.CubaLIF(np.linspace(0.01, 0.02, 5), np.ones(5), np.ones(5), np.zeros(5), np.ones(5))},
+        "node 'lif1' has a tau_syn for each neuron; the network has one",
     ),
     "reset": ({"lif1": lif(v_reset=0.2)}, "node 'lif1' has a v_reset other than 0"),
     "threshold": ({"lif1": lif(v_threshold=0.0)}, "node 'lif1' has a v_threshold that is not positive"),

@@ -65,11 +65,13 @@ def classify(counts: NDArray[np.int64], path: Path) -> NDArray[np.float64]:
         return s, v - s if network["reset"] == "subtract" else np.where(s == 1, 0.0, v)
 
     v, s, u = np.zeros(len(w["w_in"])), np.zeros(len(w["w_in"])), np.zeros(len(w["w_out"]))
-    total = np.zeros(len(u))
+    total, i, j = np.zeros(len(u)), np.zeros(len(v)), np.zeros(len(u))
     for row in counts:
         x = network["input_scale"] * row
-        s, v = fire(w["decay"] * v + w["w_in"] @ x + w["b_hidden"] + w["w_rec"] @ s)
-        u = w["output_decay"] * u + w["w_out"] @ s + w["b_out"]
+        i = network["synapse_decay"] * i + w["w_in"] @ x + w["b_hidden"] + w["w_rec"] @ s
+        s, v = fire(w["decay"] * v + i)
+        j = network["output_synapse_decay"] * j + w["w_out"] @ s + w["b_out"]
+        u = w["output_decay"] * u + j
         if network["readout"] == "spikes":
             z, u = fire(u)
             total += z
@@ -87,6 +89,8 @@ NETWORKS: dict[str, dict[str, Any]] = {
     "tuned": {"input_scale": 0.4, "decay": 0.8, "output_decay": 0.95, "readout": "membrane"},
     "portable": {"decay": 0.5, "output_decay": 0.75, "floor": float("-inf")},
     "learned": {"decay": 0.9, "output_decay": 0.8, "learn_decay": True},
+    "synaptic": {"decay": 0.8, "output_decay": 0.9, "synapse_decay": 0.6, "output_synapse_decay": 0.4},
+    "synaptic membranes": {"decay": 0.8, "output_decay": 0.9, "output_synapse_decay": 0.4, "readout": "membrane"},
     "subtract": {"reset": "subtract", "decay": 0.95, "floor": -0.5},
 }
 

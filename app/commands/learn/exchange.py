@@ -76,6 +76,9 @@ def import_(
     classes: Annotated[
         str | None, typer.Option(metavar="A,B,...", help="names of the outputs [those in the file, or numbers]")
     ] = None,
+    reset: Annotated[
+        str | None, typer.Option(metavar="zero|subtract", help="effect of a spike, if the file has none [zero]")
+    ] = None,
 ) -> None:
     """Read a network from a NIR graph."""
     if out.suffix != ".npz":
@@ -83,7 +86,7 @@ def import_(
     from eskin.snn.exchange.nir_network import load_nir
     from eskin.snn.exchange.weights import config_of, save_weights
 
-    loaded = load_nir(graph, step, None if classes is None else classes.split(","))
+    loaded = load_nir(graph, step, None if classes is None else classes.split(","), reset)
     save_weights(out, loaded)
     network = config_of(loaded.network)
     names = printable(", ".join(loaded.class_names))
@@ -102,6 +105,9 @@ def quantise(
     rec_bits: Annotated[int | None, typer.Option(metavar="2..8", help="bits of the recurrent weights")] = None,
     out_bits: Annotated[int | None, typer.Option(metavar="2..8", help="bits of the output weights")] = None,
     bias_bits: Annotated[int, typer.Option(help="bits of a bias, 2..16")] = 9,
+    decay_bits: Annotated[
+        int | None, typer.Option(help="bits of a decay, 2..16 [a shift; 8 with synaptic currents]")
+    ] = None,
     threshold_bits: Annotated[int, typer.Option(help="least bits of the threshold, 2..16")] = 8,
     membrane_bits: Annotated[
         int | None, typer.Option(help="bits of a hidden potential [enough for all inputs]")
@@ -128,6 +134,7 @@ def quantise(
     precision = Precision(
         **{name: bits if value is None else value for name, value in given.items()},
         bias_bits=bias_bits,
+        decay_bits=decay_bits,
         threshold_bits=threshold_bits,
         membrane_bits=membrane_bits,
         lanes=lanes,

@@ -1,0 +1,109 @@
+"""The command agree: trained or foreign networks as integers, in the model and in the RTL."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from eskin.app.cli import asked_for, printable
+from eskin.app.commands.outcome import conclude
+from eskin.app.options import WRITES_FOLDER
+from eskin.app.tables import new_table, show
+from eskin.base.errors import InputError
+from eskin.base.files import origin, write_json
+from eskin.base.progress import bar
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from eskin.snn.exchange.weights import Weights
+
+
+def agree(
+    weights: Annotated[list[Path], typer.Argument(metavar="WEIGHTS.npz...", help="trained or imported networks")],
+    bits: Annotated[str, typer.Option(metavar="BITS,...", help="bits of the weights, 2..8")] = "8,7,6,5,4,3,2",
+    scans: Annotated[int, typer.Option(min=1, max=10_000, help="scans of random events")] = 512,
+    bins: Annotated[int, typer.Option(min=1, max=10_000, help="time bins of a scan")] = 256,
+    rate: Annotated[float, typer.Option(help="most events in a bin and channel, 0..1")] = 0.3,
+    rtl: Annotated[int, typer.Option(min=0, help="scans that the RTL also computes, at the first of the bits")] = 1,
+    simulator: Annotated[str, typer.Option("--sim", help="verilator or icarus")] = "verilator",
+    seed: Annotated[int, typer.Option(min=0, help="seed of the events")] = 0,
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="DIR", help="agreement.json and simulations"), WRITES_FOLDER
+    ] = Path("out/agree"),
+) -> None:
+    """Compare networks in float, as integers and in the RTL, on random events; exit code 1 if RTL and model differ."""
+    from eskin.snn.exchange.weights import load_weights
+    from eskin.snn.studies.agreement import agreement, random_events
+
+    numbers = _bits(bits)
+    if not 0 < rate <= 1:
+        raise InputError(f"--rate must be above 0 and at most 1 event per bin and channel, not {rate:g}")
+    loaded = {path: load_weights(path) for path in weights}
+    networks: list[dict[str, Any]] = []
+    problems, runs = [], 0
+    with bar("networks", len(loaded)) as step:
+        for number, (path, one) in enumerate(loaded.items()):
+            events = random_events(scans, bins, _inputs(one), rate, seed)
+            found = {"network": path.stem, "bins": bins} | agreement(one, events, numbers)
+            if rtl:
+                counts, problem = _in_rtl(one, numbers[0], events[:rtl], simulator, out / str(number))
+                found |= {"rtl": counts}
+                runs += counts.get("checks", 0)
+                problems += [f"{path.stem}: {problem}"] if problem else []
+            networks.append(found)
+            step()
+    write_json(out / "agreement.json", origin(asked_for()) | {"networks": networks})
+    _print(networks)
+    print(printable(f"result: {out / 'agreement.json'}"))
+    if rtl:
+        sums = {name: sum(one["rtl"].get(name, 0) for one in networks) for name in ("clocks", "events", "bins")}
+        exact = ", ".join(f"{count} {name}" for name, count in sums.items())
+        conclude(problems, f"{'FAILED' if problems else 'bit-exact'}: {runs} runs, {exact}, {len(problems)} mismatches")
+
+
+def _bits(text: str) -> list[int]:
+    parts = text.split(",")
+    if not all(part in {str(bits) for bits in range(2, 9)} for part in parts) or len(set(parts)) < len(parts):
+        raise InputError(f"--bits takes numbers from 2 to 8 with commas between, each once, not {text!r}")
+    return [int(part) for part in parts]
+
+
+def _inputs(weights: Weights) -> int:
+    """Return the channels of a spiking network."""
+    from eskin.snn.exchange.weights import config_of
+
+    return config_of(weights.network).inputs
+
+
+def _in_rtl(
+    weights: Weights, bits: int, events: NDArray[Any], simulator: str, folder: Path
+) -> tuple[dict[str, int], str]:
+    """Return the counts of the RTL's comparison with the model, and the first difference or an empty text."""
+    from typing import cast
+
+    from eskin.cocotb_tests.blocks.classifier import play_scans
+    from eskin.cocotb_tests.runner.cocotb_runners import Simulator
+    from eskin.snn.exchange.integer import Precision, quantise
+
+    made = quantise(weights, Precision(in_bits=bits, rec_bits=bits, out_bits=bits))
+    try:
+        return dict(play_scans(made, events, cast(Simulator, simulator), folder)), ""
+    except AssertionError as mismatch:
+        return {}, str(mismatch)
+
+
+def _print(networks: list[dict[str, Any]]) -> None:
+    table = new_table(("network", "bits", "same class as in float", "95 % interval"), left=(0,))
+    for one in networks:
+        for point in one["points"]:
+            low, high = point["wilson_95"]
+            table.add_row(
+                printable(one["network"]),
+                str(point["bits"]),
+                f"{point['same']} of {one['scans']}",
+                f"{100 * low:.0f} to {100 * high:.0f} %",
+            )
+    show(table)
