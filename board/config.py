@@ -18,6 +18,12 @@ DESIGNS: tuple[Design, ...] = ("player", "receiver")
 ADDRESS_BITS = 12
 """Bits of the address in an event's record, polarity among them."""
 
+OFF_FLAG = 1 << ADDRESS_BITS - 1
+"""Bit of the address that a request of OFF sets; the chip's own address is below both flags."""
+
+BOTH_FLAG = OFF_FLAG >> 1
+"""Bit of the address that two requests at once set, which no chip should make."""
+
 MOST_CLASSES = 64
 MOST_WORDS = 1 << 16
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
-from eskin.board.config import BoardConfig
+from eskin.board.config import ADDRESS_BITS, BOTH_FLAG, OFF_FLAG, BoardConfig
 from eskin.board.journal import Journal
 from eskin.board.link import Link
 from eskin.board.records import Class, Event, Lost, Record, Tag, Words
@@ -25,6 +25,7 @@ from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.file import IntegerWeights, neuron_image, weight_image
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.compare import first_difference
+from eskin.skin.foreign.address_map import AddressMap
 
 MOST_CLOCKS = 1 << 24
 """Of one RUN: a board that runs says nothing unless something happens."""
@@ -101,27 +102,55 @@ def player_events(config: ChipConfig) -> Callable[[Event], AddressEvent]:
     return to_event
 
 
-def foreign_events(config: ReadoutConfig) -> Callable[[Event], AddressEvent]:
+def foreign_events(config: ReadoutConfig, mapping: AddressMap | None = None) -> Callable[[Event], AddressEvent]:
     """Return what makes an event of an address {polarity, row, column} of a foreign chip.
+
+    Parameters
+    ----------
+    config : ReadoutConfig
+        With the link ``four_phase_dual`` the request names the polarity, and the address is {row, column}.
+    mapping : AddressMap, optional
+        Taxel of each address, or of each column and row, without the polarity.
 
     Raises
     ------
     InputError
-        By the function that is returned, for an address that the array does not have.
+        If the map has an address that a record cannot hold. By the function that is returned, for an address that the
+        array does not have, and for two requests at once.
     """
-
-    above = config.row_bits + config.column_bits
-    table = {
-        polarity << above | row << config.column_bits | column: (column, row, polarity or not config.has_polarity)
-        for polarity in (False, True)[: config.has_polarity + 1]
-        for row in range(config.rows)
-        for column in range(config.columns)
-    }
+    dual = config.link == "four_phase_dual"
+    if mapping is None:
+        taxels = {
+            row << config.column_bits | column: (column, row)
+            for row in range(config.rows)
+            for column in range(config.columns)
+        }
+        above = config.row_bits + config.column_bits
+    else:
+        across = max(source[0] for source in mapping.taxels).bit_length()
+        taxels = {
+            sum(n << across * at for at, n in enumerate(source)): taxel for source, taxel in mapping.taxels.items()
+        }
+        above = max(taxels).bit_length()
+    if min(taxels) < 0 or max(taxels) >= (BOTH_FLAG if dual else 1 << ADDRESS_BITS - config.has_polarity):
+        raise InputError(
+            f"a record of the board has {ADDRESS_BITS} bits of address, polarity among them; map lower ones"
+        )
+    off, on = (OFF_FLAG, 0) if dual else (0, config.has_polarity << above)
+    table = {on | address: (*taxel, True) for address, taxel in taxels.items()}
+    if config.has_polarity:
+        table |= {off | address: (*taxel, False) for address, taxel in taxels.items()}
 
     def to_event(event: Event) -> AddressEvent:
         try:
             return event.time, *table[event.address]
         except KeyError:
+            if dual and event.address & BOTH_FLAG:
+                raise InputError("the chip requested ON and OFF at once; check the wires of both requests") from None
+            if mapping is not None:
+                raise InputError(
+                    f"an event has the address {event.address:#x}, which {mapping.name} does not map; add its line"
+                ) from None
             raise InputError(
                 f"an event has the address {event.address:#x}, which {config.rows} x {config.columns} taxels of "
                 f"{config.encoding} have not; give the rows, columns and encoding of the foreign chip"
@@ -243,7 +272,8 @@ def listen(link: Link, received: Received, seconds: float | None) -> bool:
 def foreign_config(config: ReadoutConfig, clock_hz: float) -> ReadoutConfig:
     """Return the configuration of a recording of a foreign chip, whose times are in clocks of the board."""
     clocks = max(round(clock_hz / config.sample_rate_hz), 1)
-    return config.replace(link="four_phase", clocks_per_sample=clocks, sample_rate_hz=clock_hz / clocks)
+    link = config.link if config.link == "four_phase_dual" else "four_phase"
+    return config.replace(link=link, clocks_per_sample=clocks, sample_rate_hz=clock_hz / clocks)
 
 
 def observed_clocks(received: Received) -> int:

@@ -23,6 +23,7 @@ AER_PINS = Resource(
     "aer",
     0,
     Subsignal("req", Pins("0+", dir="i", conn=("gpio", 0))),
+    Subsignal("req_off", Pins("7+", dir="i", conn=("gpio", 0))),
     Subsignal("ack", Pins("0-", dir="o", conn=("gpio", 0))),
     Subsignal("addr", Pins("1+ 1- 2+ 2- 3+ 3- 4+ 4- 5+ 5- 6+ 6-", dir="i", conn=("gpio", 0))),
     Attrs(IO_TYPE="LVCMOS33", PULLMODE="DOWN"),
@@ -108,5 +109,10 @@ class OnBoard(Elaboratable):
         if self.config.chip is None:
             platform.add_resources([AER_PINS])
             aer = platform.request("aer", 0)
-            m.d.comb += [board.aer_req.eq(aer.req.i), aer.ack.o.eq(board.aer_ack), board.aer_addr.eq(aer.addr.i)]
+            m.d.comb += [
+                board.aer_req.eq(aer.req.i),
+                board.aer_req_off.eq(aer.req_off.i),
+                aer.ack.o.eq(board.aer_ack),
+                board.aer_addr.eq(aer.addr.i),
+            ]
         return m

@@ -1,14 +1,14 @@
-"""The receiver of a foreign chip's four-phase AER link."""
+"""The receiver of a foreign chip's four-phase AER link, with one request or with one for ON and one for OFF."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from amaranth.hdl import Module, Signal
+from amaranth.hdl import Module, Mux, Signal
 from amaranth.lib.cdc import FFSynchronizer
 from amaranth.lib.wiring import Component, In, Out
 
-from eskin.board.config import ADDRESS_BITS
+from eskin.board.config import ADDRESS_BITS, BOTH_FLAG, OFF_FLAG
 from eskin.board.gateware.recorder import CLOCK_BITS
 from eskin.board.records import VALUE_BITS
 
@@ -20,10 +20,13 @@ class AerReceiver(Component):
     chip back. A REQ that is high when reset ends is a new request. At most one event in 7 clocks, with a sender that
     answers at once.
 
+    A chip with two requests has that of ON at ``aer_req`` and that of OFF at ``aer_req_off``. OFF sets ``OFF_FLAG`` in
+    the address, both at once also ``BOTH_FLAG``.
+
     Attributes
     ----------
-    aer_req, aer_ack, aer_addr : In(1), Out(1), In(ADDRESS_BITS)
-        Active high; REQ and address asynchronous, ACK a flop.
+    aer_req, aer_req_off, aer_ack, aer_addr : In(1), In(1), Out(1), In(ADDRESS_BITS)
+        Active high; requests and address asynchronous, ACK a flop.
     now : In(CLOCK_BITS)
     full : In(1)
         There is no place for an event.
@@ -39,6 +42,7 @@ class AerReceiver(Component):
         super().__init__(
             {
                 "aer_req": In(1),
+                "aer_req_off": In(1),
                 "aer_ack": Out(1),
                 "aer_addr": In(ADDRESS_BITS),
                 "now": In(CLOCK_BITS),
@@ -55,15 +59,20 @@ class AerReceiver(Component):
 
     def elaborate(self, platform: Any) -> Module:
         m = Module()
-        request = Signal()
-        m.submodules.synchroniser = FFSynchronizer(self.aer_req, request)
+        on, off, request, address = Signal(), Signal(), Signal(), Signal(ADDRESS_BITS)
+        m.submodules.synchroniser = FFSynchronizer(self.aer_req, on)
+        m.submodules.synchroniser_off = FFSynchronizer(self.aer_req_off, off)
+        m.d.comb += [
+            request.eq(on | off),
+            self.address.eq(address | Mux(off, OFF_FLAG, 0) | Mux(on & off, BOTH_FLAG, 0)),
+        ]
         with m.If(self.lost_told):
             m.d.sync += self.lost.eq(0)
         with m.Elif(self.lost_now & ~self.lost.all()):
             m.d.sync += self.lost.eq(self.lost + 1)
         with m.FSM():
             with m.State("REST"), m.If(request):
-                m.d.sync += [self.address.eq(self.aer_addr), self.time.eq(self.now)]
+                m.d.sync += [address.eq(self.aer_addr), self.time.eq(self.now)]
                 m.next = "KEEP"
             with m.State("KEEP"):
                 m.d.comb += [self.valid.eq(~self.full), self.lost_now.eq(self.full)]

@@ -23,7 +23,9 @@ TOP = "eskin_board"
 
 def _pins(config: BoardConfig) -> dict[str, Any]:
     """Return the ports that a receiver has beside the serial line."""
-    return {} if config.chip else {"aer_req": In(1), "aer_ack": Out(1), "aer_addr": In(ADDRESS_BITS)}
+    if config.chip:
+        return {}
+    return {"aer_req": In(1), "aer_req_off": In(1), "aer_ack": Out(1), "aer_addr": In(ADDRESS_BITS)}
 
 
 class Core(Component):
@@ -37,7 +39,7 @@ class Core(Component):
         From ``FrameReceiver``.
     byte_valid, byte_ready, byte : Out, In, Out
         To the line.
-    aer_req, aer_ack, aer_addr
+    aer_req, aer_req_off, aer_ack, aer_addr
         Of a receiver.
     """
 
@@ -157,6 +159,7 @@ class Core(Component):
         m.d.sync += now.eq(now + 1)
         m.d.comb += [
             aer.aer_req.eq(self.aer_req),
+            aer.aer_req_off.eq(self.aer_req_off),
             aer.aer_addr.eq(self.aer_addr),
             self.aer_ack.eq(aer.aer_ack),
             aer.now.eq(now),
@@ -178,8 +181,8 @@ class Board(Component):
     ----------
     rx, tx : In(1), Out(1)
         Serial line, from and to the host.
-    aer_req, aer_ack, aer_addr : In(1), Out(1), In(ADDRESS_BITS)
-        Of a receiver: four-phase, asynchronous, active high.
+    aer_req, aer_req_off, aer_ack, aer_addr : In(1), In(1), Out(1), In(ADDRESS_BITS)
+        Of a receiver: four-phase, asynchronous, active high; ``aer_req_off`` is the second request of chips with two.
     """
 
     def __init__(self, config: BoardConfig) -> None:

@@ -95,6 +95,8 @@ class Line:
                     await self._send(sent)
                 self.sent += 1
         listening.cancel()
+        if sending is not None:  # the host ended before the sender
+            sending.cancel()
 
     async def _interrupt(self, host: subprocess.Popen[str], wait_bits: int) -> None:
         await Timer(wait_bits * self.bit_ns, "ns")

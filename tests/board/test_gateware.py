@@ -95,12 +95,14 @@ async def start(dut: Any) -> None:
 async def hosts_come_and_go(dut: Any) -> None:
     """Run host programs one after the other, each at a line that does something else to the bytes."""
     job = json.loads(Path(os.environ[JOB]).read_text())
-    if hasattr(dut, "aer_req"):
-        dut.aer_req.value = 0
-        dut.aer_addr.value = 0
+    pins = [getattr(dut, name) for name in ("aer_req", "aer_req_off", "aer_addr") if hasattr(dut, name)]
+    for pin in pins:
+        pin.value = 0
     await start(dut)
     said = {}
     for name, one in job.items():
+        for pin in pins:  # a chip whose host ended may stop in the middle of a handshake
+            pin.value = 0
         to_board, to_host = (spoiled(*one.get(way, ("nothing", 0))) for way in ("to_board", "to_host"))
         line = Line(dut, CLOCKS_PER_BIT, to_board, to_host)
         words = [sys.executable, "-m", "eskin", *one["words"], "--port", line.port, "--patience", "10"]
@@ -120,16 +122,22 @@ def hears_ctrl_c() -> None:
 
 
 async def foreign_chip(dut: Any, events: list[list[int]], requests: list[int]) -> None:
-    """Send addresses over four-phase AER, at times that know nothing of the board's clock; notes them in ps."""
-    for wait_ps, address in events:
+    """Send addresses over four-phase AER, at times that know nothing of the board's clock; notes them in ps.
+
+    A third number of an event names its requests: 1 ON (or the only one), 2 OFF, 3 both.
+    """
+    for wait_ps, address, *which in events:
+        pins = [pin for bit, pin in enumerate((dut.aer_req, dut.aer_req_off)) if (which or [1])[0] >> bit & 1]
         await Timer(wait_ps, "ps")
         dut.aer_addr.value = address
         await Timer(1, "ns")
-        dut.aer_req.value = 1
+        for pin in pins:
+            pin.value = 1
         requests.append(int(get_sim_time("ps")))
         while not int(dut.aer_ack.value):
             await Timer(3_700, "ps")
-        dut.aer_req.value = 0
+        for pin in pins:
+            pin.value = 0
         while int(dut.aer_ack.value):
             await Timer(3_700, "ps")
 
@@ -222,12 +230,25 @@ def test_a_foreign_chip_is_recorded_into_our_files(hosts: Hosts, tmp_path: Path)
     slow = [[5_000_000 + rng.randrange(5_000_000), rng.randrange(1 << 5)] for _ in range(80)]
     events = [*slow[:40], [1_400_000_000, 0], *slow[40:]]  # the time passes 2**16 clocks
     burst = [[40_000, rng.randrange(1 << 5)] for _ in range(300)]
+    places = [(x, y) for x in range(3) for y in range(2)]
+    lines = [f"{y + 1},{x + 1},{x},{y}" for x, y in places]  # from one on, with swapped axes
+    (tmp_path / "map.csv").write_text("\n".join(["from_x,from_y,x,y", *lines]))
+    of_two = [(*rng.choice(places), rng.randrange(1, 3)) for _ in range(30)]
+    dual = [[5_000_000, y + 1 | x + 1 << 2, which] for x, y, which in of_two]
+    mapped = ["--map", str(tmp_path / "map.csv")]
+    jobs = [
+        ("heard", events, ["--rows", "4", "--columns", "4"]),
+        ("burst", burst, ["--rows", "4", "--columns", "4"]),
+        ("small", slow, ["--rows", "4", "--columns", "3"]),
+        ("dual", dual, [*mapped, "--link", "four_phase_dual"]),
+        ("both", [*dual[:3], [5_000_000, 5, 3]], [*mapped, "--link", "four_phase_dual"]),
+        ("mapped", [[5_000_000, 0x16], [5_000_000, 0x5], [5_000_000, 0x3]], mapped),
+    ]
     said = hosts(
         None,
         {
-            name: {"words": ["listen", "--rows", "4", "--columns", columns, "--out", str(tmp_path / f"{name}.npz")]}
-            | {"events": sent}
-            for name, sent, columns in (("heard", events, "4"), ("burst", burst, "4"), ("small", slow, "3"))
+            name: {"words": ["listen", *words, "--out", str(tmp_path / f"{name}.npz")], "events": sent}
+            for name, sent, words in jobs
         },
     )
     heard, lost = Recording.load(tmp_path / "heard.npz"), Recording.load(tmp_path / "burst.npz")
@@ -242,3 +263,12 @@ def test_a_foreign_chip_is_recorded_into_our_files(hosts: Hosts, tmp_path: Path)
     assert 90 < len(lost.events) < 300
     assert said["small"]["code"] == 2
     assert "which 4 x 3 taxels of lcs have not; give the rows, columns" in said["small"]["err"]
+    two = Recording.load(tmp_path / "dual.npz")
+    assert said["dual"]["code"] == 0, said["dual"]
+    assert [(e["x"], e["y"], 2 - e["p"]) for e in two.events] == of_two
+    assert (two.config.rows, two.config.columns, two.config.link) == (2, 3, "four_phase_dual")
+    assert "requested ON and OFF at once; check the wires" in said["both"]["err"]
+    assert len(Recording.load(tmp_path / "both.npz").events) == 3
+    one = Recording.load(tmp_path / "mapped.npz").events
+    assert [(e["x"], e["y"], bool(e["p"])) for e in one] == [(0, 1, True), (0, 0, False)]
+    assert "has the address 0x3, which" in said["mapped"]["err"]

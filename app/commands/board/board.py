@@ -98,7 +98,12 @@ def play(
 @with_config
 def listen(
     config: ReadoutConfig,
+    given: frozenset[str],
     port: Port,
+    map_: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="FILE", help="taxel of each of the chip's addresses, without polarity"),
+    ] = None,
     seconds: Annotated[float | None, typer.Option(min=0.0, help="duration of the recording [until Ctrl-C]")] = None,
     page: Page = None,
     udp: Udp = None,
@@ -108,12 +113,22 @@ def listen(
 ) -> None:
     """Record the events that another chip sends over four-phase AER; --rows, --columns, --encoding describe its array.
 
-    Addresses are {polarity, row, column}; times are in clocks of the board. Ctrl-C ends and saves the recording.
+    Addresses are {polarity, row, column}, or as --map has them; with --link four_phase_dual the request names the
+    polarity. Times are in clocks of the board. Ctrl-C ends and saves the recording.
     """
     from eskin.board import session
     from eskin.board.live import View
+    from eskin.skin.foreign.address_map import AddressMap
 
-    received = session.Received(session.foreign_events(config), keep=False)
+    mapping = AddressMap.read(map_) if map_ is not None else None
+    if mapping is not None:
+        sides = dict(zip(("rows", "columns"), mapping.size, strict=True))
+        config = config.replace(**{name: side for name, side in sides.items() if name not in given})
+        if config.rows < sides["rows"] or config.columns < sides["columns"]:
+            raise InputError(
+                f"{map_} needs {sides['rows']} rows and {sides['columns']} columns; leave --rows and --columns out"
+            )
+    received = session.Received(session.foreign_events(config, mapping), keep=False)
     with _link(port, received, baud, patience) as link:
         clock_hz = link.hello("receiver")["clock_hz"]
         fits = session.foreign_config(config, clock_hz)

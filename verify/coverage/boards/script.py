@@ -15,7 +15,7 @@ from cocotb.clock import Clock
 from cocotb.triggers import Timer
 from cocotb.utils import get_sim_time
 
-from eskin.board.config import ADDRESS_BITS, BoardConfig, SerialConfig
+from eskin.board.config import ADDRESS_BITS, BOTH_FLAG, OFF_FLAG, BoardConfig, SerialConfig
 from eskin.board.records import Class, Event, Refused, Words
 from eskin.board.serial_frames import ESCAPE, FLAG, MOST_PAYLOAD, Frame, Kind
 from eskin.cocotb_tests.bench.line import CLOCK_NS
@@ -41,6 +41,7 @@ async def host_does_everything(dut: Any) -> None:
     host = Host(dut, config, rng)
     if config.chip is None:
         dut.aer_req.value = 0
+        dut.aer_req_off.value = 0
         dut.aer_addr.value = 0
     Clock(dut.clk, CLOCK_NS, "ns").start()
     await host.reset()
@@ -295,14 +296,16 @@ async def _sent(host: Host, events: list[tuple[int, int]], lossless: bool) -> No
     dut, times = host.dut, []
     for wait, address in events:
         await Timer(wait * CLOCK_NS * 1000 + host.rng.randrange(20_000), "ps")
-        dut.aer_addr.value = address
+        off = address & OFF_FLAG and not address & BOTH_FLAG and host.rng.random() < 0.5
+        request = dut.aer_req_off if off else dut.aer_req
+        dut.aer_addr.value = address & ~OFF_FLAG if off else address
         await Timer(1, "ns")
-        dut.aer_req.value = 1
+        request.value = 1
         times.append(int(get_sim_time("ps")) / (1000 * CLOCK_NS))
         for value in (1, 0):
             while int(dut.aer_ack.value) != value:
                 await Timer(3_700, "ps")
-            dut.aer_req.value = 0
+            request.value = 0
     await host.quiet()
     found = [one for one in host.data if isinstance(one, Event)]
     if not 0 < len(found) <= len(events) or (lossless and len(found) != len(events)):

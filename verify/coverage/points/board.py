@@ -100,6 +100,7 @@ def _receiver() -> Named:
     yield "further event lost", "aer.lost_now && aer.lost != 0"
     yield "losses told", "recorder.lost_told"
     yield "REQ rises", "aer_req && !$past(aer_req)"
+    yield "REQ of OFF rises", "aer_req_off && !$past(aer_req_off)"
     yield "ACK and REQ high", "aer_ack && aer_req"
     yield "ACK high, REQ low", "aer_ack && !aer_req"
     yield "lowest address", "event_valid && idle && recorder.event_address == 0"
