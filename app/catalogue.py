@@ -36,7 +36,11 @@ COMMANDS: dict[str, dict[str, str]] = {
         cache="cache",
     ),
     "Hardware": _in(
-        "silicon", verilog="verilog gates", netlist="asic asic-scale gatesim gatepower", places="layout fpga"
+        "silicon",
+        verilog="verilog gates",
+        netlist="asic asic-scale gatesim gatepower",
+        places="layout fpga",
+        tapeout="tapeout",
     ),
     "Board": _in("board", board="play listen load rescue"),
     "Power and data rate": _in("power", power="power", explore="explore")

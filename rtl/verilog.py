@@ -88,9 +88,12 @@ def verilog(config: Config, gated: bool = False) -> str:
         top = top_block(config)
         text = clock_gates.gated(rtlil(config), top.module_name, config.reset == "sync")
         return header(config, "//") + _waive(_synchronised(text), config)
-    script = YOSYS_SCRIPT.format(top=top_block(config).module_name)
-    text = yosys.tidy(yosys.run(script, rtlil(config), "readout.v"))
-    return header(config, "//") + _waive(_synchronised(text), config)
+    return header(config, "//") + _waive(_synchronised(block_verilog(top_block(config))), config)
+
+
+def block_verilog(block: Block[Any]) -> str:
+    """Return a block and those within it as Verilog text."""
+    return yosys.tidy(yosys.run(YOSYS_SCRIPT.format(top=block.module_name), block_rtlil(block), "readout.v"))
 
 
 def _synchronised(text: str) -> str:

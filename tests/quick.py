@@ -56,6 +56,7 @@ COMMANDS = {
     "asic": "tests/flow/test_asic_report.py::test_bad_input_is_one_sentence",  # runs take ten seconds and more
     "asic-scale": "tests/flow/test_scale.py::test_what_is_no_size_is_one_sentence",  # an array takes longer
     "layout": "tests/flow/test_layout.py::test_blif_and_spice",  # a layout takes half a minute
+    "tapeout": "tests/flow/test_tapeout.py::test_tiny_tapeout_finds_all_its_files",
     "gatesim": "tests/flow/test_gates.py::test_cells_that_are_missing_or_say_nothing",
     "gatepower": "tests/flow/test_power.py::test_a_net_that_is_missing_or_unknown",
     "faults": "tests/verify/test_faults.py::test_what_goes_beyond_what_is_stated_is_a_problem",

@@ -166,7 +166,7 @@ def _cells(
         flop=FLOP_NAME,
         period_ps=1000 * period_ns,
         mapping=MAPPING,
-        ties=_ties(library),
+        ties=ties(library),
         apart="".join(KEEP.format(name=name) for name in apart or ()),
         drawn="" if apart is None else _drawn(source, apart),
     )
@@ -226,7 +226,7 @@ def _drawn(source: str, apart: Sequence[str]) -> str:
     return "".join(AS_DRAWN.format(name=name) for name in yosys.modules(source) if name not in apart)
 
 
-def _ties(library: Library) -> str:
+def ties(library: Library) -> str:
     """Return the command that puts tie cells, one a block, in the place of constants."""
     options = [
         f"-{kind}cell {tie[0]} {tie[1]}" for level, kind in ((0, "lo"), (1, "hi")) if (tie := library.tie(level))

@@ -1,0 +1,1 @@
+"""A folder that a shuttle accepts: pins, sources, test, documentation and settings of its flow."""

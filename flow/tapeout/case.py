@@ -1,0 +1,85 @@
+"""The test of the folder: frames of samples, and the events that the golden model gives for them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from eskin.flow.tapeout.pins import CLOCKS_PER_BIT
+from eskin.model.config import ReadoutConfig
+from eskin.model.readout import Stimulus, simulate
+from eskin.model.registers.description import registers
+
+FRAMES, REFUSED = 24, 5
+"""Frames of a test; the one at this place lacks a bit."""
+BEFORE, AFTER = 4, 6
+"""Clocks from the fall of CS to the first bit, and from the last bit to the rise of CS and beyond."""
+TAKEN = 4
+"""Clocks from the last fall of SCK to the clock in which the readout takes the frame: CS rises behind two, and passes
+two flops."""
+SETTLED = 900
+"""Clocks after reset in which registers are read and written, for each of them."""
+ACK_EIGHTHS = 4
+"""The host answers at falling edges, half a clock after the request."""
+
+
+def case(config: ReadoutConfig, seed: int = 1) -> dict[str, Any]:
+    """Return what test.py plays and expects, as plain values."""
+    rng = np.random.default_rng(seed)
+    top = (1 << config.sample_bits - 1) - 1
+    walk = np.cumsum(rng.integers(-3 * config.step, 3 * config.step + 1, (FRAMES, config.taxels)), axis=0)
+    codes = np.clip(walk, -top, top).astype(np.int32)
+    named = {register.key: register for register in registers(config)}
+    constants = [[named[key].address, named[key].reset] for key in ("id", "shape")]
+    settings = [[named[key].address, named[key].reset] for key in ("resolution",)]
+
+    bits = config.taxels * config.sample_bits
+    length = BEFORE + CLOCKS_PER_BIT * bits + AFTER
+    spacing = length + 8 * 2 * config.taxels + 40  # every taxel may send twice
+    start = SETTLED * (len(constants) + 2 * len(settings))
+    starts = start + spacing * np.arange(FRAMES)
+    missing = (np.arange(FRAMES) == REFUSED).astype(int)
+    taken = starts + BEFORE + CLOCKS_PER_BIT * bits + TAKEN
+    whole = missing == 0
+    end = int(starts[-1] + spacing)
+    stimulus = Stimulus(
+        samples=codes[whole],
+        sample_clock=taken[whole],
+        clocks=end,
+        enable_clock=np.zeros(1, np.int64),
+        enable=np.ones((1, config.taxels), np.bool_),
+        ack_delay=np.full(1, ACK_EIGHTHS, np.int64),
+    )
+    events = simulate(config, stimulus)
+    return {
+        "config": config.to_dict(),
+        "requests": 2 if config.link == "four_phase_dual" else 1,
+        "period_ns": 2 * round(5e8 / config.clock_hz),
+        "clocks_low": [4, 2],
+        "sample_bits": config.sample_bits,
+        "constants": constants,
+        "settings": settings,
+        "counter": named["events"].address,
+        "frames": [
+            {
+                "clock": int(clock),
+                "missing_bits": int(short),
+                "codes": (row & (1 << config.sample_bits) - 1).tolist(),
+            }
+            for clock, short, row in zip(starts, missing, codes, strict=True)
+        ],
+        "end": end,
+        "events": [_word(config, event) for event in events],
+    }
+
+
+def _word(config: ReadoutConfig, event: Any) -> list[int]:
+    """Return [clock, request, address] of an event."""
+    address = int(event["x"]) | int(event["y"]) << config.column_bits
+    polarity = int(event["p"])
+    if config.link == "four_phase_dual":
+        return [int(event["t"]), polarity, address]
+    if config.has_polarity:
+        address |= polarity << (config.row_bits + config.column_bits)
+    return [int(event["t"]), 0, address]

@@ -1,0 +1,226 @@
+"""Writes the folder of a shuttle."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from eskin.base.errors import InputError
+from eskin.base.files import atomic_write
+from eskin.flow.liberty.library import Library
+from eskin.flow.tapeout import pins
+from eskin.flow.tapeout.area import Mapped, mapped
+from eskin.flow.tapeout.case import FRAMES, case
+from eskin.flow.tapeout.shuttles import DENSITY, Shuttle
+from eskin.model.config import ReadoutConfig
+from eskin.model.registers.description import registers
+from eskin.rtl.registers.loader import SampleLoader
+from eskin.rtl.verilog import block_verilog, header, verilog
+
+TEMPLATES = Path(__file__).parent / "templates"
+HARDEN = {
+    "PL_TARGET_DENSITY_PCT": round(100 * DENSITY),
+    "PL_RESIZER_HOLD_SLACK_MARGIN": 0.1,
+    "GRT_RESIZER_HOLD_SLACK_MARGIN": 0.05,
+    "RUN_LINTER": 1,
+    "LINTER_INCLUDE_PDK_MODELS": 1,
+    "CLOCK_PORT": "clk",
+}
+"""Settings of LibreLane for any flow."""
+TINY_TAPEOUT = {
+    "RUN_KLAYOUT_XOR": 0,
+    "RUN_KLAYOUT_DRC": 0,
+    "DESIGN_REPAIR_BUFFER_OUTPUT_PORTS": 0,
+    "TOP_MARGIN_MULT": 1,
+    "BOTTOM_MARGIN_MULT": 1,
+    "LEFT_MARGIN_MULT": 6,
+    "RIGHT_MARGIN_MULT": 6,
+    "FP_SIZING": "absolute",
+    "GRT_ALLOW_CONGESTION": 1,
+    "FP_IO_HLENGTH": 2,
+    "FP_IO_VLENGTH": 2,
+    "FP_PDN_VPITCH": 38.87,
+    "RUN_CTS": 1,
+    "FP_PDN_MULTILAYER": 0,
+    "MAGIC_DEF_LABELS": 0,
+    "MAGIC_WRITE_LEF_PINONLY": 1,
+}
+"""What Tiny Tapeout fixes beside them, because it makes tiles of the same grid of power lines."""
+
+
+@dataclass(frozen=True)
+class Tapeout:
+    """A chip for a shuttle.
+
+    Attributes
+    ----------
+    shuttle : Shuttle
+    config : ReadoutConfig
+        From ``pins.readout_for``.
+    top : str
+        Name of the top module.
+    author, title : str
+    size : str
+        Tiles or slot.
+    sources : dict of str to str
+        Verilog, by file, the top first.
+    """
+
+    shuttle: Shuttle
+    config: ReadoutConfig
+    top: str
+    author: str
+    title: str
+    size: str
+    sources: dict[str, str]
+
+    def write(self, folder: Path, netlist: Mapped | None) -> list[Path]:
+        """Write the folder, made if need be, and return its files."""
+        files = {f"src/{name}": text for name, text in self.sources.items()}
+        files["docs/info.md"] = self._filled("info.md", **self._facts())
+        files["test/tb.v"] = self._filled("tb.v", instance=self._instance())
+        files["test/test.py"] = (TEMPLATES / "test.txt").read_text()
+        files["test/expected.json"] = json.dumps(case(self.config)) + "\n"
+        files["test/requirements.txt"] = "cocotb>=2,<3\n"
+        cells = " ".join(f"$(PDK_ROOT)/{self.shuttle.pdk}/{path}" for path in self.shuttle.cells)
+        power = "-DUSE_POWER_PINS -DUNIT_DELAY=\\#1" if self.shuttle.name == "tt-sky" else ""
+        sources = " ".join([*self.sources] if self.shuttle.tiny else ["chip_core.sv", *self.sources])
+        files["test/Makefile"] = self._filled("makefile.txt", sources=sources, cells=cells, defines=power)
+        if netlist is not None:
+            files["test/gate_level_netlist.v"], files["test/cells.v"] = netlist.netlist, netlist.cells
+        files |= self._tiny() if self.shuttle.tiny else self._wafer()
+        paths = []
+        for name, text in files.items():
+            path = folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with atomic_write(path) as file:
+                file.write(text.encode())
+            paths.append(path)
+        return paths
+
+    @property
+    def period_ns(self) -> float:
+        """The clock period."""
+        return 1e9 / self.config.clock_hz
+
+    def _tiny(self) -> dict[str, str]:
+        """Return the files that Tiny Tapeout asks for."""
+        project = {
+            "title": self.title,
+            "author": self.author,
+            "discord": "",
+            "description": "Level-crossing converters, arbiter and AER bus for a tactile array",
+            "language": "Verilog",
+            "clock_hz": round(self.config.clock_hz),
+            "tiles": self.size,
+            "top_module": self.top,
+        }
+        lines = ["project:", *(f"  {key}: {json.dumps(value)}" for key, value in project.items()), "  source_files:"]
+        lines += [f"    - {json.dumps(name)}" for name in self.sources]
+        lines.append("pinout:")
+        groups = {"ui": pins.INPUTS, "uo": pins.outputs(self.config), "uio": pins.addresses(self.config)}
+        for group, names in groups.items():
+            lines += [f"  {group}[{bit}]: {json.dumps(name)}" for bit, name in enumerate(names)]
+        lines.append("yaml_version: 6")
+        settings = HARDEN | {"CLOCK_PERIOD": round(self.period_ns, 3)} | TINY_TAPEOUT
+        return {"info.yaml": "\n".join(lines) + "\n", "src/config.json": json.dumps(settings, indent=2) + "\n"}
+
+    def _wafer(self) -> dict[str, str]:
+        """Return the files that go over the template of wafer.space."""
+        settings: dict[str, Any] = {
+            "meta": {"version": 3, "flow": "Chip"},
+            "VERILOG_FILES": [f"dir::../src/{name}" for name in ("chip_top.sv", "chip_core.sv", *self.sources)],
+            "CLOCK_PERIOD": round(self.period_ns, 3),
+        }
+        core = self._filled("chip_core.sv")
+        return {"src/chip_core.sv": core, "librelane/eskin.json": json.dumps(settings, indent=2) + "\n"}
+
+    def _instance(self) -> str:
+        """Return the instance in the test bench."""
+        if not self.shuttle.tiny:
+            return (TEMPLATES / "pads.v").read_text()
+        wires = ".ui_in(ui_in), .uo_out(uo_out), .uio_in(uio_in), .uio_out(uio_out), .uio_oe(uio_oe)"
+        return f"  {self.top} chip ({wires}, .ena(ena), .clk(clk), .rst_n(rst_n));\n"
+
+    def _facts(self) -> dict[str, Any]:
+        """Return what the documentation states."""
+        clocks = pins.CLOCKS_PER_BIT * self.config.taxels * self.config.sample_bits + pins.CLOCKS_BESIDE
+        (identity,) = (register.reset for register in registers(self.config) if register.name == "id")
+        return {
+            "encoding": self.config.encoding,
+            "resolution": self.config.resolution,
+            "sample_bits": self.config.sample_bits,
+            "frame_clocks": clocks,
+            "clock_mhz": f"{self.config.clock_hz / 1e6:g}",
+            "rate": f"{self.config.clock_hz / clocks:,.0f}",
+            "frames": FRAMES,
+            "identity": f"{identity:08x}",
+        }
+
+    def _filled(self, template: str, **values: Any) -> str:
+        config = self.config
+        plain = {"top": self.top, "rows": config.rows, "columns": config.columns, "taxels": config.taxels}
+        return Template((TEMPLATES / template).read_text()).substitute(plain | values)
+
+
+def sources_of(config: ReadoutConfig, top: str) -> dict[str, str]:
+    """Return the Verilog of a chip by file: its pins, the loader of samples, the readout."""
+    dual = config.link == "four_phase_dual"
+    requests = ("aer_req_off", "aer_req_on") if dual else ("aer_req",)
+    address = "aer_addr" if config.address_bits else "1'b0"
+    text = Template((TEMPLATES / "top.v").read_text()).substitute(
+        top=top,
+        rows=config.rows,
+        columns=config.columns,
+        taxels=config.taxels,
+        last_sample_bit=config.taxels * config.sample_bits - 1,
+        last_address_bit=max(config.address_bits - 1, 0),
+        request_wires=", ".join(requests),
+        request_ports="\n".join(f"      .{name}({name})," for name in requests),
+        request_pins=", ".join(reversed(requests)) if dual else f"1'b0, {requests[0]}",
+        address_pins=f"{{{pins.ADDRESS_PINS - max(config.address_bits, 1)}'b0, {address}}}"
+        if config.address_bits < pins.ADDRESS_PINS
+        else address,
+        output_enables=f"{(1 << config.address_bits) - 1:02x}",
+    )
+    loader = header(config, "//") + block_verilog(SampleLoader(config))
+    return {f"{top}.v": text, "eskin_loader.v": loader, "eskin_readout.v": verilog(config)}
+
+
+def plan(
+    config: ReadoutConfig,
+    shuttle: Shuttle,
+    library: Library | None,
+    size: str | None,
+    top: str,
+    author: str,
+    title: str,
+) -> tuple[Tapeout, Mapped | None]:
+    """Return a chip for a shuttle, and its cells if a library is given.
+
+    Raises
+    ------
+    InputError
+        If a name is wrong, or the size unknown or too small.
+    """
+    if not re.fullmatch(r"tt_um_[a-z0-9_]+", top):
+        raise InputError(f"--top must begin with tt_um_, then small letters, digits and _, not {top!r}")
+    if not author.strip() or not title.strip():
+        raise InputError("the shuttle asks for an author and a title; give --author NAME and --title TEXT")
+    if size is not None and size not in shuttle.sizes:
+        raise InputError(f"{shuttle.name} has the sizes {', '.join(shuttle.sizes)}, not {size}")
+    if size is None and library is None:
+        raise InputError(
+            "nothing says how large the chip is: add --lib typ.lib, or --size " + next(iter(shuttle.sizes))
+        )
+    sources = sources_of(config, top)
+    cells = None if library is None else mapped(sources, top, library)
+    needed = size if cells is None else shuttle.smallest(cells.area_um2)
+    order = list(shuttle.sizes)
+    if size is not None and cells is not None and order.index(size) < order.index(str(needed)):
+        raise InputError(f"{cells.area_um2:,.0f} um2 of cells need {needed}, more than {size}; leave --size out")
+    return Tapeout(shuttle, config, top, author, title, size or str(needed), sources), cells

@@ -1,0 +1,96 @@
+"""The folder of a shuttle: its test passes on its sources and fails on others, and what does not fit is refused."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from eskin.model.config import ReadoutConfig
+from eskin.rtl.registers.loader import SampleLoader
+from eskin.rtl.verilog import block_rtlil, block_verilog
+from eskin.verify.proofs.delivered import prove
+
+Call = Callable[[str], tuple[int, str, str]]
+
+BASE = "tapeout --author N --rows 2 --columns 2"
+
+
+def played(folder: Path) -> subprocess.CompletedProcess[str]:
+    """Play the test of a folder with its own Makefile, as a shuttle does."""
+    outer = {name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "PYTEST", "COCOTB"))}
+    environment = outer | {
+        "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
+    return subprocess.run(["make", "-C", folder / "test"], env=environment, capture_output=True, text=True, check=False)
+
+
+def test_the_folders_own_test_passes_and_finds_a_wrong_pin(call: Call, folder: Path) -> None:
+    code, said, error = call(f"{BASE} --shuttle tt-ihp --size 1x2 -o chip")
+    assert (code, error) == (0, "")
+    assert "clock 5.12 MHz" in said
+    passes(folder / "chip")
+    source = folder / "chip/src/tt_um_eskin_readout.v"
+    source.write_text(source.read_text().replace(".mosi(ui_in[1])", ".mosi(~ui_in[1])"))
+    done = played(folder / "chip")
+    assert done.returncode != 0
+    assert "AssertionError: event 0: expected [clock, request, address] [" in done.stdout, done.stdout[-3000:]
+
+
+def test_a_core_between_pads_and_two_requests(call: Call, folder: Path) -> None:
+    line = f"{BASE} --shuttle wafer-gf180 --size 1x1 --link four_phase_dual --encoding nlcs-bipolar -o chip"
+    assert call(line)[0] == 0
+    passes(folder / "chip")
+
+
+def passes(folder: Path) -> None:
+    """See the test of a folder pass, with events."""
+    done = played(folder)
+    assert done.returncode == 0, done.stdout[-3000:]
+    events = json.loads((folder / "test/expected.json").read_text())["events"]
+    assert len(events) > 20
+    assert f"{len(events)} events, all as the golden model says" in done.stdout
+
+
+def test_the_loaders_text_is_the_rtl() -> None:
+    loader = SampleLoader(ReadoutConfig(rows=2, columns=2, reset="async"))
+    assert prove(block_rtlil(loader), block_verilog(loader))["eskin_loader"] > 48
+
+
+def test_tiny_tapeout_finds_all_its_files(call: Call, folder: Path) -> None:
+    assert call(f"{BASE} --shuttle tt-sky --size 2x2 --top tt_um_skin -o chip")[0] == 0
+    info = (folder / "chip/info.yaml").read_text()
+    pins = {f"{group}[{bit}]" for group in ("ui", "uo", "uio") for bit in range(8)}
+    assert {line.split(":")[0].strip() for line in info.splitlines() if "[" in line} == pins
+    assert 'top_module: "tt_um_skin"' in info
+    assert all((folder / "chip/src" / line.split('"')[1]).is_file() for line in info.splitlines() if "- " in line)
+    assert json.loads((folder / "chip/src/config.json").read_text())["CLOCK_PERIOD"] == pytest.approx(
+        195.312, abs=0.001
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ("--shuttle tt-xx --size 1x1", "--shuttle must be one of tt-ihp, tt-sky, wafer-gf180"),
+        ("--shuttle tt-ihp", "nothing says how large the chip is: add --lib typ.lib, or --size 1x1"),
+        ("--shuttle tt-ihp --size 9x9", "tt-ihp has the sizes 1x1,"),
+        ("--shuttle tt-ihp --size 1x1 --link stream", "need --link four_phase or four_phase_dual, not stream"),
+        ("--shuttle tt-ihp --size 1x1 --frontend analog", "need --frontend digital, not analog"),
+        ("--shuttle tt-ihp --size 1x1 --top skin", "--top must begin with tt_um_"),
+        ("--shuttle tt-ihp --size 8x2 --rows 32 --columns 32", "has 11 bits, but there are 8 pins"),
+        ("--shuttle tt-ihp --size 8x2 --rows 8 --columns 8", "use --sample-rate 12207 or less"),
+    ],
+)
+def test_what_a_shuttle_cannot_take_is_one_sentence(call: Call, folder: Path, options: str, sentence: str) -> None:
+    code, _, error = call(f"{BASE} {options} -o chip")
+    assert code == 2
+    assert error.count("\n") == 1
+    assert sentence in error
+    assert not list(folder.iterdir())
