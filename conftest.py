@@ -1,4 +1,4 @@
-"""Marks the tests of ``make check`` (tests/quick.py) and brings the long ones to the front (tests/order.py).
+"""Mark the tests of ``make check`` (tests/quick.py) and run long tests first (tests/order.py).
 
 Hold-out configurations are drawn at random in every run: from ``ESKIN_HOLDOUT``, a whole number, or from a new one.
 """
@@ -43,5 +43,5 @@ def holdout_seed() -> int:
 
 @pytest.fixture(scope="session")
 def holdout() -> int:
-    """Return the seed from which a run draws the configurations that no other run has seen."""
+    """Return the seed of this run's hold-out configurations."""
     return holdout_seed()

@@ -162,7 +162,9 @@ def _invoke(app: typer.Typer, prog_name: str, args: list[str]) -> int:
     except InputError as error:
         return _report(str(error))
     except typer.TyperException as error:  # a usage error: unknown option, missing argument
-        return _report(error.format_message())
+        message, where = error.format_message().rstrip("."), getattr(error, "ctx", None)
+        help_of = f"; {where.command_path} --help explains it" if where and message.startswith("Missing") else ""
+        return _report(message + help_of)
     except OverflowError as error:  # where no check stands before it: an absurd number, not a defect
         return _report(f"a number is too large ({error}); give one that a float can hold")
     except MemoryError as error:

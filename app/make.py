@@ -44,7 +44,6 @@ DEFAULTS = {
     "verilog": {"OUT": "out/verilog"},
     "properties": {"OUT": "out/verilog"},
     "layout": {"ROWS": "2", "COLUMNS": "2"},
-    "predict": {"WEIGHTS": "out/train/weights.npz", "EVENTS": "out/replay"},
 }
 """Variables that a target sets where the user does not."""
 
@@ -138,10 +137,8 @@ def needs_of(target: str, variables: dict[str, str]) -> list[str]:
 def command_lines(target: str, parameters: dict[str, Any], variables: dict[str, str]) -> list[list[str]]:
     """Return the command lines of a target, each preceded by the interpreter of the environment."""
     if target in MODULES:
-        default = DEFAULTS.get(target, {})
-        if target == "predict" and "DATA" in variables:  # own recordings stand in place of a replay's events
-            default = {"WEIGHTS": default["WEIGHTS"]}
-        return [[python(), "-m", "eskin", *words_of(target), *_arguments(parameters, default | variables)]]
+        given = DEFAULTS.get(target, {}) | variables
+        return [[python(), "-m", "eskin", *words_of(target), *_arguments(parameters, given)]]
     lines = []
     for step in STEPS[target][1]:
         words: list[str] = [python()]

@@ -23,6 +23,8 @@ from eskin.model.frame_config import OWN_FIELDS, SHARED_FIELDS
 
 Command = Callable[..., Any]
 
+TRAINED = Path("out/train/weights.npz")
+"""Weights that ``eskin train`` writes; commands that read a network take them by default."""
 
 READOUT, RECORDINGS, DETAIL = SHARED = ("Readout", "Reading your recordings", "Readout in detail")
 """Headings of the options that commands share, in the order of the help."""
@@ -62,7 +64,7 @@ class Writes:
         for place in inputs:
             own = place.resolve()
             if own.is_dir() and own in (real, *real.parents):
-                raise InputError(f"cannot write to {path}: it is inside the input {place}; choose a place beside that")
+                raise InputError(f"cannot write to {path}: it is inside the input {place}; choose a folder outside")
             if own == real and own.is_file():
                 raise InputError(f"cannot write {path}: it is the input; choose another name")
         return path

@@ -74,7 +74,7 @@ def install(wanted: Iterable[str]) -> None:
         yosys = None
         if BASE in todo:
             _pip([requirement for requirement in requirements(BASE) if requirement.startswith(YOSYS)])
-            print("preparing Yosys beside it: about a minute", flush=True)
+            print("preparing Yosys at the same time: about a minute", flush=True)
             yosys = subprocess.Popen([str(VENV / "bin" / YOSYS), "-V"], stdout=subprocess.DEVNULL)
         try:
             _pip([requirement for group in todo for requirement in requirements(group)])

@@ -40,7 +40,7 @@ def open_pool(
 
         return Local(workers, threads)
     if workers is not None:
-        raise InputError("--workers counts processes of this machine, --scheduler takes those of a cluster; give one")
+        raise InputError("--workers starts processes on this machine, --scheduler uses a cluster; give one")
     from eskin.base.workers.cluster import Cluster, Needs
 
     return Cluster(scheduler, needs or Needs())

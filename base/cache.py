@@ -52,7 +52,7 @@ def private_folder(path: Path) -> Path:
 
 
 def _made_private(path: Path) -> bool:
-    """Make a folder if need be, forbid others to write to it, and return whether it is this user's alone."""
+    """Create a folder if necessary, forbid others to write to it, and return whether only this user owns it."""
     try:
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
         if not path.is_symlink() and (mode := path.stat().st_mode) & _OTHERS_WRITE:

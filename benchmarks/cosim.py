@@ -163,7 +163,7 @@ def main(
     rounds: Annotated[int, typer.Option(help="rounds; every contender plays once in each")] = 7,
     out: Annotated[Path, typer.Option("--json", help="result file")] = RESULTS,
 ) -> None:
-    """Measure, check that all saw the same events, print a table and write JSON."""
+    """Measure, check that all candidates give the same events, print a table and write JSON."""
     stimulus, short = _stimulus(), _stimulus(TICKS_PER_CLOCK_TEST)
     executable, words = _bare_program()
 

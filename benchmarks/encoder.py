@@ -1,4 +1,4 @@
-"""Taxel-samples per second of the functional encoders on one core, against a plain copy of the same array.
+"""Measure taxel-samples per second of the functional encoders on one core, against a plain copy.
 
 ``python benchmarks/encoder.py --json benchmarks/results/encoder.json``
 
@@ -128,7 +128,7 @@ def candidates(config: ReadoutConfig, samples: Codes) -> list[Candidate]:
         return lambda: sum(int(np.abs(line).sum(dtype=np.int64)) for line in counts)
 
     def of(encoder: Encoder) -> Candidate:
-        """Return an encoder; one that leaks by the row takes the signals of an array."""
+        """Return an encoder; an encoder with staggered leaks takes the signals of a whole array."""
         base, codes, counts = (array, part, part_out) if encoder.leaks else (config, samples, out)
         own = base.replace(encoding=encoder.name)
         return Candidate(encoder.name, lambda: encode(own, codes, out=counts), codes.size, magnitude(counts))
@@ -152,7 +152,7 @@ def candidates(config: ReadoutConfig, samples: Codes) -> list[Candidate]:
 
 
 def summary(candidate: Candidate, copy: Candidate, events: int | None) -> dict[str, Any]:
-    """Return the numbers of one candidate; ratios are times per taxel-sample, of the same round."""
+    """Return one candidate's times per taxel-sample, as ratios within the same round."""
     per_sample = copy.taxel_samples / candidate.taxel_samples
     ratios = [a / b * per_sample for a, b in zip(candidate.seconds, copy.seconds, strict=True)]
     median = statistics.median(candidate.seconds)
@@ -167,7 +167,7 @@ def summary(candidate: Candidate, copy: Candidate, events: int | None) -> dict[s
 
 
 def versions() -> dict[str, Any]:
-    """Return what the numbers depend on."""
+    """Return the machine and the versions of the measurement."""
     found = {"python": platform.python_version(), "numpy": np.__version__, "numba": numba.__version__}
     found["scipy"] = scipy.__version__
     if "snntorch" in sys.modules:
@@ -177,7 +177,7 @@ def versions() -> dict[str, Any]:
 
 
 def writable(path: Path | None) -> Path | None:
-    """Return the path, or refuse it before any time is spent."""
+    """Return the path, or refuse it before the measurement."""
     if path is not None:
         try:
             check_file(path)
@@ -187,7 +187,7 @@ def writable(path: Path | None) -> Path | None:
 
 
 def write_report(path: Path, report: dict[str, Any]) -> None:
-    """Write a report as JSON, whole or not at all."""
+    """Write a report as JSON, completely or not at all."""
     with atomic_write(path) as file:
         file.write((json.dumps(report, indent=2) + "\n").encode())
 

@@ -1,4 +1,4 @@
-"""How close the integer leak of N-LCS comes to float models: event rates, in percent of difference.
+"""Measure how close the integer leak of N-LCS is to float models: event rates, differences in percent.
 
 ``python benchmarks/leak.py --json benchmarks/results/leak.json`` prints the tables of docs/reference/encoders.md.
 
@@ -30,7 +30,7 @@ LEAKS = ((6, 63), (5, 127))
 
 @njit
 def float_events(x: Any, step: float, keep: float, period: int) -> int:
-    """Return the events of a float N-LCS taxel, its reference multiplied by ``keep`` once every period."""
+    """Return the events of a float N-LCS taxel, with its reference multiplied by ``keep`` once in every period."""
     u, events = 0.0, 0
     for tick in range(len(x)):
         leak = u * (1.0 - keep) if tick % period == 0 else 0.0
@@ -59,7 +59,7 @@ def leaky(resolution: int, shift: int, period: int, **parameters: Any) -> Readou
 
 
 def constant_inputs(resolution: int, shift: int, leaks: int) -> dict[str, Any]:
-    """Return the differences for constant inputs; between two leaks nothing happens, so every tick is one."""
+    """Return the differences for constant inputs; every tick counts as one leak, because nothing happens in between."""
     config = leaky(resolution, shift, 1)
     levels = np.unique(np.geomspace(1.5 * config.step, config.full_scale - 1, 25).round().astype(np.int16))
     worst = dict.fromkeys(FRACTIONS, 0.0)

@@ -1,4 +1,4 @@
-"""Five arbiters under the same loads: throughput, waits, fairness between addresses.
+"""Measure five arbiters under the same loads: throughput, waits, fairness between addresses.
 
 ``python benchmarks/load.py --json benchmarks/results/load.json`` prints the table of docs/results/load.md.
 
@@ -40,7 +40,7 @@ OURS, FIXED, FLAT, TREE, GREEDY = range(5)
 
 @njit
 def choose(kind: int, pending: Any, last: int, toggles: Any, columns: int) -> int:
-    """Return the taxel that an arbiter of one event a clock takes, or -1.
+    """Return the taxel chosen by an arbiter of one event a clock, or -1.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def choose(kind: int, pending: Any, last: int, toggles: Any, columns: int) -> in
 
 @njit
 def serve(kind: int, due: Any, first: Any, clocks: int, state: Any, rows: Any) -> Any:
-    """Return for every event of a load the clock in which its request is first high, and that of its transfer.
+    """Return, for every event of a load, the clock of its request and the clock of its transfer.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ Load = tuple[str, float, list[NDArray[np.int64]]]
 
 
 def loads(side: int, clocks: int, seed: int) -> list[Load]:
-    """Return loads: name, share of the link's events that is asked for, and for every taxel when it has an event."""
+    """Return loads: name, requested share of the link's capacity, and the event times of every taxel."""
     rng = np.random.default_rng(seed)
     n = side * side
 
@@ -165,7 +165,7 @@ def loads(side: int, clocks: int, seed: int) -> list[Load]:
 
 
 def recorded(side: int, clocks: int, share: float) -> Load:
-    """Return the events of a scan over an embedded photograph, LCS of 6 bits, so fast that they ask for a share."""
+    """Return the events of a scan over an embedded photograph (LCS, 6 bits) at the speed that gives a load."""
     config = ReadoutConfig(rows=side, columns=side, clocks_per_sample=2**20)
     counts, late = encode_timed(config, scan(side, side, config.sample_bits, 0))
     events = uncontended_events(config, counts, late)
@@ -179,7 +179,7 @@ def recorded(side: int, clocks: int, share: float) -> Load:
 
 
 def run(load: Load, kind: int, side: int, clocks: int) -> dict[str, Any]:
-    """Return what an arbiter makes of a load."""
+    """Return the results of an arbiter under a load."""
     name, share, lists = load
     due = np.concatenate(lists)
     first = np.concatenate([[0], np.cumsum([len(times) for times in lists])])

@@ -1,4 +1,4 @@
-"""CPU time of a training step of the spiking network on one core, against libraries and the matrix-product limit.
+"""Measure CPU time of a training step of the spiking network on one core, against libraries and dense products.
 
 ``python benchmarks/network.py --json benchmarks/results/network.json``
 
@@ -87,7 +87,7 @@ def ours(rule: NeuronRule, function: Callable[..., Tensor], **options: Any) -> F
 
 
 def norse() -> Forward:
-    """Return Norse's recurrent and feed-forward integrate-and-fire steps, with its own surrogate."""
+    """Return Norse's recurrent and feed-forward integrate-and-fire steps, with Norse's surrogate."""
     from norse.torch.functional.iaf import (
         IAFFeedForwardState,
         IAFParameters,
@@ -221,7 +221,7 @@ class Step:
         self.adam.step()
 
     def timed(self) -> None:
-        """Train once from the first weights on, so that all rounds see the same spikes."""
+        """Train once from the initial weights, so that all rounds see the same spikes."""
         with torch.no_grad():
             for weight, first in zip(self.weights, make_weights(), strict=True):
                 weight.copy_(first)
@@ -350,7 +350,7 @@ def measure(steps: int, batch: int, rate: float, rounds: int, memory: bool) -> d
 
 
 def fastest_library(results: dict[str, dict[str, Any]]) -> dict[str, Any] | None:
-    """Return the library, or plain loop, with the least median, and how many times longer than the kernel it takes."""
+    """Return the fastest other candidate by median, and its time as a multiple of the kernel's."""
     libraries = {name: found["cpu_s"]["median"] for name, found in results.items() if found["library"]}
     if not libraries:
         return None
@@ -375,7 +375,7 @@ def print_table(report: dict[str, Any]) -> None:
 
 
 def versions() -> dict[str, Any]:
-    """Return what the numbers depend on."""
+    """Return the machine and the versions of the measurement."""
     found: dict[str, Any] = {"python": platform.python_version(), "cpus": os.cpu_count()}
     for name in ("torch", "norse", "spikingjelly", "snntorch"):
         try:

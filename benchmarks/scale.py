@@ -1,4 +1,4 @@
-"""How generation, lint, building and simulation grow with the array, and a skin of 65,536 taxels on one output.
+"""Measure how generation, lint, build and simulation grow with the array, and a skin of 65,536 taxels.
 
 ``python benchmarks/scale.py arrays`` and ``... skins``, each into a file of its own in ``benchmarks/results``.
 
@@ -87,7 +87,7 @@ async def play(dut: Any) -> None:
 
 
 def _speed(config: ReadoutConfig, simulator: Simulator, ticks: int, hierarchical: bool) -> dict[str, Any]:
-    """Build an array anew and play it; return the seconds of the build, clocks per second, and events."""
+    """Build an array without the cache and play it; return build seconds, clocks per second, and events."""
     result: dict[str, Any] = {"simulator": simulator, "row_by_row": hierarchical}
     kept = programs.BUILD
     with tempfile.TemporaryDirectory() as folder:
@@ -127,7 +127,7 @@ def array(side: int) -> dict[str, Any]:
 
 
 def skin(resolution: int, clocks_per_sample: int) -> dict[str, Any]:
-    """Return what 16 tiles of 64 x 64 taxels send through one merge while they slide over a photograph."""
+    """Return the results of 16 tiles of 64 x 64 taxels that send through one merge, sliding over a photograph."""
     tile = ReadoutConfig(rows=64, columns=64, resolution=resolution, clocks_per_sample=clocks_per_sample)
     config = TilesConfig.of(tile, 4, 4)
     width = math.ceil(PhysicalScan().taxel_pitch_px * (config.columns - 1)) + TRAVEL_PX

@@ -37,7 +37,7 @@ SILENCE_S = 2.0
 
 
 def send(pipe: Connection, rate_hz: int, seconds: int) -> None:
-    """Be a board at whose pins random events come."""
+    """Simulate a board with random events at its pins."""
     config, rng = ReadoutConfig(), np.random.default_rng(0)
     events = np.zeros(rate_hz * seconds, EVENT_DTYPE)
     events["t"] = np.sort(rng.integers(0, config.clock_hz * seconds, len(events)))
@@ -49,7 +49,7 @@ def send(pipe: Connection, rate_hz: int, seconds: int) -> None:
 
 
 def receive(pipe: Connection) -> None:
-    """Be the other program: count events, and datagrams whose numbers are missing."""
+    """Receive as the other program: count events, and missing datagrams."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
         listener.bind(("127.0.0.1", 0))
         pipe.send(listener.getsockname()[1])
@@ -65,7 +65,7 @@ def receive(pipe: Connection) -> None:
 
 
 def measure(rate_hz: int, seconds: int) -> dict[str, Any]:
-    """Return what was sent, received and lost, and the latency on the host."""
+    """Return the numbers sent, received and lost, and the latency on the host."""
     spawn = multiprocessing.get_context("spawn")
     (board, board_end), (other, other_end) = spawn.Pipe(), spawn.Pipe()
     processes = [

@@ -1,4 +1,4 @@
-"""What is built into a board: its design and its serial line (docs/reference/board.md)."""
+"""Configure a board: its design and its serial line (docs/reference/board.md)."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ class BoardConfig:
 
     @property
     def identity(self) -> int:
-        """A number of 32 bits that differs between designs: it is asked for before anything else.
+        """A 32-bit number that differs between designs; the host asks for this number first.
 
         It stands for the chip with all its constants (thresholds, shifts, widths), but not for weights, which are
         loaded, and not for what only names a unit of time (sampling rate, seconds of a bin).

@@ -55,7 +55,7 @@ POINTS, LINES = 400, 64
 
 @dataclass(frozen=True)
 class Show:
-    """What is played, and by which chip.
+    """The inputs to play, and the chip that plays them.
 
     Attributes
     ----------
@@ -75,13 +75,13 @@ class Show:
 
     @property
     def chip(self) -> ChipConfig | None:
-        """Readout and classifier, where there is a network."""
+        """Readout, and classifier if there is a network."""
         return session.chip_of(self.network) if self.network else None
 
 
 @dataclass(frozen=True)
 class DemoResult:
-    """What came out for one name: its class, if it is known, the class that was found, and the events."""
+    """The outcome of one name: the true class if known, the class found, and the events."""
 
     name: str
     truth: str | None
@@ -155,7 +155,7 @@ def _chosen(names: dict[str, str | None], only: str | None) -> list[str]:
 
 
 def _events_of(source: Path, only: str | None, readout: Mapping[str, Any]) -> Show:
-    """Return recordings without a network: their files say array and rate."""
+    """Return recordings for a demo without a network; array and sample rate come from the files."""
     from eskin.skin.recordings.folder import read_set
     from eskin.skin.recordings.options import Preparation
 
@@ -172,7 +172,7 @@ def _events_of(source: Path, only: str | None, readout: Mapping[str, Any]) -> Sh
 def _recordings(
     sources: Sequence[Any], codes: Sequence[NDArray[Any]], config: ReadoutConfig
 ) -> tuple[dict[str, str | None], Callable[[str], tuple[NDArray[Any], Piece]]]:
-    """Return the names of recordings with their classes, and what loads one."""
+    """Return names and classes of recordings, and a function that loads one recording."""
     names = {source.name: source.class_name for source in sources}
     at = {source.name: number for number, source in enumerate(sources)}
     return names, lambda name: (codes[at[name]], piece_of(name, codes[at[name]], config, names[name]))
@@ -181,7 +181,7 @@ def _recordings(
 def _images(
     network: IntegerWeights, config: ReadoutConfig, source: Path | None
 ) -> tuple[dict[str, str | None], Callable[[str], tuple[NDArray[Any], Piece]]]:
-    """Return the names of images with their classes, and what scans one."""
+    """Return names and classes of images, and a function that scans one image."""
     if source is not None and not source.is_dir():
         names: dict[str, str | None] = {source.name: None}
         read: Callable[[str], NDArray[Any]] = lambda name: read_image(source)  # noqa: E731
@@ -207,14 +207,14 @@ def _images(
 
 
 def piece_of(name: str, codes: NDArray[Any], config: ReadoutConfig, truth: str | None = None) -> Piece:
-    """Return what the page shows of codes, shape (ticks, taxels)."""
+    """Return the signals of codes, shape (ticks, taxels), for the page."""
     ticks = codes[:: max(-(-len(codes) // POINTS), 1), :: max(-(-codes.shape[1] // LINES), 1)]
     signals = np.round(ticks / config.full_scale, 4)
     return Piece(name=name, truth=truth, seconds=len(codes) / config.sample_rate_hz, signals=signals.T.tolist())
 
 
 def picture_of(image: NDArray[Any], scan: PhysicalScan, config: ReadoutConfig) -> dict[str, Any]:
-    """Return the band of an image that the array touches, and the array on it, as the page shows them."""
+    """Return the part of an image under the path of the array, and the array's position, for the page."""
     from PIL import Image
 
     pitch = scan.taxel_pitch_px
@@ -248,7 +248,7 @@ def new_view(show: Show) -> View:
 def play(
     show: Show, view: View, speed: float | None = None, sender: UdpSender | None = None, hold_s: float = 0.0
 ) -> Iterator[DemoResult]:
-    """Play all names, again and again, and yield what came out for each.
+    """Play all names in a loop, and yield the outcome of each.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Events on disk as they come: what was received outlives a lost cable, a killed program and a power cut."""
+"""Write events to disk as they arrive; they survive a lost cable, a killed program and a power cut."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SUFFIX = ".part"
 
 
 class Journal:
-    """A file beside the recording, which becomes it at the end: a line of JSON, then events as they stand in memory.
+    """A partial file that becomes the recording at the end: a line of JSON, then events in binary.
 
     Parameters
     ----------
@@ -33,9 +33,7 @@ class Journal:
         check_event_path(path)
         self.path, self.part = path, path.with_name(path.name + SUFFIX)
         if self.part.exists():
-            raise InputError(
-                f"{self.part} holds events that became no recording; eskin rescue {self.part} makes it one"
-            )
+            raise InputError(f"{self.part} holds an unfinished recording; eskin rescue {self.part} completes it")
         self.count, self.last = 0, -1
         header = json.dumps({"config": config.to_dict(), "metadata": metadata})
         try:
@@ -94,7 +92,7 @@ def convert(
         header = json.loads(head)
         config, metadata = ReadoutConfig.from_dict(header["config"]), header["metadata"] | (more or {})
     except (ValueError, KeyError, TypeError, RecursionError):
-        raise InputError(f"{part} is no journal of a recording; give a file that ends in .npz{SUFFIX}") from None
+        raise InputError(f"{part} is not a partial recording; give a file that ends in .npz{SUFFIX}") from None
     path = path or part.with_suffix("")
     check_event_path(path)
     whole = len(body) // EVENT_DTYPE.itemsize  # a power cut may leave half an event
@@ -106,7 +104,7 @@ def convert(
         try:
             made.append(Recording(piece, config, observed, metadata=metadata))
         except InputError as error:
-            raise InputError(f"{part} holds events that are none of its array: {error}; remove it") from None
+            raise InputError(f"{part} holds events outside its array: {error}; remove it") from None
     for number, recording in enumerate(made, 1):
         recording.save(path if number == 1 else path.with_stem(f"{path.stem}-{number}"))
     part.unlink()

@@ -85,7 +85,7 @@ class Link:
     # -- the session -----------------------------------------------------------------------------
 
     def hello(self, design: Design, config: BoardConfig | None = None) -> dict[str, int]:
-        """Begin a session, and return what the board says of itself.
+        """Begin a session, and return the board's description of itself.
 
         Raises
         ------
@@ -102,8 +102,8 @@ class Link:
         while not self.said:
             if time.monotonic() > ends:
                 raise InputError(
-                    f"nothing at {self.port} answers as a board does; load its bitstream (make fpga), and check the "
-                    f"cable and the baud rate"
+                    f"no board answers at {self.port}; load its bitstream (make fpga), and check the cable and the "
+                    f"baud rate"
                 )
             for frame in self._frames.feed(self._take()):
                 self._begun = self._begun or self._begins(frame)
@@ -113,7 +113,7 @@ class Link:
         return self.said
 
     def send(self, kind: Kind, payload: bytes = b"") -> None:
-        """Send a frame as soon as the board has room for it; records that come meanwhile go to the sink."""
+        """Send a frame when the board has room for it; pass records that arrive meanwhile to the sink."""
         frame = Frame(kind, self._sequence, payload)
         self._sequence = (self._sequence + 1) % 256
         room = self.said["buffer_bytes"] - frame.cost
@@ -124,7 +124,7 @@ class Link:
             self._handle(self._take())
 
     def receive(self) -> None:
-        """Wait for something to come, and hand it on.
+        """Wait for bytes and pass on their records.
 
         Raises
         ------
@@ -136,7 +136,7 @@ class Link:
         while not data:
             if time.monotonic() > ends:
                 raise InputError(
-                    f"the board at {self.port} has said nothing for {self.patience_s:g} s; check the cable"
+                    f"the board at {self.port} has sent nothing for {self.patience_s:g} s; check the cable"
                 )
             data = self._take()
         self._handle(data)
@@ -156,7 +156,7 @@ class Link:
         return time.monotonic() - self.arrived
 
     def _until(self, done: Callable[[], bool], seconds: float) -> None:
-        """Hand on what comes until something is so."""
+        """Pass on received records until a condition holds."""
         left, ends = len(self._waiting), time.monotonic() + seconds
         while not done():
             self.receive()
@@ -169,7 +169,7 @@ class Link:
                 )
 
     def pause(self, seconds: float) -> None:
-        """Hand on what comes for some time."""
+        """Pass on received records for some time."""
         ends = time.monotonic() + seconds
         while (left := ends - time.monotonic()) > 0:
             self._handle(self._take(min(left, POLL_S)))
@@ -177,7 +177,7 @@ class Link:
     # -- bytes -----------------------------------------------------------------------------------
 
     def _read(self) -> None:
-        """Put bytes into the queue as they come (the reader's thread)."""
+        """Put received bytes into the queue (in the reader's thread)."""
         try:
             while not self._closing:
                 if data := self._line.read(max(1, self._line.in_waiting)):
@@ -186,7 +186,7 @@ class Link:
             self._came.put((time.monotonic(), error))
 
     def _take(self, seconds: float = POLL_S) -> bytes:
-        """Return what has come, empty if nothing does for a moment."""
+        """Return the received bytes, or none after a short wait."""
         try:
             self.arrived, found = self._came.get(timeout=seconds)
         except queue.Empty:
@@ -202,7 +202,7 @@ class Link:
             raise InputError(f"the board at {self.port} is gone; check the cable") from None
 
     def _begins(self, frame: Frame | Damaged) -> bool:
-        """Return whether a frame begins a session; what an earlier one has left on the line is passed over."""
+        """Return whether a frame begins a session; skip frames of an earlier session."""
         if (
             isinstance(frame, Damaged)
             or frame.kind != Kind.RECORDS
@@ -217,7 +217,7 @@ class Link:
             self._hand_on(frame)
 
     def _hand_on(self, frame: Frame | Damaged) -> None:
-        """Give the records of a frame to the sink."""
+        """Pass the records of a frame to the sink."""
         if isinstance(frame, Damaged):
             raise InputError(
                 f"a frame from the board arrived damaged ({frame.reason}); check cable and baud rate, again"
@@ -251,21 +251,23 @@ class Link:
         self._waiting.popleft()
 
     def _check(self, design: Design, config: BoardConfig | None) -> None:
-        """Refuse a board that holds something else."""
+        """Refuse a board with another design."""
         said: dict[str, Any] = self.said
         held = DESIGNS[said["design"] - 1] if 0 < said["design"] <= len(DESIGNS) else f"design {said['design']}"
         if held != design:
-            raise InputError(f"the board holds the {held}, this needs the {design}; load that bitstream (make fpga)")
+            raise InputError(
+                f"the board holds the {held}, but this command needs the {design}; load that bitstream (make fpga)"
+            )
         if config is not None and said["identity"] != config.identity:
             raise InputError(
-                f"the bitstream of the board is of another network or array ({said['identity']:08x}, not "
-                f"{config.identity:08x}); load that of these weights (make fpga WEIGHTS=)"
+                f"the board's bitstream has another network or array ({said['identity']:08x}, not "
+                f"{config.identity:08x}); load the one for these weights (make fpga WEIGHTS=)"
             )
         if config is not None and config.chip is not None:
             classifier = config.chip.classifier
             wanted = {"channels": classifier.inputs, "classes": classifier.classes, "word_bytes": config.word_bytes}
             if other := [name for name, value in wanted.items() if said[name] != value]:
                 raise InputError(
-                    f"the board says that its {other[0]} is {said[other[0]]}, where its network has "
-                    f"{wanted[other[0]]}; load its bitstream again"
+                    f"the board reports {other[0]} = {said[other[0]]}, but its network has {wanted[other[0]]}; load "
+                    f"its bitstream again"
                 )

@@ -1,4 +1,4 @@
-"""What a board sends, to be looked at while it comes: raster, class, and a page for a browser."""
+"""Show a board's output live: raster, class, and a page for the browser."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ RECENT = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class Piece:
-    """What is played, as the page shows it.
+    """The input that is playing, for the page.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class Piece:
 
 
 class View:
-    """Events per taxel, polarity and step; the thread of the page reads what another writes.
+    """Event counts per taxel, polarity and step; one thread writes them, and the page's thread reads them.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class View:
         self.begin(Piece(name=""), window_s)
 
     def begin(self, piece: Piece, window_s: float) -> None:
-        """Begin anew, at time 0, with something else that is played."""
+        """Restart at time 0 with another input."""
         with self._lock:
             self.piece, self.window_s = piece, window_s
             self.clocks_per_step = max(round(window_s * self.clock_hz / STEPS), 1)
@@ -144,7 +144,7 @@ class View:
             self.clock = max(self.clock, record.values["time_high"] << 32 | record.values["time_low"])
 
     def state(self, number: int = 0, since: int = 0) -> dict[str, Any]:
-        """Return what is shown, for JSON: of the piece of a number only steps and bins from step ``since`` on."""
+        """Return the page's data for JSON; for an input that the page knows, only bins from step ``since`` on."""
         with self._lock:
             since = since if number == self.number else 0
             step_s = self.clocks_per_step / self.clock_hz
@@ -203,14 +203,14 @@ def page() -> bytes:
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """Answers a browser on this machine: the page, and what it shows."""
+    """Serve the page and its data to a browser on this machine."""
 
     def __init__(self, view: View, *arguments: Any) -> None:
         self.view = view
         super().__init__(*arguments)
 
     def do_GET(self) -> None:
-        """Answer a request that was made to this page by its own name."""
+        """Answer a request that names this page's own host."""
         port = cast(ThreadingHTTPServer, self.server).server_port
         if self.headers.get("Host") not in (f"127.0.0.1:{port}", f"localhost:{port}"):
             self.send_error(403)  # a page of another name, which its owner lets lead here, would read the events
@@ -239,16 +239,16 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(content)
 
     def log_message(self, format: str, *arguments: Any) -> None:
-        """Say nothing."""
+        """Log nothing."""
 
 
 class _Server(ThreadingHTTPServer):
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Say nothing of a browser that has gone."""
+        """Ignore a browser that has closed the connection."""
 
 
 def serve(view: View, port: int, option: str = "--page") -> ThreadingHTTPServer:
-    """Serve the page to browsers of this machine alone; ``server_port`` says where, ``shutdown`` ends it.
+    """Serve the page to this machine only; ``server_port`` gives the port, ``shutdown`` ends the server.
 
     Raises
     ------

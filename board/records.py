@@ -66,7 +66,7 @@ AGAIN = "load its bitstream again"
 
 
 class Event(NamedTuple):
-    """An address event: clock, and channel of the chip or address of the foreign one."""
+    """An address event: clock, and channel of the chip or address of a foreign chip."""
 
     time: int
     address: int
@@ -98,7 +98,7 @@ class Ack:
 
 @dataclass(frozen=True)
 class Refused:
-    """A frame was no data: its sequence number (as far as it can be trusted), and the one that was due."""
+    """A rejected frame: its sequence number (unreliable), and the expected one."""
 
     sequence: int
     expected: int
@@ -107,7 +107,7 @@ class Refused:
 
 @dataclass(frozen=True)
 class Words:
-    """What the board says of itself (``HELLO_WORDS``) or counts (``STATUS_WORDS``), by name."""
+    """The board's description (``HELLO_WORDS``) or counters (``STATUS_WORDS``), by name."""
 
     tag: Tag
     values: dict[str, int]
@@ -117,7 +117,7 @@ Record = Event | Class | Lost | Ack | Refused | Words
 
 
 class RecordReader:
-    """Takes words as they come and gives records; keeps the high bits of the time.
+    """Convert words to records; remember the high bits of the time.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ class RecordReader:
         self._begun: list[int] = []
 
     def feed(self, payload: bytes) -> Iterator[Record]:
-        """Give the records that end within the payload of a frame.
+        """Return the records that end within the payload of a frame.
 
         Raises
         ------
@@ -156,7 +156,7 @@ class RecordReader:
                     yield record
 
     def _follow(self, first: int) -> int:
-        """Return how many words stand behind the first one of a record."""
+        """Return the number of words of a record after its first word."""
         tag = first >> VALUE_BITS
         if tag == Tag.CLASS:
             return self.classes
@@ -189,7 +189,7 @@ class RecordReader:
 
 
 def said(tag: Tag, words: list[int]) -> dict[str, int]:
-    """Return what a board says of itself or counts, by name.
+    """Return a board's description or counters, by name.
 
     Raises
     ------
@@ -199,17 +199,17 @@ def said(tag: Tag, words: list[int]) -> dict[str, int]:
     names = HELLO_WORDS if tag == Tag.HELLO else STATUS_WORDS
     values = dict(zip(names, words, strict=False))
     if tag == Tag.HELLO and values.get("version", VERSION) != VERSION:
-        raise InputError(f"the board speaks version {values['version']}, this program {VERSION}; {AGAIN}")
+        raise InputError(f"the board uses protocol version {values['version']}, this program {VERSION}; {AGAIN}")
     if len(words) != len(names):
-        raise InputError(f"the board says {len(words)} numbers of itself, where {len(names)} belong; {AGAIN}")
+        raise InputError(f"the board describes itself in {len(words)} numbers, not {len(names)}; {AGAIN}")
     for name, (low, high) in RANGES.items() if tag == Tag.HELLO else ():
         if not low <= values[name] <= high:
-            raise InputError(f"the board says that its {name} is {values[name]}, outside {low}..{high}; {AGAIN}")
+            raise InputError(f"the board reports {name} = {values[name]}, outside {low}..{high}; {AGAIN}")
     return values
 
 
 def hello_values(config: BoardConfig) -> dict[str, int]:
-    """Return the values behind the tag ``HELLO``, by their names in ``HELLO_WORDS``."""
+    """Return the values after the tag ``HELLO``, by their names in ``HELLO_WORDS``."""
     classifier = config.chip.classifier if config.chip else None
     return {
         "version": VERSION,
@@ -224,7 +224,7 @@ def hello_values(config: BoardConfig) -> dict[str, int]:
 
 
 class RecordWriter:
-    """Takes records and gives words, as the board makes them: a time stands where its high bits change."""
+    """Convert records to words as the board does; a time word appears when the high bits of the time change."""
 
     def __init__(self) -> None:
         self._high = 0

@@ -16,7 +16,7 @@ MOST_PAYLOAD = 255
 
 
 class Kind(IntEnum):
-    """What a frame is; all but the last go to the board."""
+    """Kinds of frames; all except the last go to the board."""
 
     HELLO = 1
     RESTART = 2
@@ -44,11 +44,11 @@ class Frame(NamedTuple):
 
     @property
     def cost(self) -> int:
-        """Bytes that it takes in the buffer of the board, until it is carried out."""
+        """Bytes that the frame occupies in the board's buffer until the board executes it."""
         return HEAD_BYTES + len(self.payload) + CRC_BYTES
 
     def encode(self) -> bytes:
-        """Return the bytes on the line, flags at both ends."""
+        """Return the bytes for the line, with a flag at both ends."""
         if len(self.payload) > MOST_PAYLOAD:
             raise ValueError(f"a frame holds at most {MOST_PAYLOAD} bytes, not {len(self.payload)}")
         body = bytes([self.kind, self.sequence, len(self.payload)]) + self.payload
@@ -73,7 +73,7 @@ class Damaged(NamedTuple):
 
 
 def decode(body: bytes) -> Frame | Damaged:
-    """Return the frame that stands between two flags, escapes resolved."""
+    """Return the frame between two flags, with escapes resolved."""
     plain = bytearray()
     escaped = False
     for byte in body:
@@ -93,7 +93,7 @@ def decode(body: bytes) -> Frame | Damaged:
 
 
 class FrameReader:
-    """Takes bytes as they come, and gives what stands between flags."""
+    """Split received bytes at the flags."""
 
     def __init__(self) -> None:
         self._open: bytearray | None = None
@@ -104,7 +104,7 @@ class FrameReader:
         return bool(self._open)
 
     def feed(self, data: bytes) -> Iterator[Frame | Damaged]:
-        """Give what ends within some further bytes."""
+        """Return the frames that end within these bytes."""
         *whole, rest = data.split(bytes([FLAG]))
         for part in whole:
             if self._open is not None and (self._open or part):

@@ -1,4 +1,4 @@
-"""What a host does with a board: load weights, play samples and gather what comes, listen to a foreign chip."""
+"""The host's side of a board: load weights, play samples, collect results, record a foreign chip."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ ASK_S = 0.5
 
 @dataclass
 class Received:
-    """What has come from a board so far; a journal has the events, too.
+    """The data received from a board so far; a journal stores the events, too.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class Received:
 
 
 def player_events(config: ChipConfig) -> Callable[[Event], AddressEvent]:
-    """Return what makes an event of a channel of a chip."""
+    """Return a function that converts a chip's channel to an event."""
     channels = config.classifier.inputs
     table = events_of(config, np.zeros(channels, np.int64), np.arange(channels)).tolist()
 
@@ -103,7 +103,7 @@ def player_events(config: ChipConfig) -> Callable[[Event], AddressEvent]:
 
 
 def foreign_events(config: ReadoutConfig, mapping: AddressMap | None = None) -> Callable[[Event], AddressEvent]:
-    """Return what makes an event of an address {polarity, row, column} of a foreign chip.
+    """Return a function that converts a foreign address {polarity, row, column} to an event.
 
     Parameters
     ----------
@@ -149,11 +149,11 @@ def foreign_events(config: ReadoutConfig, mapping: AddressMap | None = None) -> 
                 raise InputError("the chip requested ON and OFF at once; check the wires of both requests") from None
             if mapping is not None:
                 raise InputError(
-                    f"an event has the address {event.address:#x}, which {mapping.name} does not map; add its line"
+                    f"the foreign chip sent the address {event.address:#x}, which {mapping.name} does not map; add its line"
                 ) from None
             raise InputError(
-                f"an event has the address {event.address:#x}, which {config.rows} x {config.columns} taxels of "
-                f"{config.encoding} have not; give the rows, columns and encoding of the foreign chip"
+                f"the foreign chip sent the address {event.address:#x}, which {config.rows} x {config.columns} taxels of "
+                f"{config.encoding} do not have; give the rows, columns and encoding of the foreign chip"
             ) from None
 
     return to_event
@@ -161,7 +161,7 @@ def foreign_events(config: ReadoutConfig, mapping: AddressMap | None = None) -> 
 
 @contextmanager
 def recording(path: Path, config: ReadoutConfig, metadata: dict[str, Any], received: Received) -> Iterator[None]:
-    """Write events to a file as they come; whatever happens, received events become a recording."""
+    """Write events to a file as they arrive; received events become a recording even after an error."""
     journal = Journal(path, config, metadata)
     received.journal = journal
     try:
@@ -171,7 +171,7 @@ def recording(path: Path, config: ReadoutConfig, metadata: dict[str, Any], recei
             journal.discard()
             raise
         journal.finish(None, lost=received.lost, stopped=str(error))
-        raise InputError(f"{error}; {journal.count} events that came before are in {path}") from None
+        raise InputError(f"{error}; {journal.count} events received before are in {path}") from None
     except BaseException:
         journal.finish(None, lost=received.lost, stopped="interrupted")
         raise
@@ -182,7 +182,7 @@ def recording(path: Path, config: ReadoutConfig, metadata: dict[str, Any], recei
 
 
 def weight_frames(weights: IntegerWeights, word_bytes: int) -> Iterator[bytes]:
-    """Give the payloads that load both memories: which one, the address of the first word, the words."""
+    """Yield the payloads that load both memories: memory, address of the first word, words."""
     network = weights.network
     size = (MOST_PAYLOAD - 3) // word_bytes
     for neurons, image in enumerate((weight_image(network), neuron_image(network))):
@@ -192,7 +192,7 @@ def weight_frames(weights: IntegerWeights, word_bytes: int) -> Iterator[bytes]:
 
 
 def load(link: Link, weights: IntegerWeights, on_frame: Callable[[], object] = lambda: None) -> None:
-    """Write weights into a board; the chip is reset by it."""
+    """Write weights into a board, which resets the chip."""
     for payload in weight_frames(weights, link.said["word_bytes"]):
         link.send(Kind.WEIGHTS, payload)
         on_frame()
@@ -254,7 +254,7 @@ def difference(chip: ChipConfig, weights: IntegerWeights, samples: NDArray[Any],
 
 
 def listen(link: Link, received: Received, seconds: float | None) -> bool:
-    """Record from a foreign chip, from clock 0 on, for some time or until Ctrl-C; return whether Ctrl-C ended it."""
+    """Record a foreign chip from clock 0 until a time limit or Ctrl-C; return whether Ctrl-C ended it."""
     link.send(Kind.RESTART)
     ends, stopped = None if seconds is None else time.monotonic() + seconds, False
     try:
@@ -277,12 +277,12 @@ def foreign_config(config: ReadoutConfig, clock_hz: float) -> ReadoutConfig:
 
 
 def observed_clocks(received: Received) -> int:
-    """Return the clocks that a receiver has counted since it began."""
+    """Return the number of clocks since the receiver started."""
     return received.counts.get("time_high", 0) << 32 | received.counts.get("time_low", 0)
 
 
 def board_of(weights: IntegerWeights) -> BoardConfig:
-    """Return what a board holds that these weights are for."""
+    """Return the design that a board must hold for these weights."""
     return BoardConfig(chip=chip_of(weights))
 
 

@@ -45,7 +45,7 @@ WEIGHT_HEAD = 3
 
 
 class SimulatedBoard:
-    """Answer a host as a board does, from a thread of its own; ``with`` starts and ends it.
+    """Answer a host as a board does, from its own thread; ``with`` starts and ends it.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class SimulatedBoard:
     # -- what the two designs do -----------------------------------------------------------------
 
     def carry_out(self, frame: Frame) -> None:
-        """Do what a frame asks for, and acknowledge it."""
+        """Execute and acknowledge a frame."""
         raise NotImplementedError
 
     def may(self, frame: Frame) -> bool:
@@ -98,7 +98,7 @@ class SimulatedBoard:
         return True
 
     def finish(self) -> None:
-        """Work out what the frames of the last time asked for; nothing more has come."""
+        """Simulate the last frames; the host has sent nothing more."""
 
     # -- the line --------------------------------------------------------------------------------
 
@@ -118,7 +118,7 @@ class SimulatedBoard:
             self._send_due()
 
     def _take(self, frame: Frame | Damaged) -> bool:
-        """Carry out a frame; return False where it has to wait."""
+        """Execute a frame; return False if the frame has to wait."""
         if isinstance(frame, Damaged):
             self._say([Refused(0, self._expected, Reason.DAMAGED)])
         elif frame.kind == Kind.HELLO:
@@ -202,11 +202,11 @@ class SimulatedPlayer(SimulatedBoard):
         self._counts: dict[str, int] = {}
 
     def may(self, frame: Frame) -> bool:
-        """Return whether what was asked for before is done."""
+        """Return whether the previous frame's work is done."""
         return frame.kind in (Kind.SAMPLES, Kind.RUN) or not (self._acks or self._out)
 
     def carry_out(self, frame: Frame) -> None:
-        """Do what a frame asks for."""
+        """Execute a frame."""
         ack = Ack(frame.sequence)
         if frame.kind == Kind.SAMPLES and not self._run_clocks:
             self._samples += frame.payload
@@ -240,7 +240,7 @@ class SimulatedPlayer(SimulatedBoard):
         return self._ticks * self.chip.readout.clocks_per_sample + self._run_clocks
 
     def finish(self) -> None:
-        """Work out what happens up to the last clock that the host gave; what is before it does not change."""
+        """Simulate up to the last clock that the host gave; earlier results do not change."""
         if not self._acks:
             return
         chip, clocks = self.chip, self._clocks
@@ -262,7 +262,7 @@ class SimulatedPlayer(SimulatedBoard):
 
 
 class SimulatedReceiver(SimulatedBoard):
-    """A receiver at whose pins a foreign chip sends given events, from every ``RESTART`` on.
+    """A receiver whose foreign chip sends given events, starting at every ``RESTART``.
 
     Parameters
     ----------
@@ -277,7 +277,7 @@ class SimulatedReceiver(SimulatedBoard):
         super().__init__(config, config.serial.clock_hz, speed)
 
     def carry_out(self, frame: Frame) -> None:
-        """Do what a frame asks for; the time does not wait for it."""
+        """Execute a frame whose work takes no time of the chip."""
         if frame.kind == Kind.RESTART:
             self._restart_at(0)
             self._out = deque(self.events)

@@ -1,4 +1,4 @@
-"""What is played to a board: a texture's scan, one of a user's recordings, or a file of codes."""
+"""Choose the input of a board: a scan of a texture, a recording, or a file of codes."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def textures_of(weights: IntegerWeights, dataset: str) -> tuple[Dataset, list[st
 def recording_of(
     weights: IntegerWeights, readout: ReadoutConfig, place: Path, name: str | None
 ) -> tuple[str, NDArray[Any]]:
-    """Return the name and the codes of one of a user's recordings, prepared as those of the training were."""
+    """Return name and codes of one recording, prepared as in the training."""
     found = recordings_of(weights, readout, place)
     names = [source.name for source in found.sources]
     chosen = name or names[0]
@@ -109,7 +109,7 @@ def recording_of(
 
 
 def recordings_of(weights: IntegerWeights, readout: ReadoutConfig, place: Path) -> RecordingSet:
-    """Return a user's recordings, prepared as those of the training were."""
+    """Return a user's recordings, prepared as in the training."""
     from eskin.skin.recordings.folder import read_set
     from eskin.skin.recordings.options import Preparation
 

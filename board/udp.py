@@ -1,4 +1,4 @@
-"""Events over UDP as they come, in the datagrams of jAER's unicast network format (docs/reference/udp.md)."""
+"""Send events over UDP as they arrive, in jAER's unicast format (docs/reference/udp.md)."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def parse_destination(text: str) -> tuple[str, int]:
 
 
 class UdpSender:
-    """Send events to one address; nothing waits for the receiver.
+    """Send events to one address without waiting for the receiver.
 
     Parameters
     ----------

@@ -42,7 +42,7 @@ class RowsAgent:
         self.requests = [[None] * self.config.columns for _ in range(self.config.rows)]
 
     def raise_requests(self, want: Want) -> Iterator[AddressEvent]:
-        """Raise requests where they are wanted and none is pending; yield them."""
+        """Raise wanted requests that are not pending; yield them."""
         for row, line in enumerate(self.requests):
             for column, pending in enumerate(line):
                 if pending is None and want(row, column):
@@ -74,7 +74,7 @@ class RowsAgent:
 
 
 class ArbiterContract:
-    """The contract of any microarchitecture, checked at the ports: one method per property.
+    """Check the arbiter's contract at its ports, for any microarchitecture: one method for each property.
 
     Assumptions on the environment: a request stays until its row is granted or it is withdrawn, and a selected row
     drives the column lines in the same clock.
@@ -99,7 +99,7 @@ class ArbiterContract:
         self.raised[event.row, event.column].append((event.polarity, self.accepted, self.check.block.time))
 
     def withdraw(self, event: AddressEvent) -> None:
-        """Strike a request that was withdrawn before it was granted."""
+        """Remove a request that was withdrawn before its grant."""
         self.raised[event.row, event.column].pop()
 
     def grant(self, granted: int, select: int, row_request: int) -> None:
@@ -110,7 +110,7 @@ class ArbiterContract:
         self.check.holds("GrantImpliesSelect", granted & ~select == 0, f"{granted:#x} of {select:#x}")
 
     def stream(self, valid: bool, ready: bool, fields: tuple[int, ...]) -> None:
-        """ValidStableUntilReady, PayloadStable, FullRate: what is offered in this clock."""
+        """Check ValidStableUntilReady, PayloadStable and FullRate for the offered event of this clock."""
         if self.offered is not None:
             self.check.holds("ValidStableUntilReady", valid, f"{self.offered} vanished")
             self.check.holds("PayloadStable", fields == self.offered, f"{self.offered} became {fields}")
@@ -138,7 +138,7 @@ class ArbiterContract:
         self.outstanding = any(self.raised.values())
 
     def fair(self, wanting: list[tuple[int, int]]) -> None:
-        """Fairness: those who always wanted got the same, but for the round that is under way."""
+        """Check fairness: steady requesters get equal service, up to the current round."""
         shares = [self.served[taxel] for taxel in wanting]
         self.check.holds("Fairness", max(shares) - min(shares) <= 1 and min(shares) > 1, shares)
 
@@ -211,7 +211,7 @@ class ArbiterBench:
         return AddressEvent(read("event_row"), read("event_col"), polarity)
 
     def compare(self, ready: bool) -> None:
-        """Hold all outputs to the reference."""
+        """Compare all outputs with the reference."""
         requests, reference, read = self.rows.requests, self.reference, self.block.read
         state = f"last {reference.last}, latch {reference.latch}, ready {ready}, requests {self.block.dut.row_request}"
         for name, row in (("select", reference.selected(requests)), ("granted", reference.granted(requests, ready))):

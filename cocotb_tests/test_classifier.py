@@ -26,7 +26,7 @@ PROPERTIES = (
 
 
 def network_of(inputs: int, hidden: int, classes: int, lanes: int, **own: Any) -> ClassifierConfig:
-    """Return a configuration in one line, with thresholds at which neurons fire and do not."""
+    """Return a configuration in one line, with thresholds at which some neurons fire."""
     base = {"threshold": 300, "out_threshold": 200, "clocks_per_bin": 64 * hidden}
     return ClassifierConfig(**(base | own), inputs=inputs, hidden=hidden, classes=classes, lanes=lanes)
 

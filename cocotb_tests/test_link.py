@@ -91,7 +91,7 @@ class LinkBench:
             self.check.counts["taken"] += 1
 
     def compare(self) -> None:
-        """Hold all outputs to the reference."""
+        """Compare all outputs with the reference."""
         reference = self.reference
         state = {**vars(reference), "ack": self.dut.aer_ack.value, "offered": self.event}
         self.check.equal("event_ready", reference.ready, self.block.read("event_ready"), state)

@@ -1,4 +1,4 @@
-"""The memories of the weights against a list: a word is there a clock after its address, and a write reads nothing."""
+"""Compare the weight memories with a list: a word follows its address by a clock, and a write reads nothing."""
 
 from __future__ import annotations
 

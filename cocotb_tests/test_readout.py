@@ -27,7 +27,7 @@ VARIANTS = list(
 
 
 def play(config: ReadoutConfig, program: Build, folder: Path, seed: int = 0) -> None:
-    """Play the scenarios of a seed and see that some left nothing outstanding, and some were cut off in mid-stream."""
+    """Play the scenarios of a seed; some must end with nothing outstanding, and some in mid-stream."""
     job = Job(config.to_dict(), reproduce(config, program.simulator, seed), seed=seed)
     tally = run_job(program, job, folder)
     assert tally.runs == scenario_count(config)
@@ -37,7 +37,7 @@ def play(config: ReadoutConfig, program: Build, folder: Path, seed: int = 0) -> 
 
 
 def breadth() -> list[ReadoutConfig]:
-    """Every encoding on every array; resolution, link, front end, reset and decision rate change from one to the next.
+    """Test every encoding on every array; resolution, link, front end, reset and decision rate vary.
 
     Any two values of any two of these meet: a third of the runs of a full product, of which few bugs need three.
     """

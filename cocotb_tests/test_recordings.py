@@ -1,4 +1,4 @@
-"""``sim --data`` and ``replay --data``: a user's own recordings through RTL and model."""
+"""Test ``sim --data`` and ``replay --data``: a user's own recordings through RTL and model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The SPI slave's RTL against its model in every clock, and against a host with a clock of its own."""
+"""Compare the SPI slave's RTL with its model in every clock, and with a host that has its own clock."""
 
 from __future__ import annotations
 

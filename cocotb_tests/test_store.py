@@ -42,7 +42,7 @@ def copy_packages(folder: Path) -> None:
 
 
 def checkout(folder: Path) -> Path:
-    """Return a copy of the checkout, as far as a build needs it."""
+    """Return a copy of the parts of the checkout that a build needs."""
     copy_packages(folder)
     shutil.copytree(ROOT / "eskin", folder / "eskin", symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "pyproject.toml", folder)
@@ -50,7 +50,7 @@ def checkout(folder: Path) -> Path:
 
 
 def build_in(folder: Path) -> tuple[int, Path]:
-    """Build a readout in a process of its own; return how often Yosys ran, and the program's folder."""
+    """Build a readout in a separate process; return how often Yosys ran, and the program's folder."""
     done = subprocess.run(
         [sys.executable, "-c", COUNT_YOSYS],
         cwd=folder,
@@ -91,7 +91,7 @@ def test_yosys_runs_only_when_something_changed(tmp_path: Path) -> None:
 
 
 def test_packages_without_a_checkout_build_in_the_users_own_cache(tmp_path: Path) -> None:
-    """A build in the current folder, which others may write to, would be run whoever planted it."""
+    """A build in a folder that others can write to would run planted programs."""
     copy_packages(tmp_path / "site" / "eskin")
     shutil.copy(ROOT / "eskin" / "__init__.py", tmp_path / "site" / "eskin")
     code = "from eskin.cocotb_tests.runner.build_cache import BUILD; print(BUILD)"

@@ -23,7 +23,7 @@ PHASES, CLOCKS = 14, 160
 
 
 class SampleSource:
-    """Codes that look for trouble: levels and the codes beside them, walks, jumps, and rest."""
+    """Critical codes: levels and their neighbours, walks, jumps, and rest."""
 
     KINDS = ("threshold", "near", "walk", "jump", "rest", "full", "over")
 
@@ -68,7 +68,7 @@ class TaxelBench:
         self.block.drive(step=1, leak_shift=config.leak_shift, window_period=config.window_period)
 
     def compare(self, enable: bool) -> None:
-        """Hold all outputs to the reference; the polarity as long as there is a request."""
+        """Compare all outputs with the reference, the polarity only during a request."""
         reference, block = self.reference, self.block
         state = {**vars(reference), "enable": enable}
         del state["config"]
@@ -83,7 +83,7 @@ class TaxelBench:
                 self.check.equal("half_width", reference.half_width, block.read("half_width"), state)
 
     def compare_reset(self) -> None:
-        """Hold all outputs to the reference while rst is high, which only resets at once if it is asynchronous."""
+        """Compare all outputs with the reference while rst is high; an asynchronous reset acts at once."""
         if self.config.reset == "async":
             self.reference.reset()
         self.compare(True)
@@ -126,7 +126,7 @@ class TaxelBench:
         self.ticks += self.tick
 
     def decide(self, code: int) -> tuple[bool, bool]:
-        """Return what the comparators find; by chance where they are only noise."""
+        """Return the comparators' decisions, random if they are only noise."""
         if self.noisy:
             return self.rng.random() < 0.5, self.config.has_polarity and self.rng.random() < 0.5
         width = self.block.read("half_width") if self.config.closes else self.config.step
@@ -134,7 +134,7 @@ class TaxelBench:
         return above, self.config.has_polarity and self.signal < code - width
 
     def _count(self, enable: bool, granted: bool, decision: tuple[bool, bool] | None) -> None:
-        """Count what happened, so that a test can tell that it did."""
+        """Count the cases that occurred, so that a test can require them."""
         counts, reference = self.check.counts, self.reference
         if decision is not None:
             rise = reference.half_width * reference.unit
@@ -214,7 +214,7 @@ async def overloaded_taxel_raises_a_request_every_clock(dut: Any) -> None:
 
 
 def breadth() -> list[ReadoutConfig]:
-    """Every encoding, front end and resolution; reset and decision rate change from one to the next."""
+    """Test every encoding, front end and resolution; reset and decision rate vary."""
     configs = []
     for number, (encoding, frontend, resolution) in enumerate(
         itertools.product(registry.NAMES, ["digital", "analog"], [1, 5, 10])

@@ -30,7 +30,7 @@ RESOLUTIONS = [1, 6, 10]
 
 
 def configurations() -> list[ReadoutConfig]:
-    """Every encoding on every array; variant and resolution change from one to the next."""
+    """Test every encoding on every array; variant and resolution vary."""
     fields = ("encoding", "rows", "columns", "link", "frontend", "reset", "resolution")
     return [
         ReadoutConfig.from_dict(
@@ -57,7 +57,7 @@ def with_registers() -> list[ReadoutConfig]:
 
 
 def extremes() -> list[dict[str, object]]:
-    """Every encoder at the ends of the ranges of its fields, with both front ends and both ways to decide."""
+    """Test every encoder at the limits of its fields, with both front ends and both decision rates."""
     windows = [{"window_period": 1}, {"closing_shift": 0}, {"closing_shift": 16, "window_period": 2**16}]
     leaks = [{"leak_period": 1, "leak_shift": 16, "fraction_bits": 0}, {"leak_period": 2**20, "leak_shift": 1}]
     own: dict[str, Any] = {e.name: windows if e.windowed else leaks if e.leaks else [{}] for e in registry.ENCODERS}
@@ -289,11 +289,11 @@ def test_ports_are_those_of_the_contract() -> None:
         (["--merge"], "error: --merge needs to know how many tiles there are; add --tiles RxC"),
         (
             ["--relays", "1"],
-            "error: --relays belongs to the lines of a whole skin; add --tiles RxC without --merge, or leave it out",
+            "error: --relays is for the lines of a whole skin; add --tiles RxC without --merge, or leave it out",
         ),
         (
             ["--tiles", "2x2", "--merge", "--relays", "1"],
-            "error: --relays belongs to the lines of a whole skin; add --tiles RxC without --merge, or leave it out",
+            "error: --relays is for the lines of a whole skin; add --tiles RxC without --merge, or leave it out",
         ),
         (["--tiles", "2x2", "--relays", "17"], "error: relays must be in 0..16, not 17"),
         (["--tiles", "4"], "error: tiles must be rows and columns such as 4x4, not '4'"),

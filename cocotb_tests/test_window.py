@@ -16,7 +16,7 @@ CLOCKS = 1200
 
 
 class WindowReference:
-    """The window: half-width in closing steps, and sample ticks since it last moved."""
+    """The window: half-width in closing steps, and sample ticks since its last change."""
 
     def __init__(self, config: ReadoutConfig) -> None:
         self.widest, self.period = 2**config.closing_levels_log2, config.window_period

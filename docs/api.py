@@ -8,6 +8,7 @@ Command lines have no page: docs/reference/commands.md is theirs.
 from __future__ import annotations
 
 import ast
+import json
 import sys
 from pathlib import Path
 
@@ -38,6 +39,8 @@ PACKAGES = ("model", "rtl", "skin", "power", "cocotb_tests", "snn", "board", "fl
 COMMANDS = ("commands",)
 AT_THE_TOP = ("CONTRIBUTING.md", "CHANGELOG.md")
 API = "reference/api"
+AFTER_GUIDES = "---\nsearch:\n  boost: 0.2\n---\n"
+"""Head of a module's page: search lists guides first."""
 PAGES_A_LINE = 100
 
 
@@ -67,6 +70,21 @@ def row_of(path: Path) -> str:
     return f"| [{name}]({name}.md) | {shown} | {sentence} |"
 
 
+def order_of(path: Path) -> str:
+    """Return the order of a module's members on its page: classes, functions, then constants."""
+    body = ast.parse(path.read_text()).body
+    called = [node.name for node in body if isinstance(node, (ast.ClassDef, ast.FunctionDef))]
+    targets = [
+        target
+        for node in body
+        if isinstance(node, (ast.Assign, ast.AnnAssign))
+        for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
+    ]
+    names = [name.id for target in targets for name in ast.walk(target) if isinstance(name, ast.Name)]
+    shown = [name for name in dict.fromkeys([*called, *names]) if not name.startswith("_")]
+    return f"    options:\n      group_by_category: false\n      members: {json.dumps(shown)}\n"
+
+
 def list_of_modules() -> str:
     """Return the page that lists all modules: first those that users call, then the others by their folders."""
     head = "| module | classes | what it is |\n|---|---|---|\n"
@@ -80,7 +98,7 @@ def list_of_modules() -> str:
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Add the list to the navigation, at the end of Reference; the pages of modules hang on it."""
+    """Add the list of modules to the navigation, at the end of Reference."""
     (reference,) = (entry["Reference"] for entry in config.nav or [] if "Reference" in entry)
     reference.append({"Python modules": f"{API}/index.md"})
     return config
@@ -93,7 +111,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for path in [*called, *(path for paths in rooms().values() for path in paths)]:
         name = imported_as(path)
         source = "eskin." + ".".join(path.relative_to(ROOT / "eskin" if path in called else ROOT).with_suffix("").parts)
-        text = f"# {name}\n\n`{path.relative_to(ROOT)}`\n\n::: {source}\n"
+        text = f"{AFTER_GUIDES}# {name}\n\n`{path.relative_to(ROOT)}`\n\n::: {source}\n{order_of(path)}"
         files.append(File.generated(config, f"{API}/{name}.md", content=text))
     for name in AT_THE_TOP:
         text = (ROOT / name).read_text().replace("](docs/", "](")

@@ -1,4 +1,4 @@
-"""Write docs/tutorial.md from docs/tutorial.py: every cell is run, and what it prints and draws stands below it.
+"""Run the cells of docs/tutorial.py and write them with their output and pictures to docs/tutorial.md.
 
 ``python docs/tutorial_page.py`` from the top of the project; does nothing where the page was made from this source,
 and makes the page all the same with ``--again``. The notebook of the site is made from the same source.
@@ -24,7 +24,7 @@ PICTURES = HERE / "figures" / "tutorial"
 
 
 def mark() -> str:
-    """Return the last line of a page that was made from the source as it is."""
+    """Return the last line of a page that was made from the current source."""
     return f"<!-- made from tutorial.py, SHA-256 {hashlib.sha256(SOURCE.read_bytes()).hexdigest()[:16]} -->\n"
 
 

@@ -57,7 +57,7 @@ def encode(config: ReadoutConfig, signal: ArrayLike) -> Events:
 
 
 def decode(config: ReadoutConfig, events: Events, ticks: int) -> NDArray[np.float64]:
-    """Return the signals that events stand for.
+    """Return the signals rebuilt from events.
 
     An event counts for the tick in which it left the readout.
 
@@ -359,7 +359,7 @@ def _numbers(data: ScanData, recordings: Sequence[int]) -> NDArray[np.int64]:
 
 @contextmanager
 def _named_group() -> Iterator[None]:
-    """Say which group of packages to install where one is missing."""
+    """Name the group of packages to install if a package is missing."""
     try:
         yield
     except ModuleNotFoundError as error:

@@ -1,4 +1,4 @@
-"""Gates and flops of the readouts, counted after synthesis, to compare what they cost in silicon."""
+"""Count gates and flops of the readouts after synthesis, to compare their cost in silicon."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Gates:
     area_um2: float | None
 
     def to_dict(self) -> dict[str, float | None]:
-        """Return the numbers, those per taxel too."""
+        """Return the numbers, in total and per taxel."""
         area = self.area_um2
         return {
             "flops": self.flops,

@@ -63,7 +63,7 @@ class Report:
 
     @property
     def leakage_w(self) -> float:
-        """What all cells leak together at the corner of the library, an average over their states."""
+        """The leakage of all cells at the library's corner, averaged over states."""
         return self._sum(lambda cell: cell.leakage_w)
 
     def _sum(self, value: Callable[[Any], float], block: str = "") -> float:
@@ -73,7 +73,7 @@ class Report:
 
     @property
     def problems(self) -> list[str]:
-        """What is wrong with the netlist, a sentence each."""
+        """The problems of the netlist, one sentence each."""
         said = list(self.structure.problems)
         if not self.equivalence.holds:
             first = self.equivalence.unproved[:1] or ("nothing",)
@@ -93,7 +93,7 @@ class Report:
         return said
 
     def closing_line(self) -> str:
-        """Return the last line of ``make asic``; where no energy was measured it says why."""
+        """Return the last line of ``make asic``, with the reason if no energy was measured."""
         taxels = readout_of(self.netlist.config).taxels
         fmax = self.timing["typical"].fmax_hz
         parts = [f"asic: {self.name}", f"{self.area_um2() / taxels:.0f} um2 per taxel", f"{fmax / 1e6:.1f} MHz"]
@@ -145,7 +145,7 @@ class Report:
         }
 
     def write(self, out: Path, command: str) -> Path:
-        """Write netlist, constraints and report into a folder of the report's name; return that of the report."""
+        """Write netlist, constraints and report into the report's folder; return the report's path."""
         folder = make_folder(out, self.name)
         self.netlist.write(folder)
         with atomic_write(folder / f"{self.netlist.top}.sdc") as file:
@@ -156,12 +156,12 @@ class Report:
 
 
 def readout_of(config: Config) -> ReadoutConfig:
-    """Return the array of a readout, that of a frame readout too."""
+    """Return the array of a readout, spiking or frame."""
     return config if isinstance(config, ReadoutConfig) else config.readout
 
 
 def _gates_from(made: Netlist) -> str:
-    """Return in words what the clock gates are made of."""
+    """Return the kind of the clock gates in words."""
     if not made.gated:
         return "nothing: the library has neither a clock gate nor a latch, so every clock runs all the time"
     cell = made.library.clock_gate
@@ -176,7 +176,7 @@ def name_of(config: Config, library: Library) -> str:
 
 
 def command_of(config: Config, corners: dict[str, Path], power: bool = True) -> str:
-    """Return the command line of a run: what differs from the defaults, libraries by the names of their files."""
+    """Return the command line of a run: options that differ from the defaults, libraries by file name."""
     readout = readout_of(config)
     words = ["make asic", *(["READOUT=frame"] if readout is not config else [])]
     for corner, path in corners.items():
@@ -189,7 +189,7 @@ def command_of(config: Config, corners: dict[str, Path], power: bool = True) -> 
 def run(
     config: Config, corners: dict[str, Path], name: str, on_stage: Callable[[str], None], power: bool = True
 ) -> Report:
-    """Return what synthesis, proof, rules, timing and simulation say of a readout.
+    """Return the results of synthesis, proof, rules, timing and simulation for a readout.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def run(
 
 
 def measured(made: Netlist) -> dict[str, Any]:
-    """Return what simulation says of a netlist: its energies, or where it differs from the RTL."""
+    """Return a netlist's simulation results: energies, or the difference from the RTL."""
     try:
         return energies(made.config, made.text, made.library.path)
     except Mismatch as wrong:

@@ -1,4 +1,4 @@
-"""The wires of an array, as they are estimated where no layout is."""
+"""Estimate the wires of an array without a layout."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ def offers(state: NDArray[np.uint64]) -> bool:
 
 @njit(inline="always")
 def idle(state: NDArray[np.uint64]) -> bool:
-    """Return whether nothing is offered and nothing requested."""
+    """Return whether no event is offered and no request pending."""
     return state[WAITING] == ZERO and state[REQUESTS] == ZERO
 
 

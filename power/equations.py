@@ -130,7 +130,7 @@ class Breakdown:
 
 @dataclass(frozen=True)
 class Crossover:
-    """Where a spiking readout costs what frames cost.
+    """The point at which a spiking readout costs as much as frames.
 
     Attributes
     ----------
@@ -248,7 +248,7 @@ class PowerModel:
 
     @property
     def bandwidth_hz(self) -> float:
-        """BW in hertz; correction ``bandwidth`` puts that of the textures."""
+        """BW in hertz; with correction ``bandwidth`` that of the textures."""
         p = self.parameters
         return p.signal_bandwidth_hz if "bandwidth" in self.corrections else p.bandwidth_hz
 
@@ -260,7 +260,7 @@ class PowerModel:
 
     @property
     def toggle(self) -> float:
-        """Share of data bits that are charged; correction ``pads`` puts that of random data."""
+        """Share of data bits that are charged; with correction ``pads`` that of random data."""
         p = self.parameters
         return p.pads_toggle if "pads" in self.corrections else p.io_toggle
 

@@ -1,4 +1,4 @@
-"""Which readout, at which resolution, costs least for a given sensor (docs/guide/power.md)."""
+"""Find the readout and resolution with the least power for a sensor (docs/guide/power.md)."""
 
 from __future__ import annotations
 

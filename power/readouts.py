@@ -23,7 +23,7 @@ T = TypeVar("T")
 
 
 def published(readout: str, *, lcs: T, nlcs: T) -> T:
-    """Return what stands for an encoder of the paper.
+    """Return the readout that represents an encoder of the paper.
 
     Raises
     ------

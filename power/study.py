@@ -41,7 +41,7 @@ def breakdowns(model: PowerModel, resolution: int, noise_v_rms: float, tau_s: fl
 
 
 def crossovers(model: PowerModel) -> Data:
-    """Return the noise in volts where spiking beats frames, for N = 1..10; None where it does not."""
+    """Return the noise in volts above which spikes use less power, for N = 1..10; None without a crossover."""
     return _over_crossovers(model, "noise_v_rms")
 
 

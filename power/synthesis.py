@@ -1,4 +1,4 @@
-"""Reports of synthesised gates: what the power model needs to know of a netlist (docs/guide/power.md)."""
+"""Read reports of synthesised gates for the power model (docs/guide/power.md)."""
 
 from __future__ import annotations
 

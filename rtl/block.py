@@ -1,4 +1,4 @@
-"""How a component becomes one Verilog module, however many instances of it there are."""
+"""Make one Verilog module of a component, for any number of instances."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class RtlilModules:
         return "\n".join(self.modules.values())
 
     def add(self, block: Block[Any]) -> str:
-        """Return the RTLIL text of a block, made on first use, after those of the blocks within it.
+        """Return the RTLIL text of a block, made at first use after those of its inner blocks.
 
         Raises
         ------

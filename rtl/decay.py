@@ -1,4 +1,4 @@
-"""The one counter that times the leak of the N-LCS array, staggered over the rows."""
+"""Time the leak of the N-LCS array with one counter, staggered over the rows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a CMOS flow wants beside the Verilog: ports, timing constraints, description, FuseSoC core file."""
+"""Write the files beside the Verilog: ports, timing constraints, description, FuseSoC core file."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ FRAME_PORTS = PORTS_OF_ALL | {
 
 
 def _fields(config: ReadoutConfig) -> dict[str, Any]:
-    """Return what the meanings of a readout's ports name in braces."""
+    """Return the values for the braces in the port descriptions of a readout."""
     half_width = "half_width" if config.closes else str(config.step) if config.registers == "none" else "step_code"
     return config.to_dict() | {
         "above": f"x >= reference_code + {half_width + (' + 1' if config.encoder.strict else '')}",
@@ -160,7 +160,7 @@ def ports(config: Config) -> Iterator[dict[str, Any]]:
 
 
 def description(config: Config, gated: bool = False) -> str:
-    """Return the JSON text that goes with the Verilog: version, configuration and ports."""
+    """Return the JSON file of a design: version, configuration and ports."""
     return json.dumps(
         {
             "top": top_block(config).module_name,
@@ -175,7 +175,7 @@ def description(config: Config, gated: bool = False) -> str:
 
 
 def constraints(config: Config, gated: bool = False) -> str:
-    """Return the timing constraints (SDC): the clock, the ports' share of it, and what is asynchronous."""
+    """Return the timing constraints (SDC): clock, port delays, and asynchronous inputs."""
     period_ns = 1e9 / config.clock_hz
     pins = {port["name"]: port["name"] + ("[*]" if port["width"] > 1 else "") for port in ports(config)}
     timed = {
@@ -290,7 +290,7 @@ def _simulation(top: str) -> tuple[str, str]:
 
 
 def _summary(config: Config) -> str:
-    """Return one line on a design."""
+    """Return a description of a design in one line."""
     if isinstance(config, ChipConfig):
         return f"{_summary(config.readout)}, with its classifier of {config.classifier.hidden} neurons"
     what = what_is(config)

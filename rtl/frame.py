@@ -14,7 +14,7 @@ from eskin.rtl.logic import or_tree
 
 
 class FrameSequencer(Block[FrameConfig]):
-    """Puts one taxel after the other to the ADC and hands on its codes.
+    """Connect one taxel after the other to the ADC and pass on its codes.
 
     One-hot rings, shifted once a conversion, drive the switches: flops, so they cannot glitch. A conversion starts only
     while no sample waits, so there is always room for its code and the ADC need not hold it. No upset of a flop stops
@@ -120,7 +120,7 @@ class FrameSequencer(Block[FrameConfig]):
 
 
 class FramePacker(Block[FrameConfig]):
-    """Puts N-bit codes one behind the other into words; every frame begins with a word of its own.
+    """Pack N-bit codes into words without gaps; every frame starts a new word.
 
     N and the word have a greatest common divisor g, and codes begin at multiples of it only, so the number of places
     where one is put, and not the number of bits, makes the size of the shifter.

@@ -13,7 +13,7 @@ from eskin.rtl.block import Block
 
 
 class FourPhaseLink(Block[ReadoutConfig]):
-    """Sends the event stream over REQ/ACK, or over a REQ for ON, one for OFF, and their common ACK.
+    """Send the event stream over REQ/ACK, or over one REQ for ON, one for OFF and a common ACK.
 
     An event is taken at clock t, REQ rises at the edge of t + 1, falls at the edge that sees ACK through two flops,
     and the next event may be taken in the clock that sees ACK low again: 7 clocks per event with a receiver that

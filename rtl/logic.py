@@ -47,6 +47,6 @@ def _prefix_or(values: list[Value], m: Module | None, name: str, size: int) -> l
 
 
 def encode(one_hot: Sequence[ValueLike]) -> Value:
-    """Return the index of the one bit that is set, (len - 1).bit_length() bits wide; 0 where none is."""
+    """Return the index of the only set bit, (len - 1).bit_length() bits wide; 0 if none is set."""
     width = (len(one_hot) - 1).bit_length()
     return Cat(or_tree([bit for i, bit in enumerate(one_hot) if i >> b & 1]) for b in range(width))

@@ -112,7 +112,7 @@ class Readout(Block[ReadoutConfig]):
         return m
 
     def _host(self, m: Module, arbiter: Arbiter, platform: Any) -> Host | None:
-        """Add what the host sets, if anything."""
+        """Add the host's settings, if there are registers."""
         if self.config.registers == "none":
             return None
         host = Host(self.config)
@@ -130,7 +130,7 @@ class Readout(Block[ReadoutConfig]):
         return host
 
     def _row_decay(self, m: Module, tick: Signal, host: Host | None, platform: Any) -> list[Any]:
-        """Return the decay tick of every row: the sample tick itself where every one is a decay tick."""
+        """Return the decay tick of every row: the sample tick itself if every tick is a decay tick."""
         config = self.config
         if host is not None:
             settable = SettableDecayTicks(config)
@@ -150,12 +150,12 @@ class Readout(Block[ReadoutConfig]):
 
 
 def _shows_step(config: ReadoutConfig) -> bool:
-    """Return whether comparators outside need D, since no half-width says it."""
+    """Return whether outside comparators need D, because there is no half-width port."""
     return config.registers != "none" and config.frontend == "analog" and not config.closes
 
 
 def _request(m: Module, arbiter: Arbiter, row: Row, host: Host | None, index: int) -> None:
-    """Show the arbiter the requests of a row, or that of the test pattern: then those of the array are masked."""
+    """Connect the arbiter to a row's requests, or to those of the test pattern, which mask the array's."""
     config = arbiter.config
     request, columns = row.request, row.column_request
     if host is not None:

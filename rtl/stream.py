@@ -44,7 +44,7 @@ class StreamReadout(wiring.Component):
         if config.frontend != "digital":
             raise InputError(f"a stream carries samples, and frontend {config.frontend!r} has none; set digital")
         if config.link != "stream":
-            raise InputError(f"link {config.link!r} has a handshake of its own; set link to stream")
+            raise InputError(f"link {config.link!r} is a four-phase handshake; set link to stream")
         self.config = config
         self.readout = Readout(config)
         ports = self.readout.signature.members

@@ -1,4 +1,4 @@
-"""The taxel: one pending request, and what its encoder adds, reference and comparators."""
+"""The taxel: one pending request, and the encoder's reference and comparators."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from eskin.rtl.logic import or_tree
 
 
 def settings(config: ReadoutConfig) -> dict[str, Any]:
-    """Return what a host sets at run time, as ports of every taxel; nothing without registers."""
+    """Return the host's settings as ports of every taxel; none without registers."""
     if config.registers == "none":
         return {}
     ports = {"step": In(config.resolution)}
@@ -28,7 +28,7 @@ def settings(config: ReadoutConfig) -> dict[str, Any]:
 
 
 class Taxel(Block[ReadoutConfig]):
-    """One taxel: decides against its reference, raises a request, moves the reference.
+    """One taxel: compares with its reference, raises a request, moves the reference.
 
     A taxel is free while it has no request or its request is being taken; only a free one decides, so a request
     may follow the old one without a bubble. While its request waits everything in it holds still.
@@ -123,7 +123,7 @@ class Taxel(Block[ReadoutConfig]):
 
     @property
     def sleeps(self) -> bool:
-        """Whether the taxel does nothing from its reset to its first sample: then masks need not reset the sample.
+        """Whether the taxel is idle from its reset to its first sample, so that masks need not reset the sample.
 
         A reference of 0 meets a sample of 0, and no window closes.
         """

@@ -110,14 +110,14 @@ def rtlil(config: Config) -> str:
 
 
 def block_rtlil(block: Block[Any]) -> str:
-    """Return a block and those within it as RTLIL text, one module per distinct one."""
+    """Return a block and its inner blocks as RTLIL text, one module for each distinct block."""
     netlist = RtlilModules(block.config.reset == "async")
     netlist.add(block)
     return netlist.text
 
 
 def what_is(config: Config) -> str:
-    """Return what a configuration describes, in a few words."""
+    """Return a short description of a configuration."""
     if isinstance(config, ClassifierConfig):
         return "classifier of a spiking e-skin readout"
     if isinstance(config, ChipConfig):

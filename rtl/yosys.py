@@ -1,4 +1,4 @@
-"""The one runner of Yosys, and all that reads or rewrites the text that goes into it and comes out of it."""
+"""Run Yosys, and read or rewrite its input and output texts."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def tidy(verilog: str) -> str:
 
 
 def plain_names(module: str) -> str:
-    """Return the text of a module with every escaped identifier replaced by a plain one of its own."""
+    """Return a module's text with escaped identifiers replaced by plain ones."""
     taken = set(re.findall(r"(?<![\\\w$])[A-Za-z_]\w*", module))
     plain: dict[str, str] = {}
     for name in re.findall(r"\\(\S+) ", module):

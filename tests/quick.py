@@ -119,7 +119,7 @@ OTHERS = {
 
 
 def fits(node: str, entry: str) -> bool:
-    """Say whether a test, by the name pytest gives it, is that of an entry."""
+    """Return whether an entry selects a test, given by its name in pytest."""
     function, bracket, case = entry.partition("[")
     return node.startswith(function) and (not bracket or node.partition("[")[2].startswith(case))
 

@@ -38,7 +38,7 @@ def bit_exact(total: Tally) -> str:
         raise typer.Exit(1)
     if not total.drained:
         print(
-            "no run came to rest: the events that left were compared; at the end of every run requests still waited "
-            "for the link"
+            "no run came to rest: only sent events were compared, and requests still waited for the link at "
+            "the end of every run"
         )
     return f"bit-exact: {total.runs} runs, {total.clocks} clocks, {total.events} events, 0 mismatches"

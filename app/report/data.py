@@ -31,7 +31,7 @@ SHOWN_ALONE = ("lcs", "nlcs")
 
 @dataclass(frozen=True)
 class Run:
-    """The recordings of one readout: of RTL and model, or of the model alone with its samples.
+    """The recordings of one readout: of RTL and model, or of the model with its samples.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""From the design of a board to a bitstream: synthesis, place and route, and what it costs."""
+"""Build the bitstream of a board: synthesis, place and route, and a report of area and clock."""

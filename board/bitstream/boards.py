@@ -1,4 +1,4 @@
-"""Boards: the pins of a design, and the clock that it is given. The boards themselves come from amaranth-boards."""
+"""Describe the boards: the pins of a design, and its clock. The boards themselves come from amaranth-boards."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def platform_of(board: str) -> Any:
 
 
 class Clock(Elaboratable):
-    """A PLL that makes 50 MHz of the crystal's 25; the design is in reset until it has locked."""
+    """A PLL that turns the 25 MHz of the crystal into 50 MHz; the design stays in reset until the PLL has locked."""
 
     def elaborate(self, platform: Any) -> Module:
         m = Module()

@@ -1,4 +1,4 @@
-"""Synthesis, place and route, and the bitstream, by open programs that come as Python packages."""
+"""Run synthesis, place and route, and bitstream generation with open tools installed as Python packages."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ BLOCK_BITS = 18 * 1024
 
 
 class BuildFailed(RuntimeError):
-    """Raised where a program gives up; its text is what the program said last."""
+    """Raised when a tool fails; the text is the last message of the tool."""
 
 
 @dataclass(frozen=True)
 class Built:
-    """What came out of place and route.
+    """The results of place and route.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Built:
 
     @property
     def luts(self) -> int:
-        """LUT4 in use, those of carry chains and distributed memory among them."""
+        """Number of LUT4 in use, including carry chains and distributed memory."""
         return self.used["TRELLIS_COMB"]
 
     @property
@@ -80,14 +80,14 @@ class Built:
 
 
 def design_of(weights: Path | None, receiver: bool) -> BoardConfig:
-    """Return what is built: the receiver, or the player of a network, by default the first of the embedded textures."""
+    """Return the design to build: the receiver, or the player of a network (default: first embedded one)."""
     if receiver:
         return BoardConfig(chip=None)
     return board_of(IntegerWeights.load(weights or NETWORK))
 
 
 def build(config: BoardConfig, board: str) -> Built:
-    """Return the bitstream of a design for a board, and what it takes.
+    """Return the bitstream of a design for a board, and the resources in use.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def build(config: BoardConfig, board: str) -> Built:
 
 
 def build_classifier(config: ClassifierConfig) -> Built:
-    """Return what the classifier alone takes of an ECP5-25, speed grade 6, with free pins."""
+    """Return the resources of the classifier alone in an ECP5-25, speed grade 6, with free pins."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / f"{NAME}.il").write_text(rtlil.convert(Classifier(config), name=NAME, emit_src=False))
@@ -127,7 +127,7 @@ def place_and_route(folder: Path, options: Sequence[str]) -> None:
 
 
 def read_report(folder: Path, files: dict[str, bytes]) -> Built:
-    """Return what nextpnr reports in a folder."""
+    """Return the results that nextpnr reports in a folder."""
     said: dict[str, Any] = json.loads((folder / "report.json").read_text())
     clocks = {name: clock for name, clock in said["fmax"].items() if clock["constraint"] >= 50 - 1e-3}
     slowest = min(clocks.values(), key=lambda clock: clock["achieved"])

@@ -1,4 +1,4 @@
-"""What a design takes of an FPGA and how fast it is, beside what was aimed at."""
+"""Report the resources and the clock of a design in an FPGA, next to their targets."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MOST_BLOCKS = {8: 49, 4: 25}
 
 @dataclass(frozen=True)
 class Aim:
-    """A number, and what it should be.
+    """A measured number and its target.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ def clock_aim(built: Built) -> Aim:
 
 
 def classifier_aims(built: Built, bits: int) -> list[Aim]:
-    """Return how the classifier alone does; there are aims for block RAMs with weights of 8 and of 4 bits."""
+    """Return the classifier's results against their targets; block RAMs have a target at 8 and at 4 bits."""
     aims = [clock_aim(built), Aim("LUT4 (at most)", built.luts, MOST_LUTS, built.luts <= MOST_LUTS)]
     if bits in MOST_BLOCKS:
         most = MOST_BLOCKS[bits]

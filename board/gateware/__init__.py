@@ -1,1 +1,1 @@
-"""What goes into an FPGA beside the chip: the serial line, frames, the sample loader, records, the AER receiver."""
+"""Gateware around the chip: serial line, frames, sample loader, records, and AER receiver."""

@@ -14,7 +14,7 @@ from eskin.board.records import VALUE_BITS
 
 
 class AerReceiver(Component):
-    """Takes the address when REQ is seen through two flops; the sender has set it before, and holds it until ACK falls.
+    """Take the address when REQ has passed two flops; the sender holds the address from before REQ until ACK falls.
 
     ACK rises when the event is kept, or is lost because the memory is full: time is never bought by holding the foreign
     chip back. A REQ that is high when reset ends is a new request. At most one event in 7 clocks, with a sender that

@@ -1,4 +1,4 @@
-"""Carries out the frames of the host: samples one taxel at a time, clocks of the chip, weights, questions."""
+"""Execute the host's frames: load samples taxel by taxel, run the chip, load weights, answer questions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ RUN_BITS = 32
 
 
 class Loader(Component):
-    """Takes the bytes of good frames; the chip has as many clocks as it is given, and waits between.
+    """Execute valid frames; the chip runs the requested number of clocks and waits in between.
 
     A sample that comes is shifted in behind those of the taxels before: when that of the last is there, the chip gets a
     sample tick and the clocks of a sample. Frames are carried out in their order, and acknowledged then.
@@ -113,7 +113,7 @@ class Loader(Component):
         return m
 
     def _choose(self, m: Module, kind: Signal, left: Signal) -> None:
-        """Go to the work of a frame; a chip that still runs is waited for, since most work changes it."""
+        """Start the work of a frame; wait first for a running chip, because most frames change the chip."""
         m.next = "SKIP"
         cases = [(Kind.RESTART, left == 0, "RESTART"), (Kind.STATUS, left == 0, "STATUS")]
         if self.config.chip:
@@ -154,7 +154,7 @@ class Loader(Component):
                 m.next = "ACK"
 
     def _run(self, m: Module, taken: Signal, left: Signal, budget: Signal) -> None:
-        """Add the states that give clocks without a sample, and wait until they are over."""
+        """Add the states that run the chip for clocks without a sample, and wait for their end."""
         clocks = Signal(RUN_BITS)
         with m.State("RUN"):
             m.d.comb += self.ready.eq(left != 0)

@@ -1,4 +1,4 @@
-"""What happens on a board becomes words for the host, in the order in which it happens (board/records.py)."""
+"""Convert the events of a board into words for the host, in order (board/records.py)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ RESERVE = 32
 
 
 class Recorder(Component):
-    """Writes a word a clock into the memory that waits for the line.
+    """Write one word per clock into the memory in front of the serial line.
 
     Attributes
     ----------
@@ -133,7 +133,7 @@ class Recorder(Component):
         return m
 
     def _keep_class(self, m: Module) -> None:
-        """Keep what the chip says of a class in this clock; the evidence it holds itself."""
+        """Store the chip's class of this clock; the chip itself holds the evidence."""
         if not self.classes:
             return
         self.has_class, self.kept = Signal(), Signal(ADDRESS_BITS)

@@ -18,7 +18,7 @@ WORDS_IN_A_FRAME = MOST_PAYLOAD // 4
 
 
 class FrameReceiver(Component):
-    """Keeps the bytes of a frame, and gives them on once its CRC, length and sequence number are right.
+    """Buffer the bytes of a frame, and pass them on if CRC, length and sequence number are right.
 
     The bytes of a frame are written behind those that wait; only its end moves the mark up to which they may be read.
     What a frame refused has written is written over.
@@ -106,7 +106,7 @@ class FrameReceiver(Component):
         return late
 
     def _end(self, m: Module, ends: Signal, right: Value) -> None:
-        """Take or refuse what stood between two flags, or stopped."""
+        """Accept or refuse the bytes between two flags, or an interrupted frame."""
         late, whole, hello = self._late(m), Signal(), Signal()
         m.d.comb += [
             whole.eq(right & ends & ~self.escaped & (self.count == self.length + (HEAD_BYTES + CRC_BYTES))),
@@ -131,7 +131,7 @@ class FrameReceiver(Component):
                     ]
 
     def _give(self, m: Module, read: Any) -> None:
-        """Give on what good frames have written; a session begins with nothing."""
+        """Pass on the bytes of valid frames; a session starts with an empty buffer."""
         m.d.comb += [read.addr.eq(self.read_at[:-1]), self.data.eq(read.data), read.en.eq(0)]
         with m.If((~self.valid | self.ready) & (self.read_at != self.good)):
             m.d.comb += read.en.eq(1)
@@ -224,7 +224,7 @@ class FrameSender(Component):
         done: Signal,
         marks: Signal | None = None,
     ) -> None:
-        """Add a state that sends one byte; ``marks`` goes high where it is a flag."""
+        """Add a state that sends one byte; ``marks`` is high if the byte is a flag."""
         with m.State(name):
             m.d.comb += [self.valid.eq(1), byte.eq(value)]
             if marks is not None:

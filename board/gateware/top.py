@@ -1,4 +1,4 @@
-"""The design of a board: serial line, frames, and the chip that is played to or the receiver of a foreign one."""
+"""The design of a board: serial line, frames, and the chip to play or the receiver of a foreign chip."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ TOP = "eskin_board"
 
 
 def _pins(config: BoardConfig) -> dict[str, Any]:
-    """Return the ports that a receiver has beside the serial line."""
+    """Return the ports of a receiver in addition to the serial line."""
     if config.chip:
         return {}
     return {"aer_req": In(1), "aer_req_off": In(1), "aer_ack": Out(1), "aer_addr": In(ADDRESS_BITS)}
 
 
 class Core(Component):
-    """All that begins anew with a session: what the host says, what is recorded, and what goes back.
+    """The state that a session resets: frames from the host, recorded events, and records to the host.
 
     Attributes
     ----------

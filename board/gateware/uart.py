@@ -15,7 +15,7 @@ from eskin.board.config import SerialConfig
 
 
 class UartReceiver(Component):
-    """Takes each bit in its middle; whether it was right is the CRC's to say.
+    """Sample each bit in its middle; errors show in the CRC.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class UartReceiver(Component):
 
 
 class UartSender(Component):
-    """Sends a byte in ten bit times, one behind the other.
+    """Send bytes without gaps, ten bit times each.
 
     Attributes
     ----------

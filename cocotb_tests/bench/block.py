@@ -114,7 +114,7 @@ class Checker:
 
 
 class Sink:
-    """A receiver's ready: ``always``, ``random``, ``slow`` (every seventh clock) or ``stuck`` (with one long stall)."""
+    """Ready pattern of a receiver: ``always``, ``random``, ``slow`` (every seventh clock) or ``stuck`` (one stall)."""
 
     NAMES = ("always", "random", "slow", "stuck")
 

@@ -201,7 +201,7 @@ class Prepared:
 
 
 class Bench:
-    """A readout in its harness, for one run after the other."""
+    """A readout in its harness, for one run after another."""
 
     def __init__(self, dut: Any, config: ReadoutConfig, folder: Path) -> None:
         self.dut = dut

@@ -1,4 +1,4 @@
-"""The readout in plain Python, one clock at a time: obviously right rather than fast.
+"""The readout in plain Python, one clock at a time: simple rather than fast.
 
 Written only from docs/specification.md and docs/design/microarchitecture.md, as a reference for the clock-skipping
 model and the RTL. Properties and methods give the outputs of a block just before a rising edge, and ``clock`` applies

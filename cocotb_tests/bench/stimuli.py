@@ -113,7 +113,7 @@ READY = {"always": _ready_always, "random": _ready_random, "slow": _ready_slow, 
 
 
 def ack_delays(sink: str, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Return the delays of a four-phase receiver, shape (4096,), in 1/8 clock: a sink of the same names as READY."""
+    """Return the delays of a four-phase receiver, shape (4096,), in 1/8 clock, for the names of READY."""
     high = {"always": 2, "random": 60, "slow": 200, "stuck": 40}[sink]
     delays = rng.integers(1, high, SINK_PERIOD)
     if sink == "stuck":

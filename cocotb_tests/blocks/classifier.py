@@ -47,7 +47,7 @@ def random_network(config: ClassifierConfig, rng: random.Random) -> IntegerNetwo
 
 
 def random_scan(config: ClassifierConfig, rng: random.Random, bins: int, rate: str) -> Stimulus:
-    """Return a scan whose events come ``seldom``, in ``bursts`` or ``always``, with bins that fit and that do not."""
+    """Return a scan with events ``seldom``, in ``bursts`` or ``always``, and with bins long enough or too short."""
     work = 3 * config.hidden + config.hidden * (config.groups + config.classes) // 2 + config.classes
     clock, ends = config.hidden + config.classes, []
     for _ in range(bins):

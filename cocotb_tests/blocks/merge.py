@@ -85,7 +85,7 @@ class MergeBench:
         self.reference.reset()
 
     def offer(self, demand: float, members: list[int]) -> None:
-        """Let tiles with nothing to offer find an event, each with a probability."""
+        """Let idle tiles offer a new event, each with a probability."""
         tile_config = self.config.tile
         for tile in members:
             if self.offers[tile] is None and self.rng.random() < demand:

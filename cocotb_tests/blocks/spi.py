@@ -1,4 +1,4 @@
-"""The SPI slave's RTL against its model in every clock, and against a host with a clock of its own."""
+"""Compare the SPI slave's RTL with its model in every clock, and with a host that has its own clock."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ async def slave_follows_its_model(dut: Any) -> None:
 
 
 class Host:
-    """A host that knows nothing of the readout's clock: its times are in picoseconds."""
+    """A host without the readout's clock: its times are in picoseconds."""
 
     def __init__(self, block: Block, period_ps: int, rng: random.Random) -> None:
         self.block, self.period_ps, self.rng = block, period_ps, rng

@@ -80,7 +80,7 @@ def run_watched(
 
 
 class CachingVerilator(VerilatorRunner):
-    """Verilator with its own library, most of the code to compile, compiled once for all programs."""
+    """Build with Verilator, compiling its library, most of the code, once for all programs."""
 
     def _execute_cmds(
         self, cmds: Sequence[list[str]], cwd: os.PathLike[str] | str, stdout: TextIO | None = None

@@ -87,7 +87,7 @@ class Plan:
         return {name: self.material.proof(name, self.program) for name in self.names}
 
     def finished(self, name: str) -> Recording | None:
-        """Return a recording if the current RTL and model made it from the current image or samples."""
+        """Return a recording if the current RTL and model made it from the same image or samples."""
         try:
             found = Recording.load(self.events / f"{name}.npz")
         except InputError:

@@ -50,7 +50,7 @@ def draw(plan: Plan, summary: dict[str, Any], path: Path) -> Path | None:
         spikes=spikes,
         evidence=(arrays["evidence"] * unit).astype(np.float32),
         class_names=tuple(said["classes"]),
-        meaning="as the RTL gave it",
+        meaning="from the RTL",
         right=summary["right"],
         tests=summary["labelled"],
         numbers=numbers(chip, summary),
@@ -68,12 +68,12 @@ def numbers(chip: ChipConfig, summary: dict[str, Any]) -> dict[str, str]:
     waited = summary["stalls"] / summary["clocks"]
     return {
         "signals": f"{readout.taxels} x {readout.sample_bits} b, {readout.sample_rate_hz:g} Hz: {_bps(samples_bps)}",
-        "events": f"all: {rate_hz:,.0f} a second x {readout.event_bits} b = {_bps(rate_hz * readout.event_bits)}, "
-        f"{waited:.1%} of the clocks waiting",
-        "hidden": f"all: {summary['additions'] / seconds / 1e6:.2g} M additions a second, "
+        "events": f"all images: {rate_hz:,.0f} a second x {readout.event_bits} b = "
+        f"{_bps(rate_hz * readout.event_bits)}, {waited:.1%} of the clocks waiting",
+        "hidden": f"all images: {summary['additions'] / seconds / 1e6:.2g} M additions a second, "
         f"{classifier.memory_bits / 8000:.1f} kB of weights of {classifier.rec_bits} b",
         "evidence": f"class at most {summary['latency_clocks']} clocks, "
-        f"{1e3 * summary['latency_clocks'] / readout.clock_hz:.2g} ms, after a step",
+        f"{1e3 * summary['latency_clocks'] / readout.clock_hz:.2g} ms, after the end of a step",
     }
 
 

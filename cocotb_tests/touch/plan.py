@@ -128,7 +128,7 @@ class Plan:
         return found.hexdigest()
 
     def finished(self, name: str) -> dict[str, Any] | None:
-        """Return a result if the current RTL and network made it from the current image or samples."""
+        """Return a result if the current RTL and network made it from the same image or samples."""
         try:
             said = result_of(self.folder / f"{name}.npz")
         except InputError:
@@ -204,7 +204,7 @@ def plan(weights: Path | None, data: Path | None, dataset: str, limit: int | Non
 
 
 def not_learned(material: Material, networks: Sequence[Network]) -> list[str]:
-    """Return the names that a network here has not learned; all of them where every network has learned all."""
+    """Return the names that a network has not learned; all names if every network has learned all."""
     found = [name for name in material.names if any(n.dataset != material.name or name in n.tested for n in networks)]
     return found or material.names
 

@@ -38,7 +38,7 @@ def main() -> None:
     area.plot(taxels, [array["with_wires"]["area_um2_per_taxel"] for array in arrays], **wired)
     area.set_ylabel("area (um2 per taxel)", fontsize=8.5)
     for axis, name, unit in ((clock, "fmax_hz", 1e6), (area, "area_um2_per_taxel", 1.0)):
-        for skin, mark, colour in zip(skins, ("*", "P"), ("black", "grey"), strict=True):
+        for skin, mark, colour in zip(skins, ("o", "*"), ("grey", "black"), strict=True):
             label = f"tiles of {skin['rows'] // skin['tile_rows']} x {skin['columns'] // skin['tile_columns']}"
             axis.plot([skin["taxels"]], [skin["with_wires"][name] / unit], mark, ms=9, color=PALETTE[colour],
                       ls="", label=label)  # fmt: skip

@@ -1,4 +1,4 @@
-"""Draw docs/figures/encoders.png: one signal, and what every encoder makes of it.
+"""Draw docs/figures/encoders.png: one signal, and the events of every encoder.
 
 ``python docs/figures/encoders.py`` from the top of the project.
 """

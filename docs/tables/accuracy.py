@@ -107,7 +107,7 @@ def frontier_pairs() -> None:
 
 
 def nlcs_explained() -> None:
-    """Print N-LCS with other constants and with OFF events, LCS without, and points of the paper's sweep."""
+    """Print accuracies of N-LCS with other constants or OFF events, of LCS without OFF events, and of the paper."""
     texts = {
         "tau-0.02": "N-LCS 6 b, tau 20 ms",
         "start": "N-LCS 6 b, counted from 10 ms on",
@@ -126,7 +126,7 @@ def nlcs_explained() -> None:
 
 
 def nlcs_epochs() -> None:
-    """Print folds of N-LCS 8 b: the published ones, and ours in the last and in the best test epoch."""
+    """Print fold accuracies of N-LCS 8 b: published, ours in the last epoch, ours in the best test epoch."""
     folds = read(f"{TEXTURES}nlcs/test-epochs.json")["folds"]
     rows = {
         "published": [62.5, 82.5, 85.0, 87.5, 65.0, 75.0],
@@ -241,7 +241,7 @@ def noise_power() -> None:
 
 
 def touch() -> None:
-    """Print what each step from touch to class takes, over a whole dataset in the RTL."""
+    """Print the size and rate of each step from touch to class, over a whole dataset in the RTL."""
     report = read("docs/data/touch.json")
     chip = report["chip"]
     taxels = chip["rows"] * chip["columns"]
@@ -292,7 +292,7 @@ def headline() -> None:
 
 
 def results() -> None:
-    """Print our figures beside the published ones."""
+    """Print our results beside the published ones."""
     points = {(p["readout"], p["resolution"]): p for p in sweep("paper-network")}
     frames = frame_points()
     (best,) = sweep("tuned-2ms")
@@ -314,7 +314,7 @@ def results() -> None:
 
 
 def finger() -> None:
-    """Print what the network and plain statistics say of the recordings of a robot finger."""
+    """Print accuracies of the network and of regressions on recordings of a robot finger."""
     report = read("docs/data/finger.json")
     folds = [
         run | {"total": len(run["labels"])} | {name.replace(" ", "_"): one for name, one in run["references"].items()}

@@ -12,7 +12,7 @@ SIZE = {"terminal_width": 100, "max_content_width": 100}
 
 
 def commands() -> None:
-    """Print what every command prints for ``--help``."""
+    """Print the ``--help`` text of every command."""
     group = typer.main.get_command(app)
     print()
     with group.make_context("eskin", [], resilient_parsing=True, **SIZE) as above:

@@ -32,7 +32,7 @@ def named(result: dict[str, Any]) -> dict[str, Any]:
 
 @cache
 def netlists() -> dict[str, dict[str, Any]]:
-    """Return the reports of ``make asic``, by name: libraries apart, then by size and readout."""
+    """Return the reports of ``make asic``, by name, in the order of library, size and readout."""
     found = {}
     for name, report in reports("asic", "*-*x*-*.json").items():
         config = report["configuration"]  # reports without power have these names there alone
@@ -51,7 +51,7 @@ def netlists() -> dict[str, dict[str, Any]]:
 
 
 def asic_netlists() -> None:
-    """Print what netlists are made of, how fast they are, and what is proved of them."""
+    """Print size, speed and proofs of the netlists."""
     rows = []
     for report in netlists().values():
         fmax = [report["fmax_hz"][corner] for corner in ("slow", "typical", "fast") if corner in report["fmax_hz"]]
@@ -67,7 +67,7 @@ def asic_netlists() -> None:
 
 
 def asic_power() -> None:
-    """Print what the same netlists draw, and how many events were compared with the model."""
+    """Print the power of the same netlists, and the number of compared events."""
     table(
         "readout | array | cells | leakage, nW a taxel | idle | idle, with wires | "
         + EVENT_TITLES
@@ -83,7 +83,7 @@ def asic_power() -> None:
 
 
 def asic_windows() -> None:
-    """Print what closing windows cost: netlists of CW-LCS."""
+    """Print the cost of closing windows: netlists of CW-LCS."""
     table(
         "readout | array | cells | idle, nW a taxel | closing | idle, with wires | closing | pJ a closed window"
         " | with wires",
@@ -95,7 +95,7 @@ def asic_windows() -> None:
 
 
 def asic_targets() -> None:
-    """Print what 8 x 8 LCS in 130 nm should cost, and what it does."""
+    """Print the aims and the results of 8 x 8 LCS in 130 nm."""
     both = {"digital": netlists()["lcs-digital-8x8-ihp"], "analog": netlists()["lcs-analog-8x8-ihp"]}
     asked = [
         ("idle, digital", 60e-9, "digital", "idle_w_per_taxel", 1e9, "nW per taxel"),
@@ -126,7 +126,7 @@ def parity() -> None:
 
 
 def layout() -> None:
-    """Print layouts in 130 nm rules, and what was checked."""
+    """Print layouts in 130 nm rules, and their checks."""
     rows = []
     for report in reports("layout").values():
         same, config = report["comparison"], report["configuration"]
@@ -166,10 +166,10 @@ def _fpga(classifier: bool, more_titles: str = "", more_cells: str = "") -> None
 
 
 def fpga_boards() -> None:
-    """Print what designs for a board take of an FPGA."""
+    """Print the FPGA resources of the board designs."""
     _fpga(classifier=False)
 
 
 def fpga_classifier() -> None:
-    """Print what the classifier alone takes of an FPGA, beside what was aimed at."""
+    """Print the FPGA resources of the classifier alone, with its targets."""
     _fpga(True, " | aims", " | {aimed}")

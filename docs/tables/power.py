@@ -1,4 +1,4 @@
-"""The power model, and the event rates that it reads."""
+"""Print tables of the power model and its event rates."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ EVENT_RATES = "power/event_rates.json"
 
 
 def event_rates() -> None:
-    """Print published rates, those of float samples, and ours."""
+    """Print event rates: published, from float samples, and ours."""
     points = read("docs/data/event_rates.json")["points"]
     table(
         "readout | published | float samples | here (integer) | difference",
@@ -75,7 +75,7 @@ def sensitivity(case: str) -> dict[str, Any]:
 
 
 def power_sensitivity() -> None:
-    """Print every correction alone, all but one, and the variants."""
+    """Print power ratios with each correction alone, with all but one, and the variants."""
     data = read("docs/data/sensitivity.json")
     rows = []
     for row in data["rows"]:
@@ -99,13 +99,13 @@ def measured_libraries() -> dict[str, str]:
 
 
 def breakdown(library: str = "") -> dict[str, Any]:
-    """Return what the readouts draw at 0.92 mV and 6 b, all corrections made; the logic of a library's netlists."""
+    """Return the power of the readouts at 0.92 mV and 6 b with all corrections and a library's netlists."""
     path = f"docs/data/asic/{library}/fig6.json" if library else "docs/data/fig6.json"
     return dict(read(path)["modes"]["consistent"][1])
 
 
 def by_frames(readout: str, library: str = "") -> str:
-    """Return the power of a readout as a multiple of that of frames."""
+    """Return the power of a readout divided by that of frames."""
     parts = breakdown(library)
     return digits(parts[readout]["total"] / parts["frame"]["total"], 3)
 

@@ -86,7 +86,7 @@ def load() -> None:
 
 
 def udp() -> dict[str, Any]:
-    """Return what was lost of events over UDP."""
+    """Return the losses of events over UDP."""
     report = read("benchmarks/results/udp.json")
     latency = report["result"]["host_latency_ms"]
     return report | report["result"] | {"median": latency["median"], "late": latency["99 %"]}
@@ -121,7 +121,7 @@ def scale_arrays() -> None:
 
 
 def _ends(path: list[str]) -> str:
-    """Return where a path begins and ends, in a word each: the block of a flop, else the port."""
+    """Return the start and end of a path: the block of the flop, or the port."""
 
     def word(name: str) -> str:
         if "." in name and "taxel" not in name:

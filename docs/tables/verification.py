@@ -59,7 +59,7 @@ def signoff() -> None:
 
 
 def proofs() -> None:
-    """Print what is proved of every block, and by how many generated mutants each property fails."""
+    """Print the properties of every block, and the number of mutants that violate each property."""
     report = evidence("formal")
     for row in report["properties"]:
         row["block"], row["property"] = (row[name].replace("_", " ") for name in ("block", "property"))
@@ -99,7 +99,7 @@ def stages() -> None:
 
 
 def coverage() -> None:
-    """Print what of the Verilog was reached, by kind."""
+    """Print the reached parts of the Verilog, by kind."""
     report = evidence("coverage")
     words = {"line": "lines", "branch": "branches", "toggle": "toggles", "condition": "terms of conditions"}
     kinds = [report["constructs"][kind] | {"word": word} for kind, word in words.items()]
@@ -125,7 +125,7 @@ def points() -> None:
 
 
 def mutants() -> None:
-    """Print what became of the mutants of the RTL, block by block."""
+    """Print the verdicts on the mutants of the RTL, block by block."""
     report = evidence("mutants")
     rows = [counts | {"block": block} for block, counts in report["per_block"].items()] + [report | {"block": "all"}]
     for row in rows:
@@ -140,7 +140,7 @@ def mutants() -> None:
 
 
 def model_mutants() -> None:
-    """Print what became of the sampled mutants of model/ and snn/, file by file."""
+    """Print the verdicts on the sampled mutants of model/ and snn/, file by file."""
     report = evidence("mutants/model_and_snn")
     rows = [counts | {"file": file} for file, counts in report["per_file"].items()] + [report | {"file": "all"}]
     cells = "{file} | {places:,} | {total} | {argued} | {killed} | {alive}"
@@ -149,7 +149,7 @@ def model_mutants() -> None:
 
 
 def survivors() -> None:
-    """Print every mutant that nothing kills, and those that an argument takes out of the count."""
+    """Print the surviving mutants, and the mutants excluded by an argument."""
     parts = [evidence("mutants"), evidence("mutants/model_and_snn")]
     alive = [[one["name"], "alive"] for part in parts for one in part["survivors"]]
     argued = [[one["name"], one["why"]] for part in parts for one in part["argued_one_by_one"]]
@@ -158,7 +158,7 @@ def survivors() -> None:
 
 
 def faults() -> None:
-    """Print what came of the upsets, by block and course."""
+    """Print the outcomes of the upsets, by block and course."""
     report = evidence("faults")
     outcomes = ("nothing", "own events", "others moved", "others changed", "until written")
     by: dict[tuple[str, str], list[dict[str, Any]]] = {}
@@ -177,7 +177,7 @@ def faults() -> None:
 
 
 def hostile() -> None:
-    """Print hostile surroundings, what is stated of them, and in how many runs it was so."""
+    """Print the hostile surroundings, their expected effect, and the number of runs that confirm it."""
     rows = []
     cases = evidence("faults")["cases"]
     for name in dict.fromkeys(line["case"] for line in cases):
@@ -200,7 +200,7 @@ def soak() -> None:
 
 
 def fuzz() -> None:
-    """Print the fuzz campaign: what was tried and how it ended."""
+    """Print the fuzz campaign: inputs and outcomes."""
     report = evidence("fuzz")
     table(
         " | cases | refused in a sentence | done | wrong",
@@ -219,7 +219,7 @@ def replayed() -> dict[str, int]:
 
 
 def replay() -> None:
-    """Print what was driven through the RTL from end to end, by encoder."""
+    """Print the runs through the whole RTL, by encoder."""
     table(
         "encoder | scans | clocks | events | mismatches | commit | date",
         evidence("replay")["runs"],

@@ -1,4 +1,4 @@
-"""The clock network of a gated netlist: which clock every flop is on, and what stops it."""
+"""Analyse the clock network of a gated netlist: the clock of every flop, and the gates that stop it."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Clocks:
                 yield name, cell, instance["connections"]
 
     def level(self, bit: Bit, clock: bool, stopped: Bit | None = None) -> str:
-        """Return what a net is while the clock is low or high: "0", "1", or "x" where it depends on more.
+        """Return the value of a net for a low or high clock: "0", "1", or "x" if it depends on more.
 
         A net that is ``stopped`` counts as low.
         """
@@ -92,7 +92,7 @@ class Clocks:
         return possible(cell.functions[pin], tuple(known.items()))
 
     def touches(self, bit: Bit) -> bool:
-        """Return whether the clock port or a latch reaches a net through gates alone."""
+        """Return whether the clock port or a latch reaches a net only through gates."""
         if bit not in self._touches:
             self._touches[bit] = False  # round a loop
             if bit in self.driver:
@@ -106,11 +106,11 @@ class Clocks:
         return self._touches[bit]
 
     def is_clock(self, bit: Bit) -> bool:
-        """Return whether a net is a clock: the port, or what is low while that is low and may rise with it."""
+        """Return whether a net is a clock: the port, or a net that is low with the clock and may rise with it."""
         return bit == self.root or (self.level(bit, False) == "0" and self.level(bit, True) != "0")
 
     def clock_of(self, cell: Cell, pins: dict[str, list[Bit]]) -> Bit | None:
-        """Return the clock while which is low a latch is open, and closed while it is high; None if there is none."""
+        """Return the clock whose low level opens a latch and whose high level closes it; None if there is none."""
         assert cell.latch
         bit, inverted = pins[cell.latch.clock][0], False
         while not self.is_clock(bit):
@@ -127,7 +127,7 @@ class Clocks:
         return bit if inverted == cell.latch.rising else None
 
     def latches_behind(self, bit: Bit) -> frozenset[str]:
-        """Return the names of the latches that reach a net through gates alone."""
+        """Return the latches that reach a net only through gates."""
         if bit not in self._latches:
             self._latches[bit] = frozenset()  # round a loop
             if bit in self.driver and self.touches(bit):
@@ -140,7 +140,7 @@ class Clocks:
         return self._latches[bit]
 
     def check(self, flop: str, bit: Bit) -> None:
-        """Refuse the clock of a flop that may rise while its gate is open to what comes.
+        """Refuse a flop whose clock may rise while its gate's latch is transparent.
 
         Raises
         ------

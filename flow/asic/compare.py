@@ -1,4 +1,4 @@
-"""Two flat designs of the same registers compared, function by function, by the equivalence checker in ABC."""
+"""Compare two flat designs with the same registers, function by function, with the checker in ABC."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SOLVE = b"read_aiger miter.aig\nstrash\nifraig\nfraig -C 1000000\nwrite_aiger do
 
 @dataclass
 class Register:
-    """A flop of a design cut open: the nets of what it holds, of what it will hold, and of its asynchronous resets."""
+    """A flop removed from a design: the nets of its value, its next value, and its asynchronous resets."""
 
     held: int
     next: int | str
@@ -37,7 +37,7 @@ class Register:
 
 
 def compare(gold: dict[str, Any], gate: dict[str, Any]) -> tuple[int, list[str]]:
-    """Return how many points of two designs are proved equal, and the names of all others.
+    """Return the number of points proved equal in two designs, and the names of all others.
 
     A point is a flop (what it will hold and what resets it) or a bit of an output port.
 
@@ -71,7 +71,7 @@ def compare(gold: dict[str, Any], gate: dict[str, Any]) -> tuple[int, list[str]]
 
 
 def _cut(module: dict[str, Any]) -> dict[str, Register]:
-    """Take the flops out of a module; return what was on their pins, by the names of the flops."""
+    """Remove the flops of a module; return their pin connections by name."""
     cut = {}
     for name, cell in list(module["cells"].items()):
         if not (found := FLOP.fullmatch(cell["type"])):
@@ -110,7 +110,7 @@ def _names(module: dict[str, Any]) -> dict[int, set[str]]:
 def _match(
     ours: dict[str, Register], gold: dict[str, Any], theirs: dict[str, Register], gate: dict[str, Any]
 ) -> tuple[list[tuple[str, str]], list[str]]:
-    """Return the pairs of flops that have a name in common, and the names of those without a partner.
+    """Return the pairs of flops with a common name, and the names of flops without a partner.
 
     A flop of the netlist bears the name of what it holds; one that is cleared where that is set holds the inverse.
     """
@@ -132,7 +132,7 @@ def _match(
 
 
 def _open(module: dict[str, Any], registers: list[Register]) -> None:
-    """Give a module ports for what its flops hold, will hold and are reset by, in the order of a list."""
+    """Add ports for the values, next values and resets of a module's flops, in the order of a list."""
     held, following = [], []
     for register in registers:
         following += [register.next, register.clear, register.preset]
@@ -152,7 +152,7 @@ def _open(module: dict[str, Any], registers: list[Register]) -> None:
 
 
 def _miter(inputs: dict[str, int], outputs: dict[str, int], flops: int) -> str:
-    """Return the Verilog of both designs side by side: a bit of its output is 0 where they are alike."""
+    """Return Verilog that joins both designs; each output bit is 0 where they are equal."""
     ways = {name: ("input", width) for name, width in inputs.items()}
     ways |= {f"{name}": ("output", width) for name, width in outputs.items()}
     if flops:
@@ -170,7 +170,7 @@ def _miter(inputs: dict[str, int], outputs: dict[str, int], flops: int) -> str:
 
 
 def _constant_outputs(aiger: str) -> list[bool]:
-    """Return for every output of a design in AIGER format whether it is the constant 0."""
+    """Return whether each output of an AIGER design is the constant 0."""
     head, *lines = aiger.split("\n")
     count = int(head.split()[4])
     return [line == "0" for line in lines[:count]]

@@ -1,4 +1,4 @@
-"""Timing constraints of a netlist (SDC), for synthesis and sign-off: no port and no end is left without one."""
+"""Write timing constraints (SDC) for synthesis and sign-off; every port and endpoint has one."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def sdc(netlist: Netlist, period: str = "") -> str:
 
 
 def _delays(netlist: Netlist) -> Iterator[str]:
-    """Yield what is outside of every port, in shares of the period."""
+    """Yield the time outside every port, as shares of the period."""
     shares: dict[tuple[str, float], list[str]] = {}
     for port in ports(netlist.config):
         name, way = port["name"], port["direction"]
@@ -68,7 +68,7 @@ def _delays(netlist: Netlist) -> Iterator[str]:
 
 
 def _edges(netlist: Netlist) -> Iterator[str]:
-    """Yield what drives the inputs: a buffer of the library, or an edge of its slowest kind where it has none."""
+    """Yield the drivers of the inputs: a buffer of the library, or its slowest edge if it has no buffer."""
     names = [p["name"] + ("[*]" if p["width"] > 1 else "") for p in ports(netlist.config) if p["direction"] == "input"]
     driven = " ".join([*(name for name in names if name not in ("clk", "rst")), TEST])
     if buffers := plain_buffers(netlist.library):

@@ -1,4 +1,4 @@
-"""Formal proof that a gated netlist does what the RTL does: every flop and every output, for every input."""
+"""Prove that a gated netlist equals the RTL: every flop and every output, for every input."""
 
 from __future__ import annotations
 
@@ -55,12 +55,12 @@ class Equivalence:
         return self.proved == self.of > self.flops
 
     def to_dict(self) -> dict[str, int]:
-        """Return what a report says of it."""
+        """Return the entry of the report."""
         return {"proved": self.proved, "of": self.of}
 
 
 def design_of(netlist: Netlist) -> dict[str, Any]:
-    """Return a netlist as ``write_json`` of Yosys gives it, read from its Verilog.
+    """Return a Verilog netlist in the form of Yosys' ``write_json``.
 
     Raises
     ------
@@ -71,11 +71,13 @@ def design_of(netlist: Netlist) -> dict[str, Any]:
     try:
         return json.loads(yosys.run(READ.format(top=netlist.top), "", "gated.json", files))
     except yosys.YosysError as error:
-        raise InputError(f"the netlist does not fit the cell library: {error.reason}; give those of one run") from None
+        raise InputError(
+            f"the netlist does not fit the cell library: {error.reason}; give netlist and library of one run"
+        ) from None
 
 
 def prove(netlist: Netlist, design: dict[str, Any] | None = None) -> Equivalence:
-    """Return whether a netlist does what its RTL does.
+    """Return whether a netlist equals its RTL.
 
     A clock gate lets the rising edge through where its enable was high before: a flop behind one is a flop with that
     enable. What stops clocks is checked for being such a gate, then proved as such, test enable low. Flops of both
@@ -103,7 +105,7 @@ def prove(netlist: Netlist, design: dict[str, Any] | None = None) -> Equivalence
 
 
 def with_enables(design: dict[str, Any], netlist: Netlist, test: str = "0") -> tuple[dict[str, Any], int, int]:
-    """Return a netlist with all flops on one clock, with enables instead of clock gates, at a level of test enable.
+    """Return a netlist with all flops on one clock and enables in place of clock gates, for one level of test enable.
 
     Returns
     -------
@@ -146,7 +148,7 @@ def with_enables(design: dict[str, Any], netlist: Netlist, test: str = "0") -> t
 
 
 class _Enables:
-    """What the nets of the clock network are just before a rising edge would come, as gates added to the module."""
+    """The values of the clock network just before a rising edge, as gates added to the module."""
 
     def __init__(self, module: dict[str, Any], clocks: Clocks) -> None:
         self.module, self.clocks = module, clocks
@@ -164,7 +166,7 @@ class _Enables:
         return self.highest
 
     def high(self, bit: Bit) -> Bit:
-        """Return what a net of the clock network will be once the clock is high, as a net of data."""
+        """Return the value that a net of the clock network takes when the clock is high, as a data net."""
         if isinstance(bit, str) or not self.clocks.touches(bit):
             return bit
         if bit not in self.made:

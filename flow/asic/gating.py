@@ -1,4 +1,4 @@
-"""The clock gate of a library: a cell of it, or one built of a latch."""
+"""The clock gate of a library: a cell, or a gate built from a latch."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from eskin.rtl.gates.clock_gates import GATE, TEST
 
 
 def gate_module(library: Library) -> str:
-    """Return the Verilog module of a clock gate with test enable; empty where the library has nothing to build one.
+    """Return a Verilog clock gate with test enable; empty if the library cannot build one.
 
     An integrated gate of the library is taken, else one is built of a latch that is open while the clock is low.
     """

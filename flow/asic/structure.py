@@ -1,4 +1,4 @@
-"""Rules that a netlist keeps whatever it computes: one clock, no latch but in clock gates, no flop without reset."""
+"""Check rules for every netlist: one clock, latches only in clock gates, no flop without reset."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Structure:
         return said
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what a report says of it."""
+        """Return the entry of the report."""
         return {
             "clocks": 1,
             "clock_gates": self.clock_gates,
@@ -69,7 +69,7 @@ class Structure:
 
 
 def check(netlist: Netlist, design: dict[str, Any]) -> Structure:
-    """Return what the rules say of a netlist.
+    """Return the violations of the rules in a netlist.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def _readers(clocks: Clocks) -> dict[Bit, list[tuple[str, str]]]:
 
 
 def _gates(clocks: Clocks, readers: dict[Bit, list[tuple[str, str]]], cell: Any, pins: dict[str, list[Bit]]) -> bool:
-    """Return whether a latch is part of a clock gate: open while a clock is low, read by its AND alone."""
+    """Return whether a latch belongs to a clock gate: open while a clock is low, and read only by its AND."""
     if clocks.clock_of(cell, pins) is None:
         return False
     for output in cell.latch.outputs:
@@ -126,7 +126,7 @@ def _gates(clocks: Clocks, readers: dict[Bit, list[tuple[str, str]]], cell: Any,
 
 
 def _without_reset(module: dict[str, Any], library: Library) -> list[str]:
-    """Return the flops that a reset of ``RESET_CLOCKS`` clocks leaves unknown, all states and other inputs unknown."""
+    """Return the flops that are unknown after ``RESET_CLOCKS`` clocks of reset, with unknown states and inputs."""
     known: dict[Bit, str] = dict.fromkeys(module["ports"]["rst"]["bits"], "1")
     waiting = {name for name, instance in module["cells"].items() if instance["type"] in library.flops}
     for _ in range(RESET_CLOCKS):
@@ -143,7 +143,7 @@ def _without_reset(module: dict[str, Any], library: Library) -> list[str]:
 
 
 def _after_reset(cell: Cell, pins: dict[str, list[Bit]], levels: dict[Bit, str]) -> str:
-    """Return the value that a flop takes; "x" where it depends on more than the levels."""
+    """Return the next value of a flop; "x" if it depends on more than the levels."""
     assert cell.flop
     values = tuple((pin, _level(pins[pin][0], levels)) for pin in cell.inputs if pins.get(pin))
     for text, value in ((cell.flop.clear, "0"), (cell.flop.preset, "1")):

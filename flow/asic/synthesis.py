@@ -205,7 +205,7 @@ def single_bits(verilog: str) -> str:
 
 
 def _bits(text: str) -> list[str]:
-    """Return the bits of a name with a span of them, or of a list of such."""
+    """Return the bits of a name with a range, or of a list of such names."""
     bits: list[str] = []
     for part in re.findall(r"\\\S+ |\w+(?:\[\d+(?::\d+)?\])?", text):
         name, _, span = part.partition("[")
@@ -216,18 +216,18 @@ def _bits(text: str) -> list[str]:
 
 
 def _blocks(source: str, top: str) -> list[str]:
-    """Return the modules that are mapped one by one: those that the top is made of."""
+    """Return the modules to map one by one: the modules of the top."""
     modules = yosys.modules(source)
     return [name for name in modules if name != top and f"  cell \\{name} " in modules[top]]
 
 
 def _drawn(source: str, apart: Sequence[str]) -> str:
-    """Return the commands that map the blocks around modules that stand apart."""
+    """Return the commands that map the blocks around separately mapped modules."""
     return "".join(AS_DRAWN.format(name=name) for name in yosys.modules(source) if name not in apart)
 
 
 def ties(library: Library) -> str:
-    """Return the command that puts tie cells, one a block, in the place of constants."""
+    """Return the command that replaces constants by tie cells, one in each block."""
     options = [
         f"-{kind}cell {tie[0]} {tie[1]}" for level, kind in ((0, "lo"), (1, "hi")) if (tie := library.tie(level))
     ]

@@ -70,7 +70,7 @@ STAGE = re.compile(r"^ +\S+ +(\d+\.\d+) +[v^] (\S+)/\S+ \((\w+)\)$", re.MULTILIN
 
 @dataclass(frozen=True)
 class Timing:
-    """What OpenSTA says of a netlist at one corner.
+    """The timing of a netlist at one corner, by OpenSTA.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class Timing:
     complaints: tuple[str, ...]
 
     def to_dict(self) -> dict[str, object]:
-        """Return what a report says of it."""
+        """Return the entry of the report."""
         return {
             "library": self.library.path.name,
             "voltage_v": self.library.voltage_v,
@@ -160,7 +160,7 @@ def analyse(netlist: Netlist, library: Library, constant: Collection[str] = (), 
 
 
 def _complaints(said: str, constant: Collection[str]) -> tuple[str, ...]:
-    """Return what ``check_setup`` says, headings without an item left out; bits of ports that are constant are none."""
+    """Return the messages of ``check_setup``, without empty headings and constant port bits."""
     kept: list[str] = []
     for line in (line for line in said.splitlines() if line.strip()):
         if not line.startswith(" ") and kept and not kept[-1].startswith(" "):
@@ -173,7 +173,7 @@ def _complaints(said: str, constant: Collection[str]) -> tuple[str, ...]:
 
 
 def _run(script: str, netlist: Netlist, library: Library, spef: str) -> dict[str, str]:
-    """Return what a script of OpenSTA prints, by its headings."""
+    """Return the output of an OpenSTA script by its headings."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "cells.lib").write_bytes(library.content)

@@ -1,4 +1,4 @@
-"""What is before the readout: who drives what when, with numbers."""
+"""Describe the signals before the readout: driver, time and numbers of each."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def _macros(config: ReadoutConfig) -> list[str]:
 
 
 def _codes(config: ReadoutConfig) -> list[tuple[str, str, str]]:
-    """Return the range of every number that a pin or a reference holds."""
+    """Return the range of every number on a pin or in a reference."""
 
     def row(what: str, low: int, high: int, step: int = 1) -> tuple[str, str, str]:
         by = f", in steps of {step}" if step > 1 else ""

@@ -46,8 +46,8 @@ def load_report(path: Path, config: ReadoutConfig | FrameConfig) -> dict[str, An
     for name in dict.fromkeys([*wanted, *stored]):
         if stored.get(name) != wanted.get(name):
             raise InputError(
-                f"the report {path} is of a readout with {name} = {stored.get(name)}, not {wanted.get(name)}; "
-                "give that of this configuration"
+                f"the report {path} has {name} = {stored.get(name)}, not {wanted.get(name)}; give the report of "
+                f"this configuration"
             )
     return content
 

@@ -1,4 +1,4 @@
-"""The datasheet of the classifier; its times and waves are those of the golden model."""
+"""Write the classifier's datasheet; times and waveforms come from the golden model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The datasheet of the frame readout; its times and waves are those of the golden model."""
+"""Write the frame readout's datasheet; times and waveforms come from the golden model."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BUSES = ("row_select", "column_select", "adc_code", "word_data")
 
 
 class Scan:
-    """One frame, from ``frame_start`` at clock 0 until another would be heard and its last word has left.
+    """One frame: from ``frame_start`` at clock 0 until its last word has left and the next start is accepted.
 
     The ADC takes the clocks that it is laid out for, and its codes count up. Without a stall the sink takes every word
     at once; with one it leaves the first for ``STALLED`` clocks, and another ``frame_start`` comes too early there.
@@ -55,11 +55,11 @@ class Scan:
                 self.heard = clock + 1
 
     def first(self, name: str, behind: int = -1) -> int:
-        """Return the first clock behind another in which an output is high."""
+        """Return the first clock after another in which an output is high."""
         return next(t for t, found in enumerate(self.outputs) if t > behind and getattr(found, name))
 
     def waves(self, names: tuple[str, ...], start: int = 0, clocks: int | None = None) -> list[Wave]:
-        """Return some ports from a clock on, to the end or for some clocks; words that no one looks at are left out."""
+        """Return some ports in some clocks or to the end, without words that nobody reads."""
         last = len(self.inputs) if clocks is None else start + clocks
         span = range(start, min(last, len(self.inputs)))
         found = []

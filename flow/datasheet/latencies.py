@@ -1,4 +1,4 @@
-"""What a readout promises in clocks, found in a simulation of its golden model."""
+"""Measure the latencies of a readout in clocks, in a simulation of its golden model."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Latencies:
 
 
 def _saturated(config: ReadoutConfig) -> tuple[ReadoutConfig, Stimulus]:
-    """Return a run in which every taxel asks again as soon as it may, until each has sent two events or all it can."""
+    """Return a run in which every taxel requests as often as it can, until each has sent two events or its maximum."""
     sample = np.full((1, config.taxels), config.full_scale - 1, np.int32)
     clocks = 20 * (config.taxels + 2)
     eager = config.replace(decide_every="clock")
@@ -61,7 +61,7 @@ def _saturated(config: ReadoutConfig) -> tuple[ReadoutConfig, Stimulus]:
 
 
 def _longest_gap(config: ReadoutConfig, events: Events) -> int:
-    """Return the most clocks between two events of one taxel."""
+    """Return the largest number of clocks between two events of one taxel."""
     taxel = events["y"].astype(int) * config.columns + events["x"]
     order = np.argsort(taxel, kind="stable")
     gaps = np.diff(events["t"][order])[np.diff(taxel[order]) == 0]

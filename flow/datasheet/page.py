@@ -1,4 +1,4 @@
-"""The datasheets of all designs that have one."""
+"""Write the datasheets of all designs."""
 
 from __future__ import annotations
 

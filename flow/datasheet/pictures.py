@@ -1,4 +1,4 @@
-"""Timing diagrams as SVG: a few lines of text that depend on nothing but the waves."""
+"""Draw timing diagrams as SVG text that depends only on the waveforms."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def _steps(changes: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
 
 
 def _runs(values: Sequence[Value]) -> list[tuple[int, int, Value]]:
-    """Return the stretches of equal values: first clock, clock behind the last, value."""
+    """Return stretches of equal values: first clock, clock after the last, value."""
     starts = [i for i, value in enumerate(values) if not i or value != values[i - 1]]
     ends = [*starts[1:], len(values)]
     return [(start, end, values[start]) for start, end in zip(starts, ends, strict=True)]
@@ -88,7 +88,7 @@ def _bit(wave: Wave, top: int) -> list[str]:
 
 
 def _bus(wave: Wave, top: int) -> list[str]:
-    """Return a word: its value within its stretch, grey where nothing is said of it."""
+    """Return the drawing of a word: the value in each stretch, grey where undefined."""
     lines = []
     high, low, middle = top + 4, top + 4 + HEIGHT, top + 4 + HEIGHT / 2
     for start, end, value in _runs(wave.values):

@@ -72,14 +72,14 @@ def _names(config: ReadoutConfig) -> list[str]:
 
 
 def _taxel(config: ReadoutConfig) -> str:
-    """Return what stands in a taxel."""
+    """Return the contents of a taxel."""
     parts = ["sample", "comparator"] if config.frontend == "digital" else []
     parts += ["reference", *(["window"] if config.closes else []), "request"]
     return ", ".join(parts)
 
 
 def _clock(config: ReadoutConfig) -> list[str]:
-    """Return what is to be known of the clock."""
+    """Return the notes on the clock."""
     period, tick = si(1 / config.clock_hz, "s"), si(1 / config.sample_rate_hz, "s")
     lines = [
         f"One clock, rising edge: {si(config.clock_hz, 'Hz')}, a period T of {period}. "
@@ -104,7 +104,7 @@ def _clock(config: ReadoutConfig) -> list[str]:
 
 
 def _reset(config: ReadoutConfig) -> list[str]:
-    """Return what is to be known of the reset."""
+    """Return the notes on the reset."""
     lines = [
         f"{RESETS[config.reset]} Every flop has it, none relies on an initial value. "
         f"After it every reference is {config.reference_reset} codes, no request waits, and row 0 comes first.",
@@ -140,7 +140,7 @@ def _times(config: ReadoutConfig, latencies: Latencies) -> list[str]:
 
 
 def _timing(config: ReadoutConfig, event: Picture, reset: Picture) -> list[str]:
-    """Return the pictures and what is to be seen in them."""
+    """Return the pictures with their captions."""
     first = f"The sample tick is at clock {TICK}; " if "sample_valid" in _names(config) else ""
     first += f"{min(TAXELS, config.taxels)} of the taxels cross a level in clock {TICK + 1}, from a reference of 0. "
     if config.link == "stream":
@@ -159,7 +159,7 @@ def _timing(config: ReadoutConfig, event: Picture, reset: Picture) -> list[str]:
 
 
 def _registers(config: ReadoutConfig) -> Iterable[str]:
-    """Return where the registers are described."""
+    """Return a pointer to the description of the registers."""
     if config.registers == "none":
         return ["None: the configuration is built in. `registers=spi` puts them beside the array."]
     return [f"Over SPI: [{REGISTERS}.md]({REGISTERS}.md), with the times of SPI; [{REGISTERS}.h]({REGISTERS}.h) for C."]

@@ -1,4 +1,4 @@
-"""A datasheet as a page of Markdown with its pictures: what those of all designs have in common."""
+"""Write a datasheet as a Markdown page with pictures: the common parts of all designs."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Sheet:
         return "\n".join([*head, *markdown(("parameter", "value"), fields), *body]) + "\n"
 
     def write(self, folder: Path) -> list[Path]:
-        """Write page and pictures into a folder, each whole or not at all; return their paths."""
+        """Write page and pictures into a folder, each file atomically; return their paths."""
         texts = {f"{self.top}_datasheet.md": self.text()}
         for shown in self.pictures:
             texts[file_of(self.top, shown.name)] = timing_diagram(shown.waves, shown.title, shown.first)
@@ -98,7 +98,7 @@ def shown(top: str, picture: Picture) -> str:
 
 
 def time_table(rows: Iterable[tuple[str, int]], clock_hz: float) -> list[str]:
-    """Return a table of what takes how many clocks."""
+    """Return a table of latencies in clocks."""
     table = ((what, f"{clocks}", si(clocks / clock_hz, "s")) for what, clocks in rows)
     return markdown(("from, to", "clocks", "time"), table)
 
@@ -126,7 +126,7 @@ def si(value: float, unit: str) -> str:
 
 
 def markdown(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
-    """Return a table as lines; a bar within a cell does not end it."""
+    """Return a table as lines, with bars in cells escaped."""
     head = list(head)
     lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |" for cells in [head, *map(list, rows)]]
     return [lines[0], "|" + "---|" * len(head), *lines[1:]]

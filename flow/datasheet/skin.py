@@ -1,4 +1,4 @@
-"""The datasheet of a skin of tiles, and that of the merge of their events alone; from the golden models."""
+"""Write the datasheets of a skin of tiles and of its merge, from the golden models."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MERGE_CLOCKS, HELD = 1, 2
 
 
 def waves(skin: TilesConfig) -> list[Wave]:
-    """Return the stream's ports of a merge whose first tiles offer some events each."""
+    """Return the output ports of a merge while its first tiles offer some events each."""
     count = min(TILES, skin.tiles)
     left, state = [EVENTS] * count, merge.new_state()
     rows = []
@@ -44,7 +44,7 @@ def waves(skin: TilesConfig) -> list[Wave]:
 
 
 def sheet_of(config: MergeConfig | TilesConfig) -> Sheet:
-    """Return the datasheet of a skin, or of the merge of its tiles alone."""
+    """Return the datasheet of a skin, or of its merge alone."""
     alone = isinstance(config, MergeConfig)
     skin = config.skin if isinstance(config, MergeConfig) else config
     tile = skin.tile

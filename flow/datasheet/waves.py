@@ -1,4 +1,4 @@
-"""What the signals of a readout are in every clock, from its golden model: for timing diagrams."""
+"""Compute the signals of a readout in every clock with its golden model, for timing diagrams."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ Value = int | None
 
 @dataclass(frozen=True)
 class Wave:
-    """One signal: its value just before every rising edge, None where nothing is said of it.
+    """One signal: its value just before every rising edge, None where undefined.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ def from_zero(config: ReadoutConfig) -> ReadoutConfig:
 
 
 def played(config: ReadoutConfig) -> Stimulus:
-    """Return one sample by which the first taxels cross a level each; a stream stalls when their events are offered."""
+    """Return one sample that makes the first taxels cross a level; a stream stalls when their events are offered."""
     samples = np.zeros((1, config.taxels), np.int32)
     samples[0, :TAXELS] = config.step + config.encoder.strict
     clocks = CLOCKS[config.link]
@@ -99,7 +99,7 @@ def waves(config: ReadoutConfig) -> list[Wave]:
 
 
 def reset_waves(config: ReadoutConfig) -> list[Wave]:
-    """Return the signals around a reset that comes when an event is on its way; it starts the readout anew."""
+    """Return the signals around a reset during the transfer of an event."""
     found = waves(config)
     if config.link == "stream":
         cut = STALL[1]
@@ -126,7 +126,7 @@ def _codes(config: ReadoutConfig, state: State) -> NDArray[np.int64]:
 
 
 def _above(config: ReadoutConfig, state: State) -> int:
-    """Return what the comparator of taxel 0 says."""
+    """Return the decision of taxel 0's comparator."""
     level = _codes(config, state)[0, 0] + state.half_width[0, 0] + config.encoder.strict
     return int(state.sample[0, 0] >= level)
 

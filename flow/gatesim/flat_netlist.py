@@ -1,4 +1,4 @@
-"""A netlist of library cells, flat: what stands in it, and the plain Verilog that every other program reads."""
+"""Read a flat netlist of library cells, and write plain Verilog for other programs."""
 
 from __future__ import annotations
 
@@ -120,7 +120,9 @@ def flatten(text: str, top: str, liberty: bytes) -> FlatNetlist:
     try:
         found = yosys.run(SCRIPT.format(top=top), "", "flat.json", {"netlist.v": text.encode(), "cells.lib": liberty})
     except yosys.YosysError as error:
-        raise InputError(f"the netlist does not fit the cell library: {error.reason}; give those of one run") from None
+        raise InputError(
+            f"the netlist does not fit the cell library: {error.reason}; give netlist and library of one run"
+        ) from None
     module = json.loads(found)["modules"][top]
     named = _names_of_ports(module["ports"])
 
@@ -140,7 +142,7 @@ def flatten(text: str, top: str, liberty: bytes) -> FlatNetlist:
 
 
 def _names_of_ports(ports: dict[str, dict]) -> dict[int, str]:
-    """Return the name of every net that a port is on: that of an input where it is on one."""
+    """Return the name of the net of every port; of several ports, the input's name."""
     named: dict[int, str] = {}
     for direction in ("output", "input"):
         for name, port in ports.items():

@@ -1,4 +1,4 @@
-"""Runs a Verilog program in Icarus, which knows what an unknown value is."""
+"""Run a Verilog program in Icarus, which simulates unknown values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Functional Verilog of library cells, made from what the liberty says they do; nothing in them takes time."""
+"""Make functional Verilog models of library cells, without delays, from their Liberty description."""
 
 from __future__ import annotations
 
@@ -44,14 +44,16 @@ def _outputs(cell: Cell) -> list[str]:
     for name in cell.outputs:
         pin = cell.pins[name]
         if not pin.function:
-            raise InputError(f"the cell library does not say what {cell.name} does at {name}; keep it out of netlists")
+            raise InputError(
+                f"the cell library does not define the function of {cell.name} at {name}; keep the cell out of netlists"
+            )
         off = f"{verilog_of(pin.three_state)} ? 1'bz : " if pin.three_state else ""
         lines.append(f"assign {name} = {off}{verilog_of(pin.function)};")
     return lines
 
 
 def _memory(memory: Memory) -> list[str]:
-    """Return a flop, which loses its state at an unknown clock, or a latch, open while it is enabled."""
+    """Return a flop, whose state is unknown after an unknown clock, or a latch, open while enabled."""
     state, low = memory.state, "1'b0"
     clear, preset = (verilog_of(text) if text else low for text in (memory.clear, memory.preset))
     when, stored = verilog_of(memory.when), verilog_of(memory.stored)
@@ -86,7 +88,7 @@ def _memory(memory: Memory) -> list[str]:
 
 
 def _clock_gate(cell: Cell) -> list[str]:
-    """Return a clock gate: a latch that is open while the clock rests, and the gate behind it."""
+    """Return a clock gate: a latch that is open while the clock is low, and an AND."""
     kind, roles = cell.gate_kind, {pin.role: name for name, pin in cell.pins.items()}
     clock, enable, test, output = (roles.get(role, "") for role in ("clock", "enable", "test", "out"))
     if not kind.startswith(("latch_posedge", "latch_negedge")) or not (clock and enable and output):

@@ -1,4 +1,4 @@
-"""Whether reset alone wakes a netlist: all its inputs unknown, every flop must know its state in the end."""
+"""Check that reset alone initialises a netlist: with unknown inputs, every flop must end in a known state."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ class Unknown:
 
     @property
     def clean(self) -> bool:
-        """Whether nothing stays unknown, of one flop at least."""
+        """Whether every flop is known, and at least one flop exists."""
         return self.flops > 0 and not (self.in_reset or self.after or self.outputs)
 
 
 def from_reset(netlist: FlatNetlist, library: Library, folder: Path) -> Unknown:
-    """Return what stays unknown after a reset during which all other inputs are unknown.
+    """Return the flops that are unknown after a reset with unknown other inputs.
 
     Parameters
     ----------

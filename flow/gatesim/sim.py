@@ -1,4 +1,4 @@
-"""The co-simulation's own suite on the netlist of a readout: scenarios and scans, bit by bit the model's events."""
+"""Play the co-simulation's scenarios and scans on a readout's netlist, compared bit by bit with the model."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Gates:
 
 
 def prepare(config: ReadoutConfig, path: Path, folder: Path) -> Gates:
-    """Synthesise a readout, write the netlist and its cells into a folder, and see that reset wakes it.
+    """Synthesise a readout, write netlist and cell models into a folder, and check that reset initialises it.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def prepare(config: ReadoutConfig, path: Path, folder: Path) -> Gates:
 
 
 def play(plan: sim.Plan, gates: Gates, config: ReadoutConfig, again: str, on_stage: Callable[[str], None]) -> Tally:
-    """Play the suite on a netlist and return what was compared.
+    """Play the suite on a netlist and return the compared totals.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ from eskin.flow.layout.transistors import SwitchCell, does, stores
 
 @dataclass(frozen=True)
 class Gate:
-    """What a cell is taken for: its function as a liberty file writes it, and as a Python function."""
+    """The expected function of a cell, as a Liberty text and as a Python function."""
 
     inputs: tuple[str, ...]
     output: str
@@ -70,7 +70,7 @@ def usable(cells: Mapping[str, SwitchCell], left_out: tuple[str, ...] = LEFT_OUT
 
 
 def check(cell: SwitchCell) -> None:
-    """Hold a cell to its transistors.
+    """Compare a cell's function with its transistors.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The two checks of a layout, by KLayout: the rules of the process, and the netlist in it against that of the cells."""
+"""Check a layout with KLayout: design rules, and layout netlist against cell netlist."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Rules:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What the comparison of netlists says.
+    """The result of the netlist comparison.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ def rules(gds: Path, top: str, deck: Path, folder: Path) -> None:
 
 
 def read_rules(report: Path) -> Rules:
-    """Return what a report of ``rules`` says.
+    """Return the violations in a report of ``rules``.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def read_rules(report: Path) -> Rules:
 
 
 def comparing(deck: str) -> str:
-    """Return the deck of the comparison with the names of nets in it, and the ports held to them.
+    """Return the comparison deck with net names, and with the names of ports checked.
 
     The exported one knows no names: two inputs that change places would be equal to it.
 
@@ -127,7 +127,7 @@ def comparing(deck: str) -> str:
 
 
 def compare(gds: Path, top: str, spice: str, ports: Sequence[str], deck: str, folder: Path) -> None:
-    """Compare the netlist in a layout with one in SPICE; leaves counts.json and compare.lvsdb in a folder.
+    """Compare a layout's netlist with a SPICE netlist; write counts.json and compare.lvsdb into a folder.
 
     Parameters
     ----------

@@ -48,7 +48,7 @@ class Circuit:
 
     @classmethod
     def from_dict(cls, said: Mapping[str, Any]) -> Circuit:
-        """Return the circuit of what ``dataclasses.asdict`` and JSON made of one."""
+        """Return the circuit stored with ``dataclasses.asdict`` as JSON."""
         cells = {name: (kind, pins) for name, (kind, pins) in said["cells"].items()}
         return cls(said["top"], tuple(said["inputs"]), tuple(said["outputs"]), cells)
 
@@ -98,7 +98,7 @@ class Circuit:
 
 
 def synthesise(config: ReadoutConfig, liberty: Path) -> synthesis.Netlist:
-    """Return a readout as cells of a liberty file, flat, with buffers where an output is another's copy."""
+    """Return a flat readout in library cells, with buffers where an output copies another one."""
     made = synthesis.synthesise(config, read(liberty))
     script = BUFFERED.format(top=made.top, test=TEST, buffer=BUFFER)
     files = {"cells.lib": liberty.read_bytes(), "netlist.v": made.text.encode()}
@@ -113,7 +113,7 @@ def circuit_of(made: synthesis.Netlist) -> Circuit:
 
 
 def of_json(design: Mapping[str, Any], top: str) -> Circuit:
-    """Return the circuit in what Yosys writes as JSON.
+    """Return the circuit of Yosys' JSON.
 
     Raises
     ------
@@ -131,8 +131,8 @@ def of_json(design: Mapping[str, Any], top: str) -> Circuit:
         cells[name] = (cell["type"], {pin: names.get(bit, f"n{bit}") for pin, bit in pins.items()})
     if constant:
         raise InputError(
-            f"{constant[0]} of this readout is at a constant level, which no checked cell makes; choose another "
-            "configuration, such as two rows and two columns or more"
+            f"{constant[0]} of this readout is constant, and no checked cell makes a constant; choose "
+            f"another configuration, such as at least two rows and two columns"
         )
     inputs, outputs = (tuple(n for n, d in ports.items() if d == way) for way in ("input", "output"))
     return Circuit(top, inputs, outputs, cells)

@@ -1,4 +1,4 @@
-"""The tools of a layout: Python programs of an environment of their own, and KLayout."""
+"""Find the layout tools: Python packages in their own environment, and KLayout."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NO_KLAYOUT = "klayout not found; install with: apt-get install klayout"
 
 
 class Crashed(RuntimeError):
-    """A program ended badly; says how, with its last line."""
+    """A tool failed; the text is its last line."""
 
 
 def python() -> Path:
@@ -29,7 +29,7 @@ def python() -> Path:
 
 
 def check() -> None:
-    """Refuse to begin where something is missing.
+    """Refuse to start without all tools.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Program of the layout's own environment: write cells, technology and decks of SkyWater 130 nm into a folder.
+"""Write cells, technology and decks of SkyWater 130 nm into a folder (runs in the layout environment).
 
 ``python generate.py FOLDER``. It imports nothing of the project: the packages that it needs stand in requirements.txt.
 """

@@ -1,4 +1,4 @@
-"""Program of the layout's own environment: draw a GDS file.
+"""Draw a GDS file (runs in the layout environment).
 
 ``python picture.py FILE.gds PICTURE.png``. It imports nothing of the project.
 """

@@ -1,4 +1,4 @@
-"""Program of the layout's own environment: place and route a netlist with Coriolis, in the working folder.
+"""Place and route a netlist with Coriolis in the working folder (runs in the layout environment).
 
 ``python place.py TECHNOLOGY NAME MARGIN [STEPS]`` reads NAME.blif and pins.json, and leaves NAME_r.gds,
 NAME_r_export.def and placed.json. It imports nothing of the project.
@@ -45,7 +45,7 @@ FILLERS = "tie,tie_w2,tie_w4"
 
 
 def pins(IoPin, names, side_um):
-    """Return where the pins stand: in their order around the four sides, spread out."""
+    """Return the pin positions: in order around the four sides, evenly spread."""
     each = -(-len(names) // 4)
     found = []
     for number, side in enumerate((IoPin.WEST, IoPin.EAST, IoPin.SOUTH, IoPin.NORTH)):

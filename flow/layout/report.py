@@ -1,4 +1,4 @@
-"""What a layout came to: tries, checks, and the report that is kept."""
+"""Report a layout: attempts, checks, and the stored results."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Try:
 
 @dataclass(frozen=True)
 class Report:
-    """A layout and what was found out about it.
+    """A layout and its check results.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class Report:
 
     @property
     def problems(self) -> list[str]:
-        """What is wrong, a sentence each."""
+        """The problems, one sentence each."""
         said = []
         if self.proved != self.of:
             said.append(f"{self.of - self.proved} of {self.of} points of the netlist differ from the RTL")
@@ -137,7 +137,7 @@ def name_of(config: ReadoutConfig) -> str:
 
 
 def command_of(config: ReadoutConfig, compare: bool) -> str:
-    """Return the command line of a run: its size and what else differs from the defaults."""
+    """Return the command line of a run: its size and other options that differ from the defaults."""
     words = {f"ROWS={config.rows}": None, f"COLUMNS={config.columns}": None} | dict.fromkeys(variables(config))
     return " ".join(["make layout", *words, *([] if compare else ["COMPARE=0"])])
 

@@ -116,11 +116,11 @@ class Layout:
 
     @property
     def top(self) -> str:
-        """Name of the top cell: Coriolis calls it so once it is routed."""
+        """Name of the top cell, set by Coriolis after routing."""
         return f"{self.circuit.top}_r"
 
     def route(self, margins: tuple[float, ...] = MARGINS) -> tuple[list[Try], Path | None]:
-        """Return one try after the other until a layout is routed and breaks no rule, and the folder of the last."""
+        """Return all attempts until a layout is routed without violations, and the folder of the last."""
         tries: list[Try] = []
         placed = None
         for margin in margins:
@@ -132,7 +132,7 @@ class Layout:
         return tries, placed if tries[-1].rules else None
 
     def place(self, margin: float) -> Path:
-        """Return the folder of a margin, with what Coriolis made of it; a crash is kept too."""
+        """Return the folder of a margin with Coriolis' results, including crashes."""
         blif = self.circuit.blif()
         said = json.dumps({"pins": self.circuit.ports, "area_um2": self.area_um2})
 
@@ -148,7 +148,7 @@ class Layout:
         return self.stages.made(f"place-{margin:.2f}", inputs, make)
 
     def judge(self, margin: float, placed: Path) -> Try:
-        """Return what becomes of a margin."""
+        """Return the result of a margin."""
         said = json.loads((placed / "placed.json").read_text())
         if "problem" in said:
             return Try(margin, said["problem"])

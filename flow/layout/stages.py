@@ -1,4 +1,4 @@
-"""Stages of a long run: each has a folder of its own, kept until what went into it changes."""
+"""Cache the stages of a long run: each has its own folder, valid until its inputs change."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Stages:
         self.seconds: dict[str, float] = {}
 
     def made(self, stage: str, inputs: tuple[str, ...], make: Callable[[Path], None]) -> Path:
-        """Return the folder of a stage; ``make`` fills it where there is none of these inputs.
+        """Return the folder of a stage; call ``make`` if no folder with these inputs exists.
 
         It takes its name when it is whole: an interrupted stage begins anew. Those of the same stage with other inputs
         are removed.
@@ -68,5 +68,5 @@ class Stages:
 
 
 def _processor_s() -> float:
-    """Return the processor time of this program and of those that it ran: others may use the machine too."""
+    """Return the processor time of this program and its child processes."""
     return sum(os.times()[:4])

@@ -1,4 +1,4 @@
-"""What a cell does, found out from its transistors: switches between supply, ground and the nets of the cell."""
+"""Derive a cell's function from its transistors: switches between supply, ground and nets."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def read(spice: str) -> dict[str, SwitchCell]:
 
 
 def settle(cell: SwitchCell, inputs: Mapping[str, Level], before: Mapping[str, Level]) -> dict[str, Level]:
-    """Return the level of every net once nothing changes any more.
+    """Return the levels of all nets in the steady state.
 
     A net joined to neither supply nor ground keeps its level; one that may be joined to both is unknown.
 
@@ -82,7 +82,7 @@ def settle(cell: SwitchCell, inputs: Mapping[str, Level], before: Mapping[str, L
 
 
 def _level(cell: SwitchCell, levels: Mapping[str, Level], net: str, fixed: Mapping[str, Level]) -> Level:
-    """Return the level of a net from what it is joined to."""
+    """Return the level of a net from its connected nets."""
     surely = {fixed[end] for end in _joined(cell, levels, net, fixed, sure=True) if end in fixed}
     perhaps = {fixed[end] for end in _joined(cell, levels, net, fixed, sure=False) if end in fixed}
     if not perhaps:
@@ -120,14 +120,14 @@ def table(cell: SwitchCell, inputs: tuple[str, ...], output: str) -> list[Level]
 
 
 def does(cell: SwitchCell, inputs: tuple[str, ...], output: str, function: Callable[..., bool]) -> bool:
-    """Return whether the transistors of a cell are a Boolean function of its inputs."""
+    """Return whether a cell's transistors compute a Boolean function of its inputs."""
     return table(cell, inputs, output) == [
         bool(function(*levels)) for levels in itertools.product((False, True), repeat=len(inputs))
     ]
 
 
 def stores(cell: SwitchCell, data: str, clock: str, output: str) -> bool:
-    """Return whether the transistors of a cell are a flip-flop that takes data at the rising edge alone."""
+    """Return whether a cell's transistors form a flip-flop that samples only at the rising edge."""
     levels: Mapping[str, Level] = {}
     held: Level = UNKNOWN
     word = False

@@ -1,1 +1,1 @@
-"""Reader of cell libraries: it finds cells by their liberty description, never by their names."""
+"""Read cell libraries; identify cells by their Liberty description, never by name."""

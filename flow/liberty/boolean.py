@@ -1,4 +1,4 @@
-"""Boolean expressions of a cell library: their value, and the same in Verilog."""
+"""Evaluate Boolean expressions of a cell library, and convert them to Verilog."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ OPERATORS = {"And": (operator.and_, "&"), "Or": (operator.or_, "|"), "Xor": (ope
 
 @functools.cache
 def expression(text: str) -> Any:
-    """Return an expression of a library as sympy has it."""
+    """Return a library's expression as a sympy expression."""
     from liberty.boolean_functions import parse_boolean_function
 
     try:

@@ -41,11 +41,11 @@ class Entry:
         return InputError(f"the cell library {self.path} is wrong: {part} of {self.place} {what}; give another .lib")
 
     def all(self, kind: str) -> list[Entry]:
-        """Return the groups of a kind within this one."""
+        """Return the inner groups of a kind."""
         return [Entry(group, self.path, f"{kind} of {self.place}") for group in self.group.get_groups(kind)]
 
     def named(self, kind: str) -> dict[str, Entry]:
-        """Return the groups of a kind within this one by their names."""
+        """Return the inner groups of a kind, by name."""
         within = "" if self.place == "the library" else f" of {self.place}"
         found = {}
         for entry in self.all(kind):
@@ -63,14 +63,14 @@ class Entry:
         return found
 
     def value(self, name: str) -> Any:
-        """Return an attribute as the parser has it; None where it is absent."""
+        """Return an attribute in the parser's form; None if absent."""
         found = self.group.get_attributes(name)
         if len(found) > 1:
             raise self.wrong(name, "stands twice")
         return found[0] if found else None
 
     def text(self, name: str) -> str:
-        """Return an attribute as text without quotes: the first of several, empty where it is absent."""
+        """Return an attribute as text without quotes: the first value, empty if absent."""
         value = self.value(name)
         return _text(value[0] if value else None) if isinstance(value, list) else _text(value)
 
@@ -119,9 +119,9 @@ def parse(path: Path) -> Entry:
         group = parse_liberty(text)
     except Exception as error:  # a broken file makes the parser raise any of a dozen types
         reason = (str(error).strip().splitlines() or [type(error).__name__])[0].rstrip(".,;:")
-        raise InputError(f"{path} is no liberty file that can be read: {reason}; give a .lib") from None
+        raise InputError(f"{path} cannot be read as a Liberty file: {reason}; give a .lib") from None
     if group is None or group.group_name != "library":
-        raise InputError(f"{path} is no liberty file: it has no library(...); give a .lib")
+        raise InputError(f"{path} is not a Liberty file: it has no library(...); give a .lib")
     return Entry(group, path, "the library")
 
 

@@ -114,7 +114,7 @@ class Memory:
 
 @dataclass(frozen=True)
 class ClockGate:
-    """An integrated clock gate: pins of clock, enable and gated clock, and of test enable where it has one."""
+    """An integrated clock gate: pins of clock, enable, gated clock, and test enable if it has one."""
 
     clock: str
     enable: str
@@ -171,12 +171,12 @@ class Cell:
 
     @functools.cached_property
     def functions(self) -> dict[str, str]:
-        """Boolean function of every pin but inputs that has one, as the liberty file writes it."""
+        """Boolean function of every output pin that has one, in Liberty syntax."""
         return {name: pin.function for name, pin in self.pins.items() if pin.direction != "input" and pin.function}
 
     @functools.cached_property
     def clock_pins(self) -> list[str]:
-        """Inputs that carry a clock: that of a flop or latch, and of a clock gate."""
+        """Clock inputs of a flop, latch or clock gate."""
         return [name for name in self.inputs if self.pins[name].clock]
 
     @property
@@ -205,7 +205,7 @@ class Cell:
 
     @functools.cached_property
     def ways(self) -> list[Arc]:
-        """Timing arcs with a delay, without those of resets. A flop or clock gate has those of its clock alone."""
+        """Timing arcs with a delay, except reset arcs. A flop or clock gate has those of its clock alone."""
         kinds = ("", "combinational", "rising_edge")
         arcs = [arc for name in self.outputs for arc in self.pins[name].arcs if arc.delay and arc.kind in kinds]
         for arc in arcs:
@@ -234,7 +234,7 @@ class Cell:
         _ = self.ways
 
     def drives(self, function: str) -> str:
-        """Return the output pin of a cell of one output with a function, or an empty text."""
+        """Return the output of a single-output cell with a function, or an empty text."""
         found = [pin for pin, text in self.functions.items() if literal(text) == function]
         return found[0] if found and len(self.functions) == 1 else ""
 
@@ -288,7 +288,7 @@ class Library:
         return min(simple, key=lambda cell: (cell.latch.rising if cell.latch else True, cell.area_um2), default=None)
 
     def tie(self, level: int) -> tuple[str, str] | None:
-        """Return cell and pin of a constant 0 or 1, None where the library has none."""
+        """Return cell and pin of a constant 0 or 1, None if the library has none."""
         found = [(c.area_um2, c.name, pin) for c in self.cells.values() if (pin := c.drives(str(level)))]
         return min(found)[1:] if found else None
 
@@ -307,7 +307,7 @@ class Library:
         """Yield the cells of some names, in order of these."""
         for kind in sorted(kinds):
             if kind not in self.cells:
-                raise InputError(f"the cell library {self.path} has no cell {kind}; give the one of the netlist")
+                raise InputError(f"the cell library {self.path} has no cell {kind}; give the library of the netlist")
             yield self.cells[kind]
 
 
@@ -351,8 +351,8 @@ def _corner(library: Entry) -> tuple[float, float, float]:
         value = library.number(f"nom_{name}", chosen.number(name, 1.0 if name == "process" else math.nan, least), least)
         if math.isnan(value):
             raise InputError(
-                f"the cell library {library.path} has no corner: neither nom_{name} nor operating_conditions; "
-                "give another .lib"
+                f"the cell library {library.path} has no corner: nom_{name} and operating_conditions are "
+                f"missing; give another .lib"
             )
         found.append(value)
     return found[0], found[1], found[2]

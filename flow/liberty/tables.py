@@ -17,7 +17,7 @@ EDGES = {RISE: "rise", FALL: "fall"}
 
 @dataclass(frozen=True)
 class Table:
-    """A table of up to two variables, in SI units, continued at its ends as straight lines.
+    """A table of up to two variables in SI units, extrapolated linearly.
 
     Attributes
     ----------
@@ -151,19 +151,19 @@ def arcs(pin: Entry, name: str, scales: Scales) -> list[Arc]:
 
 
 def setup(pin: Entry, scales: Scales) -> dict[int, Table]:
-    """Return the setup times of a pin at the steepest rising clock of their tables, by edge, over its own slew."""
+    """Return a pin's setup times by edge and slew, for the steepest clock edge of the tables."""
     groups = [group for group in pin.all("timing") if group.text("timing_type") == "setup_rising"]
     return by_edge(groups[-1], "{}_constraint", scales, scales.time) if groups else {}
 
 
 def by_edge(group: Entry, name: str, scales: Scales, unit: float) -> dict[int, Table]:
-    """Return the tables of both edges of a group, as far as it has them."""
+    """Return the tables of a group for its rising and falling edges, if present."""
     found = {edge: group.all(name.format(word)) for edge, word in EDGES.items()}
     return {edge: _table(tables[0], scales, unit) for edge, tables in found.items() if tables}
 
 
 def _table(group: Entry, scales: Scales, unit: float) -> Table:
-    """Return the table of a group, whichever of its variables comes first."""
+    """Return the table of a group, for either order of its variables."""
     values = group.numbers("values")
     template = scales.templates.get(group.names(1)[0]) if group.group.args else None
     grids, axes = [], []

@@ -1,1 +1,1 @@
-"""Power of a netlist from what its nets do."""
+"""Compute the power of a netlist from the activity of its nets."""

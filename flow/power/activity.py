@@ -100,7 +100,7 @@ def _changes(path: Path) -> tuple[dict[str, VarDecl], list[int], dict[str, list[
 
 
 def _sampled(changes: list[tuple[int, str]], edges: NDArray[np.int64], width: int) -> NDArray[np.uint8]:
-    """Return the bits of a variable just after each of some times, highest first; 2 where unknown."""
+    """Return the bits of a variable just after each given time, most significant first; 2 means unknown."""
     if not changes:
         return np.full((1, width), 2, np.uint8)
     times = np.array([time for time, _ in changes])

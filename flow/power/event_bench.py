@@ -1,4 +1,4 @@
-"""Plays scenarios into a netlist and reads what its nets did; the events are held to the model's."""
+"""Play scenarios into a netlist, read the activity of its nets, and compare its events with the model's."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ endmodule
 
 
 class Mismatch(Exception):  # the outcome that is looked for, not a defect of the program
-    """A netlist does not do what the model does; the text says where first.
+    """A netlist differs from the model; the text gives the first place.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class Mismatch(Exception):  # the outcome that is looked for, not a defect of th
 def play(
     scenario: Scenario, config: ReadoutConfig, netlist: FlatNetlist, cells: str, folder: Path
 ) -> tuple[Activity, int]:
-    """Play a scenario; return what all nets did in its window, and how many events the netlist sent there.
+    """Play a scenario; return the activity of all nets in its window, and the number of events.
 
     Parameters
     ----------
@@ -83,14 +83,14 @@ def play(
 
 
 def _defined(macros: dict[str, str], netlist: FlatNetlist) -> str:
-    """Return macros as Verilog, with that of the port that only netlists have."""
+    """Return Verilog macros, including the one for the extra port of netlists."""
     if any(port.name == "test_enable" for port in netlist.ports):
         macros = macros | {"TEST_ENABLE": "1"}
     return "".join(f"`define {name} {value}\n" for name, value in macros.items())
 
 
 def _hold_to_model(scenario: Scenario, events: Any, errors: int) -> None:
-    """Refuse a run whose events are not those of the model."""
+    """Refuse a run whose events differ from the model's."""
     if difference := first_difference(scenario.events, events):
         raise Mismatch(
             f"{scenario.name}: the netlist does not do what the model does: "

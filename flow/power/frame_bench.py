@@ -1,4 +1,4 @@
-"""The frame readout at work and at rest: played into its netlist, every output held to the model in every clock."""
+"""Play the frame readout, active and idle, in its netlist, and compare every output with the model."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ IDLE_CLOCKS = 400
 
 
 def play(config: FrameConfig, netlist: FlatNetlist, cells: str, folder: Path) -> dict[str, tuple[Activity, int]]:
-    """Return what all nets did without and with frames, and the samples of each.
+    """Return the activity of all nets without and with frames, and the samples of each.
 
     Raises
     ------
@@ -35,7 +35,7 @@ def play(config: FrameConfig, netlist: FlatNetlist, cells: str, folder: Path) ->
 
 
 def _run(config: FrameConfig, netlist: FlatNetlist, cells: str, folder: Path, frames: int, clocks: int) -> Activity:
-    """Play some frames and return what the nets did in some clocks."""
+    """Play some frames and return the activity of the nets in some clocks."""
     inputs, outputs = _traces(config, frames, clocks)
     widths = {port.name: len(port.nets) for port in netlist.ports}
     (folder / "inputs.txt").write_text("\n".join(_words(inputs, Inputs._fields, widths)))

@@ -20,7 +20,7 @@ INPUT_SLEW_S = 0.1e-9
 
 @dataclass(frozen=True)
 class CellActivity:
-    """What a cell did, whatever its loads are.
+    """The activity of a cell, independent of its loads.
 
     Attributes
     ----------
@@ -126,16 +126,16 @@ class LibertyPower:
         return {cell.name: self._power(cell, activity, clock_hz, known[cell.name]) for cell in self.netlist.cells}
 
     def uses(self, activity: Activity) -> dict[str, CellActivity]:
-        """Return what every cell does; wires change nothing in it."""
+        """Return the activity of every cell, which wires do not change."""
         return {cell.name: self._use(cell, activity) for cell in self.netlist.cells}
 
     def inputs_w(self, activity: Activity, clock_hz: float) -> float:
-        """Return what drives the nets at the inputs of the netlist, clock and reset too: C V^2 / 2 a toggle."""
+        """Return the energy of the drivers at the inputs, clock and reset included: C V^2 / 2 per toggle."""
         nets = dict.fromkeys(net for port in self.netlist.ports if port.direction == "input" for net in port.nets)
         return sum(self._switching(net, activity) for net in nets) * clock_hz
 
     def stateless_w(self) -> float:
-        """Return the leakage of all cells where nothing is known of their states."""
+        """Return the leakage of all cells, averaged over unknown states."""
         return sum(self.kinds[cell.kind].leakage_w for cell in self.netlist.cells)
 
     def _switching(self, net: str, activity: Activity) -> float:
@@ -193,7 +193,7 @@ class LibertyPower:
         return spent
 
     def _value(self, cell: Cell, pin: str, edge: int, group: Energy, load: float) -> float:
-        """Return the energy of one change by the group's table; the slew is that of the causing pin, or its own."""
+        """Return the energy of one change from the group's table, at the slew of the causing pin or its own."""
         if not group.related:
             return group.tables[edge].at(self._slew_of(cell, pin, edge), load)
         values = []
@@ -234,5 +234,5 @@ def _bits(net: str, activity: Activity) -> Bits:
 
 
 def _with_outputs(kind: Kind, bits: dict[str, Bits]) -> dict[str, Bits]:
-    """Return the values of all pins that a condition may name, those of unconnected outputs as low."""
+    """Return the values of all pins in conditions; unconnected outputs count as low."""
     return {pin: bits.get(pin, np.zeros(1, bool)) for pin in kind.pins}

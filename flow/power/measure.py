@@ -1,4 +1,4 @@
-"""Power of a gated netlist from what it does: idle, a lone event, an event in every clock, a texture; in two ways."""
+"""Compute a gated netlist's power with two methods: idle, a lone event, an event in every clock, a texture."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ APART = "apart"
 
 
 class Disagreement(Exception):  # the outcome that is looked for, not a defect of the program
-    """The two ways of computing power lie too far apart; the text says where."""
+    """The two methods differ by too much; the text gives the place."""
 
 
 @dataclass(frozen=True)
 class ScenarioPower:
-    """What a netlist draws in a scenario.
+    """The power of a netlist in a scenario.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class ScenarioPower:
 
 @dataclass
 class PowerMeter:
-    """A netlist whose power is computed in both ways."""
+    """A netlist whose power is computed with both methods."""
 
     tables: LibertyPower
     opensta: OpenstaPower
@@ -78,7 +78,7 @@ class PowerMeter:
     def measure(
         self, name: str, activity: Activity, events: int, uses: dict[str, CellActivity] | None = None
     ) -> ScenarioPower:
-        """Return what the netlist draws with an activity; ``uses`` are what its cells do, where that is known.
+        """Return the netlist's power for an activity; ``uses`` is the activity of its cells, if known.
 
         Raises
         ------
@@ -162,7 +162,7 @@ def measure(
 def _played(
     config: ReadoutConfig | FrameConfig, flat: FlatNetlist, cells: str, folder: Path
 ) -> tuple[dict[str, tuple[Activity, int]], int]:
-    """Return what the nets did in each scenario and its events in the netlist; and the events that are due in all."""
+    """Return each scenario's net activity and events, and the events expected in all scenarios."""
     if isinstance(config, FrameConfig):
         seen = frame_bench.play(config, flat, cells, folder)
         return seen, sum(samples for _, samples in seen.values())
@@ -181,7 +181,7 @@ def _summary(
     idle, taxels = found[IDLE], config.taxels
 
     def energy(name: str, without: str = IDLE) -> float | None:
-        """Return what an event adds to the readout that is idle, or quiet in another way, in joules."""
+        """Return the energy that an event adds to an idle or otherwise quiet readout, in joules."""
         if name not in found:
             return None
         stretch = found[name]
@@ -217,7 +217,7 @@ def _summary(
 
 
 def _closing(config: ReadoutConfig, found: dict[str, ScenarioPower]) -> dict[str, float]:
-    """Return what a taxel draws while its window closes, and what that adds to the idle taxel until it is closed."""
+    """Return a taxel's power while its window closes, and the energy added until it is closed."""
     closing = found[CLOSING].power_w / config.taxels
     more = closing - found[IDLE].power_w / config.taxels
     return {

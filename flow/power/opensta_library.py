@@ -15,7 +15,7 @@ LEFT_OUT = ("cell", "wire_load", "wire_load_selection", "wire_load_table")
 
 
 def one_energy_a_pin(library: Library, kinds: set[str]) -> str:
-    """Return a library of some cells in which every pin has one ``internal_power`` group: the mean of its own.
+    """Return a library of some cells with one mean ``internal_power`` group for each pin.
 
     OpenSTA 2.0 adds up the groups of a pin, whatever their conditions, and weighs each by how often its related pin
     would pass. Wire loads are left out, since it would add those, and so are the ranges of capacitances, of which it
@@ -50,7 +50,7 @@ def _one_energy(cell: Cell) -> Any:
 
 
 def _mean(groups: list[Entry], clocks: list[str]) -> Any:
-    """Return one group for several: of those with a condition, or of those that a clock causes, where there are any."""
+    """Return one group for several: the mean of conditional ones, or of those caused by a clock, if any."""
     chosen = [g for g in groups if g.text("related_pin") in clocks] or [g for g in groups if g.text("when")] or groups
     first = copy.deepcopy(chosen[0].group)
     first.attributes = [a for a in first.attributes if a.name not in ("when", "related_pin")]
@@ -60,7 +60,7 @@ def _mean(groups: list[Entry], clocks: list[str]) -> Any:
 
 
 def _mean_table(tables: list[Entry]) -> Any:
-    """Return the mean of tables on one grid; a scalar counts as a table that is the same everywhere."""
+    """Return the mean of tables on one grid; a scalar counts as a constant table."""
     values = [table.numbers("values") for table in tables]
     largest = max(range(len(values)), key=lambda number: values[number].size)
     base, shape = copy.deepcopy(tables[largest].group), values[largest].shape

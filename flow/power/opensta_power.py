@@ -1,4 +1,4 @@
-"""Power of a netlist from OpenSTA: what it says an instance draws, scaled by what the pins of that did.
+"""Compute a netlist's power with OpenSTA, scaled by the pins' actual activity.
 
 This version of OpenSTA (2.0) reads no activity of single pins. It takes one for all data, and the clock's: so what a
 toggle of the clock pin, of the data pins and of the output costs an instance is told apart by four reports, in which
@@ -73,7 +73,7 @@ proc report {{file activity}} {{
 
 @dataclass(frozen=True)
 class Costs:
-    """What an instance draws: leakage in watts, and joules for a toggle of a pin.
+    """The power of an instance: leakage in watts, and joules for each toggle of a pin.
 
     Attributes
     ----------
@@ -93,7 +93,7 @@ class Costs:
 
 @dataclass
 class OpenstaPower:
-    """A netlist with what its instances draw."""
+    """A netlist with the power of its instances."""
 
     netlist: FlatNetlist
     library: Library
@@ -130,7 +130,7 @@ class OpenstaPower:
         return [*found, self._gates_alone(folder)]
 
     def _gates_alone(self, folder: Path) -> dict[str, tuple[float, float, float]]:
-        """Return what clock gates draw whose output rests, those behind none first, then those behind these."""
+        """Return the power of clock gates with an idle output, first those without another gate in front."""
         levels: dict[int, list[Cell]] = {}
         for cell in self.netlist.cells:
             if self._gated(cell):
@@ -157,7 +157,7 @@ class OpenstaPower:
         }
 
     def _depth(self, cell: Cell) -> int:
-        """Return how many clock gates stand before the clock of a clock gate."""
+        """Return the number of clock gates in front of a clock gate."""
         gate, depth = self.library.cells[cell.kind].gate, 0
         before = self._driver.get(cell.pins[gate.clock]) if gate else None
         while before is not None:
@@ -173,7 +173,7 @@ class OpenstaPower:
         return [gate.gated] if gate and gate.gated in cell.pins else []
 
     def _pins(self, cell: Cell) -> tuple[list[str], list[str]]:
-        """Return the data pins of a sequential cell, and its other inputs: resets, test enable; clocks left out."""
+        """Return the data pins of a sequential cell, and its other inputs (resets, test enable) without clocks."""
         known = self.library.cells[cell.kind]
         if not (known.flop or known.latch or known.gate):
             return [], []
@@ -233,7 +233,7 @@ def run(lines: list[str], folder: Path) -> None:
     text, status = opensta.run("\n".join(lines), folder)
     said = text.splitlines()
     if wrong := [line for line in said if line.startswith("Error")] or (said[-1:] if status else []):
-        raise InputError(f"OpenSTA does not accept the netlist: {wrong[0]}; give netlist and cell library of one run")
+        raise InputError(f"OpenSTA rejects the netlist: {wrong[0]}; give netlist and cell library of one run")
 
 
 def _read(path: Path) -> dict[str, tuple[float, float, float]]:
@@ -246,7 +246,7 @@ def _read(path: Path) -> dict[str, tuple[float, float, float]]:
 
 @dataclass(frozen=True)
 class Counted:
-    """What OpenSTA charges for 1 pJ a toggle: of a data output, of a clock's input, and of an output on its way."""
+    """OpenSTA's energy for 1 pJ a toggle: of a data output, a clock input, and an output in between."""
 
     data_out: float
     clock_in: float
@@ -254,7 +254,7 @@ class Counted:
 
 
 def _counted(folder: Path) -> Counted:
-    """Return how OpenSTA counts inside cells: it is asked for cells whose rise and fall cost 1 pJ each.
+    """Measure how OpenSTA counts internal energy, with cells whose rise and fall cost 1 pJ each.
 
     Version 2.0 adds rise and fall up for every toggle; for a data output it halves that where no related pin is named.
     """

@@ -1,4 +1,4 @@
-"""Results of the power of netlists: what ``make asic`` adds to its report, and the files that the power model reads."""
+"""Write power results of netlists: the entry in the report, and files for the power model."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FRAME_RATE_HZ = 200.0
 
 
 def why_not(config: ReadoutConfig | FrameConfig) -> str:
-    """Return why the power of a readout cannot be measured here; empty if it can."""
+    """Return why a readout's power cannot be measured here; empty if it can."""
     if shutil.which("iverilog") is None:
         return NO_PROGRAM
     try:
@@ -36,7 +36,7 @@ def why_not(config: ReadoutConfig | FrameConfig) -> str:
 
 
 def energies(config: ReadoutConfig | FrameConfig, text: str, library: Path) -> dict[str, Any]:
-    """Return what the report of a netlist says of its power, as the power model reads it: without wires.
+    """Return a netlist's power as the power model reads it: without wires.
 
     ``power`` holds the stretches, ``with_wires`` all of it with estimated wires, blocks left out, or why there is none.
 

@@ -1,4 +1,4 @@
-"""What a readout is made to do while its power is measured: nothing, one event, an event in every clock, a texture.
+"""Define the stimuli for power measurements: idle, one event, an event in every clock, a texture.
 
 With the closing window of CW-LCS "nothing" is two things: it rests once all windows are closed, and before that they
 count.
@@ -28,7 +28,7 @@ MOST_TO_CLOSE = 1000
 
 @dataclass(frozen=True)
 class Scenario:
-    """A stimulus, and the clocks of it in which power is measured.
+    """A stimulus, and the clocks in which power is measured.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Scenario:
         return self.inside(self.events)
 
     def inside(self, events: Events) -> int:
-        """Return how many of some events lie in the window."""
+        """Return the number of events in the window."""
         return int(np.count_nonzero((events["t"] >= self.start) & (events["t"] < self.start + self.clocks)))
 
 
@@ -73,7 +73,7 @@ def scenarios(config: ReadoutConfig, ticks: int = 30) -> list[Scenario]:
 
 
 def closing_ticks(config: ReadoutConfig) -> int:
-    """Return the quiet sample ticks after which an open window is closed and stands still; 0 where none closes."""
+    """Return the number of quiet ticks after which an open window is closed; 0 for encoders without a window."""
     return ((1 << config.closing_levels_log2) - 1) * config.window_period if config.closes else 0
 
 
@@ -89,20 +89,20 @@ def _whole(name: str, config: ReadoutConfig, samples: NDArray[np.integer], lead:
 
 
 def _run(config: ReadoutConfig, samples: NDArray[np.integer], spare: int = 0) -> tuple[Stimulus, Events]:
-    """Return a stimulus and its events; after its last sample it goes on for some periods."""
+    """Return a stimulus and its events, continued for some periods after the last sample."""
     clocks = (len(samples) + spare) * config.clocks_per_sample
     stimulus = Stimulus.from_samples(config, samples, clocks=clocks)
     return stimulus, simulate(config, stimulus)
 
 
 def texture_samples(config: ReadoutConfig, ticks: int) -> NDArray[np.int32]:
-    """Return samples of the first embedded texture, shape (ticks, taxels), from where the sensor has settled."""
+    """Return samples of the first embedded texture, shape (ticks, taxels), after the sensor has settled."""
     found = scan(config.rows, config.columns, config.sample_bits, 0)[TEXTURE_START:]
     return found[np.arange(ticks) % len(found)]
 
 
 def _idle(config: ReadoutConfig, rest: int, ticks: int = 10) -> Scenario:
-    """Samples that arrive at their rate and do not change; nothing is pending.
+    """Constant samples at the sample rate, with no pending request.
 
     They are a little off zero where the encoder keeps still there, else zero. Windows are open after reset: they close
     within ``rest`` ticks, or are at it while the power is measured.
@@ -117,7 +117,7 @@ def _idle(config: ReadoutConfig, rest: int, ticks: int = 10) -> Scenario:
 
 
 def _lone(config: ReadoutConfig) -> Scenario:
-    """One taxel at a time crosses a level, each when all is quiet: some LSB up, and back at its next turn."""
+    """One taxel at a time crosses a level while all are quiet: some LSB up, and down on its next turn."""
     samples = np.zeros((2 * LONE_TICKS + 4, config.taxels), np.int32)
     order = np.arange(LONE_TICKS) * 7 % config.taxels if config.taxels % 7 else np.arange(LONE_TICKS) % config.taxels
     for number, taxel in enumerate(order):
@@ -128,12 +128,12 @@ def _lone(config: ReadoutConfig) -> Scenario:
             samples[at:, taxel] = config.step if samples[at - 1, taxel] <= 0 else -1
     chosen = _whole(LONE, config, samples, 3)
     if not chosen.events_inside:
-        raise InputError("no lone event: the window period is too short for one; choose a longer one")
+        raise InputError("the window period is too short for a lone event; choose a longer one")
     return chosen
 
 
 def _saturated(config: ReadoutConfig) -> Scenario:
-    """All taxels far from their references: the link sends what it can in every clock."""
+    """All taxels far from their references, so that the link sends an event in every clock."""
     most = MOST_SATURATED + 64  # what follows the window is not played
     ticks = 2 + -(-min(config.full_scale // config.step * config.taxels, most) // config.clocks_per_sample)
     stimulus, events = _run(config, np.full((ticks, config.taxels), config.full_scale - 1, np.int32), spare=1)
@@ -146,7 +146,7 @@ def _saturated(config: ReadoutConfig) -> Scenario:
 
 
 def _longest(times: NDArray[np.int64], pace: int) -> tuple[int, int]:
-    """Return first and last time of the longest stretch in which events follow each other within some clocks."""
+    """Return first and last time of the longest stretch without a larger gap between events."""
     breaks = np.flatnonzero(np.diff(times) > pace)
     first = np.concatenate([[0], breaks + 1])
     last = np.concatenate([breaks, [len(times) - 1]])

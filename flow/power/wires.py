@@ -1,4 +1,4 @@
-"""Estimated wires, from the pitch of the taxels; a layout has others."""
+"""Estimate wires from the pitch of the taxels; a layout will differ."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Wires:
         return inside + self.pitch_um * (width + height)
 
     def _spot(self, block: str) -> tuple[float, float]:
-        """Return where a block lies, in pitches."""
+        """Return the position of a block in pitches."""
         found = TAXEL.match(block)
         if not found:
             return 0.0, self.rows / 2
@@ -65,7 +65,7 @@ class Wires:
 
 
 def block_of(place: str) -> str:
-    """Return the block of a cell: the taxel or row that it stands in, else its own first part, else the top.
+    """Return the block of a cell: its taxel or row, else the first part of its name, else the top.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""An array as cells: the taxel synthesised once and placed as often as it stands, all else around it."""
+"""Model an array as cells: one synthesised taxel, placed many times, and the logic around it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NONE = -1
 
 
 class End(NamedTuple):
-    """What a net of the top ends at.
+    """The endpoint of a net of the top.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class Array:
         return sum(self.kinds[c["type"]].area_um2 for c in self.taxel["cells"].values())
 
     def copy(self) -> Array:
-        """Return an array of its own cells, pins and ports."""
+        """Return an array with its own cells, pins and ports."""
         return dataclasses.replace(
             self,
             names=[*self.names],
@@ -107,7 +107,7 @@ class Array:
         return len(self.cells) - 1
 
     def new_net(self) -> int:
-        """Return a net that nothing is on yet."""
+        """Return an unused net."""
         self.nets += 1
         return self.nets - 1
 
@@ -128,7 +128,7 @@ class Array:
         return found | {taxel["clk 0"] for taxel in self.taxels}
 
     def ends(self) -> tuple[dict[int, End], dict[int, list[End]]]:
-        """Return what drives every net of the top, and what reads it."""
+        """Return the driver and the readers of every net of the top."""
         drivers: dict[int, End] = {}
         readers: dict[int, list[End]] = defaultdict(list)
         for index, (name, pins) in enumerate(zip(self.cells, self.pins, strict=True)):

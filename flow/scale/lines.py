@@ -1,4 +1,4 @@
-"""Lines of an array with repeaters: as long as the array is wide, and cut where a repeater makes them faster."""
+"""Estimate the lines of an array, as long as the array is wide, with repeaters where they save time."""
 
 from __future__ import annotations
 
@@ -89,13 +89,13 @@ class Open:
 
     @property
     def load_f(self) -> float:
-        """All that it loads its driver with."""
+        """The total load on its driver."""
         return self.pin_f + self.wire_f
 
 
 @dataclass
 class Lines:
-    """The lines of an array, made one by one; repeaters become cells of it.
+    """Build the lines of an array one by one; repeaters become cells of the array.
 
     Attributes
     ----------
@@ -122,7 +122,7 @@ class Lines:
         self.choice = repeaters(self.array.kinds)
 
     def draw(self) -> None:
-        """Draw every line but those that layout makes as trees."""
+        """Estimate every line except trees, which the layout builds."""
         drivers, readers = self.array.ends()
         trees = self.array.trees()
         for net, ends in readers.items():
@@ -155,7 +155,7 @@ class Lines:
         return max(marks) - min(marks) + sum(max(*b, along) - min(*b, along) for b in branches.values())
 
     def _tree(self, along: float, across: float, spots: list[tuple[float, float, End]]) -> Open:
-        """Return what the driver sees of a trunk at ``along`` whose branches run along."""
+        """Return the driver's load from a trunk at ``along`` with its branches."""
         branches: dict[float, list[tuple[float, Open]]] = defaultdict(list)
         for a, b, end in spots:
             near = self._bin(b) if len(spots) > 2 else b
@@ -164,7 +164,7 @@ class Lines:
         return self._both_ways(across, [(b, self._both_ways(along, on)) for b, on in branches.items()])
 
     def _both_ways(self, start: float, items: list[tuple[float, Open]]) -> Open:
-        """Return what is seen from ``start`` of a straight wire to parts on both sides of it."""
+        """Return the load at ``start`` of a straight wire with segments on both sides."""
         sides = []
         for side in (-1, 1):
             part = Open()
@@ -177,7 +177,7 @@ class Lines:
         return self._joined(sides)
 
     def _grown(self, part: Open, length: float) -> Open:
-        """Return a part with a wire in front of it, repeaters in it where it is long."""
+        """Return a segment behind a wire, with repeaters if the wire is long."""
         if not part.ends:
             return part
         self.length_um += length
@@ -193,7 +193,7 @@ class Lines:
         return Open(part.ends, part.pin_f, part.wire_f + self.wire.farad_per_um * length, way)
 
     def _joined(self, parts: list[Open]) -> Open:
-        """Return parts at one spot as one, behind repeaters as far as they are too much for one together."""
+        """Return segments at one place joined, with repeaters if their common load is too high."""
         parts = sorted((p for p in parts if p.ends), key=lambda p: p.load_f)
         while sum(p.load_f for p in parts) > self.repeater.load_f and len(parts) > 1:
             heavy = parts.pop()
@@ -210,7 +210,7 @@ class Lines:
         )
 
     def _at_driver(self, part: Open, driver: str, beside_f: float) -> Open:
-        """Return a part behind as many repeaters at its driver, which has a load beside it, as make the way faster."""
+        """Return a segment with as many repeaters at its loaded driver as save time."""
         while True:
             best, chosen = self._delay(driver, beside_f + part.load_f) - LEAST_GAIN_S, ""
             for kind in self.choice:
@@ -234,7 +234,7 @@ class Lines:
         return known[low] + (at - low) * (known[low + 1] - known[low])
 
     def _repeated(self, part: Open, kind: str = "") -> Open:
-        """Return a part behind a repeater."""
+        """Return a segment behind a repeater."""
         name = kind or self.repeater.kind
         found = self.array.kinds[name]
         (into, load), out = next(iter(found.loads.items())), found.outputs[0]

@@ -1,4 +1,4 @@
-"""Area, highest clock and cost of synthesis of one array after the other, as data."""
+"""Measure area, highest clock and synthesis cost of a list of arrays."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def designs_of(config: ReadoutConfig, sizes: str, tiles: str = "", relays: str =
     arrays = [config.replace(rows=rows, columns=columns) for rows, columns in sizes_of(sizes)]
     if not tiles:
         if relays:
-            raise InputError("--relays belongs to the lines of tiles; add --tiles, or leave it out")
+            raise InputError("--relays needs tiles; add --tiles, or leave --relays out")
         return arrays
     numbers = relays.split(",") if relays else ["0"]
     for number in numbers:
@@ -105,7 +105,7 @@ def measure(
     out: Path,
     on_array: Callable[[dict[str, Any]], None],
 ) -> None:
-    """Write what is found of some arrays into a file, anew after each; those that it has, of the same commit, stay.
+    """Write the results of some arrays to a file, after each array; keep results of the same commit.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def measure(
 
 
 def _shape(config: ReadoutConfig) -> dict[str, Any]:
-    """Return rows and columns of an array, and how it is cut into tiles."""
+    """Return rows, columns and tiles of an array."""
     shape = {"rows": config.rows, "columns": config.columns, "taxels": config.taxels}
     if isinstance(config, TilesConfig):
         shape |= {name: getattr(config, name) for name in ("tile_rows", "tile_columns", "relays")}
@@ -166,7 +166,7 @@ def _cut(results: list[dict[str, Any]]) -> list[str]:
 
 
 def _words(config: ReadoutConfig, wire: Wire, pitch_um: float) -> list[str]:
-    """Return what of a run is not by default, as variables of make."""
+    """Return a run's options that differ from the defaults, as make variables."""
     own = {name: getattr(config, name) for name in FIELDS if getattr(config, name) != getattr(ReadoutConfig(), name)}
     usual = {
         "pitch": (pitch_um, PITCH_UM),
@@ -178,7 +178,7 @@ def _words(config: ReadoutConfig, wire: Wire, pitch_um: float) -> list[str]:
 
 
 def _kept(out: Path, fixed: dict[str, Any]) -> dict[tuple[int, ...], dict[str, Any]]:
-    """Return the arrays that a file has, if it was made in the same way."""
+    """Return the arrays of a file, if made with the same options."""
     if not out.exists():
         return {}
     kept = read_json(out, "the estimate", dict)
@@ -192,7 +192,7 @@ def _kept(out: Path, fixed: dict[str, Any]) -> dict[tuple[int, ...], dict[str, A
 def _measured(
     config: ReadoutConfig, library: Library, wire: Wire, pitch_um: float, repeater: Repeater
 ) -> dict[str, Any]:
-    """Return what is found of an array, and the processor seconds of its synthesis."""
+    """Return the results of an array, and the processor seconds of its synthesis."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     if isinstance(config, TilesConfig):
         array, tile, spots = build_skin(config, library)
@@ -207,7 +207,7 @@ def _measured(
 def estimate(
     array: Array, wire: Wire, pitch_um: float, repeater: Repeater, places: MakePlacement = Placement
 ) -> dict[str, Any]:
-    """Return area and highest clock of an array, without wires and with them; repeaters are in both."""
+    """Return area and highest clock of an array without and with wires; both include repeaters."""
     config = array.config
     found: dict[str, Any] = {
         **_shape(config),
@@ -230,14 +230,14 @@ def estimate(
 
 
 def lines(array: Array, wire: Wire, pitch_um: float, repeater: Repeater, places: MakePlacement = Placement) -> Lines:
-    """Return the lines of an array, drawn; their repeaters are cells of it."""
+    """Return the estimated lines of an array; their repeaters become cells of the array."""
     drawn = Lines(array, places(array, pitch_um), wire, repeater)
     drawn.draw()
     return drawn
 
 
 def _of_path(path: SlowestPath) -> dict[str, Any]:
-    """Return what is said of the path that sets the period."""
+    """Return the description of the critical path."""
     in_repeaters = in_wires = before = 0.0
     for stage in path.stages:
         own = stage.arrival_s - before

@@ -1,4 +1,4 @@
-"""Where cells stand: taxels on their grid, all else where the wires to it are shortest."""
+"""Place cells: taxels on their grid, all others where their wires are shortest."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Placement:
     def _solve(
         self, cells: int, nets: int, pulls: NDArray[np.int64], fixed: NDArray[np.float64]
     ) -> list[tuple[float, float]]:
-        """Solve for the middles of the nets and the cells; what nothing pulls is in the middle of the left edge."""
+        """Solve for the centres of nets and cells; cells without connections stand in the middle of the left edge."""
         size = cells + nets
         one, two = pulls[:, 0], cells + pulls[:, 1]
         at = cells + fixed[:, 0].astype(np.int64)

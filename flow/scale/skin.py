@@ -1,4 +1,4 @@
-"""A skin of tiles as cells: the tile's array as often as it stands, relay stations on the lines, and the merge."""
+"""Model a skin as cells: the tile's array many times, relay stations on the lines, and the merge."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MERGE = -1
 
 
 class Spot(NamedTuple):
-    """Where a cell of a skin belongs: cell of a tile, else relay station of its line (``tile`` -1: merge)."""
+    """The owner of a cell: tile cell, relay station of a line, or merge (``tile`` -1)."""
 
     tile: int
     cell: int = NONE
@@ -68,7 +68,7 @@ class NetJoiner:
         return net
 
     def join(self, nets: list[int], others: list[int]) -> None:
-        """Make nets one, pair by pair; with a constant they are one too."""
+        """Join pairs of nets, also with a constant."""
         for net, other in zip(nets, others, strict=True):
             one, two = self.find(net), self.find(other)
             if one != two:
@@ -76,7 +76,7 @@ class NetJoiner:
 
 
 def build_skin(config: TilesConfig, library: Library) -> tuple[Array, Array, list[Spot]]:
-    """Return a skin as cells of a library, the array of one of its tiles, and where each cell belongs.
+    """Return a skin in library cells, the array of one tile, and the owner of each cell.
 
     The tiles are those that ``build`` makes of them alone.
     """
@@ -161,7 +161,7 @@ class _Assembly:
         self.ports += [(way, name, first + bit, net) for bit, net in enumerate(nets)]
 
     def array(self) -> Array:
-        """Return all of it, nets numbered anew."""
+        """Return the joined design with new net numbers."""
         roots = [self.joint.find(net) for net in range(len(self.joint.parents))]
         numbers = {root: n for n, root in enumerate(dict.fromkeys(root for root in roots if root != NONE))} | {
             NONE: NONE
@@ -186,7 +186,7 @@ def _moved(net: int, first: int) -> int:
 
 
 def _piece(design: dict[str, Any], name: str) -> Piece:
-    """Return a module of Yosys without others in it."""
+    """Return a flat Yosys module."""
     module = design["modules"][name]
     numbers = numbered(module)
     return Piece(
@@ -199,7 +199,7 @@ def _piece(design: dict[str, Any], name: str) -> Piece:
 
 
 class SkinPlacement(Placement):
-    """Positions of a skin: within a tile those of the tile alone, the merge in the middle of the skin.
+    """Positions in a skin: as in a single tile within each tile, the merge in the middle.
 
     The first relay station of a line is at its tile, where the stream leaves it, the last at the merge, and the others
     at equal ways between; one alone is at the tile.

@@ -1,4 +1,4 @@
-"""Static timing of a whole array, many cells at once: the shortest period, and the path that sets it."""
+"""Analyse the static timing of an array, many cells at once: shortest period and critical path."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Group:
 
 
 class Timing:
-    """Arrivals and slews at every net of an array; see ``eskin.flow.asic.constraints`` for what ports wait for.
+    """Arrival times and slews at every net; ``eskin.flow.asic.constraints`` gives the times outside the ports.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class Timing:
         self._run()
 
     def _groups(self) -> dict[str, Group]:
-        """Return the cells of every kind, those of the taxels behind the others."""
+        """Return the cells of every kind, taxel cells last."""
         array = self.array
         by_kind: dict[str, list[int]] = {}
         for number, kind in enumerate(array.cells):
@@ -173,7 +173,7 @@ class Timing:
             self._send(arc, nets[on], np.zeros((2, on.sum())), np.zeros((2, 2, on.sum())), [FROM_FLOP])
 
     def _send(self, arc: Arc, nets: Ints, slew: Floats, arrival: Floats, starts: list[int]) -> None:
-        """Take what comes through an arc into account."""
+        """Add the contribution of a timing arc."""
         for into, out in arc.edges:
             delay = arc.delay[out].at(slew[into], self.load[nets])
             late = arc.slew[out].at(slew[into], self.load[nets])
@@ -183,7 +183,7 @@ class Timing:
             np.maximum.at(self.slew[out], nets, np.maximum(late, 0.0))
 
     def _ports(self) -> None:
-        """Let the input ports send: at the clock, each through a buffer whose own delay is outside."""
+        """Start the input ports at the clock, each through a buffer whose own delay counts as outside."""
         kind = self.array.kinds[self.array.port_buffer]
         trees = self.array.trees()
         nets = np.array([n for way, _, _, n in self.array.ports if way == "input" and n >= 0 and n not in trees])
@@ -214,7 +214,7 @@ class Timing:
             self._send(arc, nets[on], slew, arrival, [FROM_FLOP, FROM_PORT])
 
     def _readers(self) -> tuple[Ints, Ints]:
-        """Return the cells that read the nets, one net after the other, and where those of each net begin."""
+        """Return the readers of all nets in one list, and the start of each net's part."""
         nets, cells = [], []
         for group in self.groups.values():
             if not group.kind.launch:
@@ -227,7 +227,7 @@ class Timing:
         return cell[order], np.searchsorted(net[order], np.arange(self.nets + 1))
 
     def _where(self) -> tuple[Ints, Ints]:
-        """Return the kind of every cell by its number, and its place among those of the kind; -1 for flops."""
+        """Return each cell's kind and its index within the kind; -1 for flops."""
         kind_of, place_of = np.full(self._cells, -1), np.zeros(self._cells, np.int64)
         for number, group in enumerate(self.groups.values()):
             place_of[group.cells] = np.arange(len(group.cells))
@@ -246,7 +246,7 @@ class Timing:
     # -- the period ----------------------------------------------------------------------------------
 
     def worst(self, ports: bool = True) -> Path:
-        """Return the path that sets the period, of all or of those that touch no port."""
+        """Return the critical path, of all paths or of those between flops."""
         best: tuple[float, int, int, int, str] = (0.0, NONE, 0, 0, "")
         for group in self.groups.values():
             for pin, tables in group.kind.setup.items():
@@ -267,7 +267,7 @@ class Timing:
         return Path(float(period), *self._trace(net, edge, start), end)
 
     def _trace(self, net: int, edge: int, start: int) -> tuple[tuple[Stage, ...], str]:
-        """Return the stages that lead to an edge of a net, and where they start."""
+        """Return the stages in front of an edge of a net, and their start."""
         drivers = self._drivers()
         stages: list[Stage] = []
         while net in drivers:

@@ -81,7 +81,7 @@ class Merged(NamedTuple):
 
 
 def merge(offered: list[NDArray[np.int64]], ready: NDArray[np.uint8], clocks: int) -> Merged:
-    """Return the events of a merge whose tiles hold every event until it is taken.
+    """Return the events of a merge; each tile holds its event until the merge takes it.
 
     Parameters
     ----------

@@ -70,7 +70,7 @@ class Relayed(NamedTuple):
 
 
 def relay(offered: NDArray[np.int64], ready: NDArray[np.uint8], clocks: int, stations: int = 1) -> Relayed:
-    """Return the events of a line whose tile holds every event until it is taken.
+    """Return the events of a line; the tile holds its event until the station takes it.
 
     Parameters
     ----------

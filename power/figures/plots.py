@@ -134,7 +134,7 @@ def _lines(entry: Data) -> list[tuple[str, dict[str, Any]]]:
 
 
 def _values(entry: Data) -> list[list[Any]]:
-    """Return the values of those lines, in the same order."""
+    """Return the values of the lines, in the same order."""
     return [*entry["nlcs"].values(), entry["lcs"]]
 
 
@@ -192,7 +192,7 @@ CORRECTIONS_IN_WORDS = {
 
 
 def in_words(case: str) -> str:
-    """Return what a case of the sensitivity study is called in its figure.
+    """Return the label of a case of the sensitivity study.
 
     Examples
     --------

@@ -91,7 +91,7 @@ class Chip(Block[ChipConfig]):
         return m
 
     def _channel(self, readout: Readout) -> Value:
-        """Return row * columns + column, behind all taxels for OFF events where these are kept apart."""
+        """Return the channel row * columns + column; separate OFF channels follow those of all taxels."""
         config = self.config.readout
         column: Value = readout.event_col if config.column_bits else Cat()
         taxel = column

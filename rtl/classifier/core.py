@@ -18,7 +18,7 @@ STALL_BITS = 24
 
 
 class State(Enum):
-    """What is read from the memories in a clock; what is done with it follows one clock later."""
+    """The memory words of a clock; their arithmetic follows one clock later."""
 
     IDLE = 0
     EVENT = 1
@@ -30,7 +30,7 @@ class State(Enum):
 
 
 class Classifier(Block[ClassifierConfig]):
-    """The integer network: an address of a memory, and one clock later the arithmetic with what it holds.
+    """The integer network: a memory address in one clock, and arithmetic on the word in the next.
 
     A neuron that is compared takes a further clock, so that no path has both the choice of its potential and the
     comparison in it.
@@ -212,14 +212,14 @@ class Classifier(Block[ClassifierConfig]):
             m.d.sync += [self.index.eq(0), self.state.eq(state)]
 
     def _ring(self, m: Module, advance: Value) -> None:
-        """Turn the ring of spikes; while the neurons pass through, their new spikes come in."""
+        """Rotate the ring of spikes; new spikes enter while the neurons are processed."""
         with m.If(advance):
             m.d.sync += self.spikes.eq(Cat(self.spikes[1:], self.spikes[0]))
         with m.Elif(self.held_neuron):
             m.d.sync += self.spikes.eq(Cat(self.spikes[1:], self.hidden_spike & ~self.held_clears))
 
     def _execute(self, m: Module, fired: Value) -> None:
-        """Hand on what shall be done with the words that are read in this clock."""
+        """Pass the operation for the words read in this clock to the next clock."""
         config, goes_on = self.config, ~self.scan_start
         recurrent = (self.state == State.RECURRENT) & fired
         m.d.sync += [
@@ -337,7 +337,7 @@ class Classifier(Block[ClassifierConfig]):
         self._evidence(m, gained)
 
     def _evidence(self, m: Module, gained: Value) -> None:
-        """Add to the evidence, and note the first class with the most of it."""
+        """Add to the evidence, and store the first class with the most evidence."""
         config = self.config
         bits = config.evidence_bits
         more = Signal(signed(bits))

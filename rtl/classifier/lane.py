@@ -14,7 +14,7 @@ from eskin.rtl.classifier.numbers import add
 
 
 class Lane(Block[ClassifierConfig]):
-    """Reads a potential and writes it in one clock, so that no addition waits for another.
+    """Read and write a potential in one clock, so that additions never wait for each other.
 
     A value that is set goes past the adder; ``set_group`` is then another group than that which is read.
 

@@ -1,4 +1,4 @@
-"""The memories of the weights, each a module of its own: block RAM as they are, or the place of a macro."""
+"""The weight memories, each a separate module: block RAM, or a placeholder for a macro."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class WeightMemory(WordMemory):
 
 
 class NeuronMemory(WordMemory):
-    """A row per neuron: its weights to the outputs, its bias, and the bias of the output of the same number."""
+    """One row for each neuron: weights to the outputs, bias, and the bias of the output with the same number."""
 
     module_name = "eskin_neuron_weights"
 

@@ -1,4 +1,4 @@
-"""Arithmetic on potentials, as ``model/classifier/network.py`` has it."""
+"""Compute potentials as in ``model/classifier/network.py``."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from eskin.model.classifier.config import Leak, NeuronReset
 
 
 def add(m: Module, left: Value, right: Value, bits: int, saturates: bool) -> Value:
-    """Return a signed sum of some bits; where it could leave them it stops at their end."""
+    """Return a signed sum that saturates at some number of bits."""
     exact = Signal(signed(max(len(left), len(right)) + 1), name="exact")
     m.d.comb += exact.eq(left + right)
     if not saturates or len(exact) <= bits:
@@ -22,7 +22,7 @@ def add(m: Module, left: Value, right: Value, bits: int, saturates: bool) -> Val
 def fire(
     m: Module, v: Value, threshold: int, floor: int | None, reset: NeuronReset, leaks: Leak
 ) -> tuple[Value, Value, Value]:
-    """Return a potential held from the floor on, whether it fires, and what reset and leak leave of it."""
+    """Return a potential limited by the floor, whether it fires, and its value after reset and leak."""
     held = Signal(signed(len(v)), name="held")
     spike = Signal(name="spike")
     rest = Signal(signed(len(v)), name="rest")

@@ -1,4 +1,4 @@
-"""What the ports of the classifier mean."""
+"""Describe the ports of the classifier."""
 
 from __future__ import annotations
 

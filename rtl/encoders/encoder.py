@@ -1,4 +1,4 @@
-"""What a taxel has of its encoder in hardware: the reference, and the comparators or the ports of analog ones."""
+"""Define the encoder's part of a taxel: the reference, and comparators or ports for analog ones."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Encoder(ABC):
 
     @abstractmethod
     def build(self, m: Module, taxel: Taxel, own: Own, platform: Any) -> tuple[Any, Any]:
-        """Add reference, state and comparators to a taxel; return whether a step up is due, and one down.
+        """Add reference, state and comparators to a taxel; return whether a step up and a step down are due.
 
         The reference moves where ``own.moves`` is high: up where ``own.on`` is, else down where ``own.off`` is, and to
         its reset value where the taxel is masked. A step that would leave the scale is not due.
@@ -62,7 +62,7 @@ class Encoder(ABC):
 
 
 def compare(m: Module, taxel: Taxel, own: Own, reference: Any, half_width: Any) -> tuple[Any, Any]:
-    """Add the sample and its comparators, or the ports of the analog ones; return whether x is above, and below.
+    """Add the sample and its comparators, or ports for analog ones; return whether x is above and below the window.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ class NlcsBipolar(Encoder):
     name = "nlcs-bipolar"
 
     def build(self, m: Module, taxel: Taxel, own: Own, platform: Any) -> tuple[Any, Any]:
-        """Add the reference and the comparators, which see it rounded down to a code."""
+        """Add the reference and the comparators, which compare with the reference rounded down to a code."""
         config = taxel.config
         fraction, shift, low = config.fraction_bits, config.leak_shift, (config.step - 1).bit_length()
         charge = Signal(signed(config.sample_bits + fraction), init=config.reference_reset << fraction)

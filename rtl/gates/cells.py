@@ -1,4 +1,4 @@
-"""Cells added to a module of a design of Yosys, as ``write_json`` gives it."""
+"""Add cells to a module of a Yosys design in the form of ``write_json``."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def highest_net(module: dict[str, Any]) -> int:
 
 
 def cell_of(kind: str, pins: Mapping[str, Bit], output: str = "Y") -> dict[str, Any]:
-    """Return a cell with a net at each of its pins, one of which is its output."""
+    """Return a cell with a net at each pin, one of them its output."""
     return {
         "hide_name": 1,
         "type": kind,

@@ -1,4 +1,4 @@
-"""Clock gates in the delivered Verilog: instances of one module, which a flow maps to a cell of its library."""
+"""Insert clock gates into the delivered Verilog: instances of one module, to map to a library cell."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ TO_VERILOG = (
 
 
 def gated(rtlil: str, top: str, synchronous_reset: bool) -> str:
-    """Return RTLIL as Verilog in which every block that says when it is awake, and every large enable, has a gate.
+    """Return RTLIL as Verilog with a clock gate for every block with ``awake`` and every large enable.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def gated(rtlil: str, top: str, synchronous_reset: bool) -> str:
 
 
 def _keep_apart(module: dict[str, Any], registers: Collection[str]) -> None:
-    """Put a wire between registers and the outputs that show them, so that each register keeps its name."""
+    """Put a wire between registers and their outputs, so that each register keeps its name."""
     held = {bit for name in registers for bit in module["netnames"][name]["bits"]}
     for name, port in module["ports"].items():
         if port["direction"] != "output":
@@ -131,7 +131,7 @@ def stop_enables(design: dict[str, Any]) -> int:
 
 
 def stop_blocks(design: dict[str, Any], top: str, synchronous_reset: bool, root: bool = True) -> int:
-    """Put a clock gate at the root of the clock of every block that says when it is awake.
+    """Put a clock gate at the clock root of every block that has a signal ``awake``.
 
     Parameters
     ----------

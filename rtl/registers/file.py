@@ -1,4 +1,4 @@
-"""The register file, made from the description of the registers: no address stands here."""
+"""Generate the register file from the description of the registers; no address is written here."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ WRITTEN, COUNTS = "_written", "_counts"
 
 
 def signals(config: ReadoutConfig) -> dict[str, Any]:
-    """Return what the register file shows and counts, as its ports; an array's field is one port."""
+    """Return the settings and counter inputs of the register file as ports, one for each array of fields."""
     ports: dict[str, Any] = {}
     for register in registers(config):
         for field in register.fields:
@@ -35,7 +35,7 @@ def signals(config: ReadoutConfig) -> dict[str, Any]:
 
 
 class RegisterFile(Block[ReadoutConfig]):
-    """Keeps what the host writes, shows it to the readout, and counts.
+    """Store the host's settings, pass them to the readout, and count.
 
     A word with a field out of its range is refused as a whole. A hole reads 0. A counter stops at its end. A flop is
     clocked only where its register is written, or its counter counts.
@@ -85,7 +85,7 @@ class RegisterFile(Block[ReadoutConfig]):
         return m
 
     def _ranges(self, field: Field) -> list[Value]:
-        """Return what must hold of the data so that a field may be written."""
+        """Return the condition on the data under which a field may be written."""
         value = self.write_data[field.low : field.low + field.width]
         limits = []
         if field.kind == "setting" and field.least:

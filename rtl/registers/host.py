@@ -1,4 +1,4 @@
-"""The host's side of a readout: SPI slave, register file and test pattern, and what they say to the array."""
+"""The host's side of a readout: SPI slave, register file, test pattern, and their signals to the array."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Host(Block[ReadoutConfig]):
         )
 
     def setting(self, name: str) -> Any:
-        """Return what the host sets, by the name of a taxel's port."""
+        """Return the host's settings, by the name of a taxel's port."""
         return self.decay_shift if name == "leak_shift" else getattr(self, name)
 
     def elaborate(self, platform: Any) -> Module:

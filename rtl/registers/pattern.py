@@ -21,7 +21,7 @@ def fields(config: ReadoutConfig) -> dict[str, int]:
 
 
 class TestPattern(Block[ReadoutConfig]):
-    """Requests for one taxel again and again, or for all in turn; the arbiter sees them as those of the array.
+    """Raise requests for one taxel repeatedly, or for all in turn; the arbiter sees them in place of the array's.
 
     A request rises ``2**interval`` clocks after the one before, or when that has been taken. A restart withdraws one
     that waits, as a mask does.
@@ -100,7 +100,7 @@ class TestPattern(Block[ReadoutConfig]):
         return m
 
     def _one_hot(self, place: Signal, count: int) -> Any:
-        """Return a place as one of some lines; the only one there is always is it.
+        """Return a position as a one-hot line; a single line is always high.
 
         A place behind the last is the last: a bit that is turned over must not leave a request without a line.
         """

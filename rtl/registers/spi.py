@@ -103,6 +103,6 @@ class SpiSlave(Block[ReadoutConfig]):
 
 
 class NarrowSlave(SpiSlave):
-    """The same with short addresses and words, so that proofs reach the end of a transfer soon."""
+    """The SPI slave with short addresses and words, so that proofs reach the end of a transfer soon."""
 
     address_bits, word_bits = 3, 3

@@ -1,1 +1,1 @@
-"""Verilog as a person writes it."""
+"""Make generated Verilog readable."""

@@ -41,7 +41,7 @@ class UnknownTextError(ValueError):
 
 @dataclass(frozen=True)
 class Wire:
-    """What a declaration says: bits, and whether they are a signed number."""
+    """The width and signedness of a declaration."""
 
     width: int
     signed: bool = False
@@ -163,13 +163,13 @@ class _Reader:
 
 
 def names(node: Node) -> list[str]:
-    """Return the names in an expression, each as often as it stands there."""
+    """Return the names in an expression, with repetitions."""
     own = [node.text] if node.kind in ("name", "slice") else []
     return own + [name for part in node.parts for name in names(part)]
 
 
 def width(node: Node, wires: Mapping[str, Wire]) -> int:
-    """Return the bits that an expression has by itself (IEEE 1364-2005, table 5-22)."""
+    """Return the self-determined width of an expression (IEEE 1364-2005, table 5-22)."""
     if node.kind == "name":
         return wires[node.text].width
     if node.kind == "slice":
@@ -209,7 +209,7 @@ def signed(node: Node, wires: Mapping[str, Wire]) -> bool:
 
 
 def contexts(node: Node, outer: int, wires: Mapping[str, Wire]) -> list[int]:
-    """Return, for each part of an expression, the bits to which its surroundings extend it; 0 for none.
+    """Return the context width of each part of an expression; 0 for none.
 
     Parameters
     ----------
@@ -236,7 +236,7 @@ def contexts(node: Node, outer: int, wires: Mapping[str, Wire]) -> list[int]:
 
 
 def extends_by_zeros(node: Node) -> bool:
-    """Return whether an unsigned expression in wider surroundings is itself with zeros in front of it."""
+    """Return whether zero-extension of an unsigned expression to a wider context keeps its value."""
     if node.kind == "choice" or (node.kind == "binary" and node.text in ("&", "|", "^")):
         return all(map(extends_by_zeros, node.parts[-2:]))
     if node.kind == "binary":
@@ -290,7 +290,7 @@ def _plain_reduction(node: Node, wires: Mapping[str, Wire]) -> Node:
 
 
 def _decimal(number: Node, bits: int) -> Node:
-    """Return a number as a signed one in decimal, with at least some bits: those of what it is compared with.
+    """Return a number as a signed decimal with at least the bits of its comparison partner.
 
     The least number of its width stays as it is: its sign, put before it, would be taken of the number extended.
     """
@@ -310,7 +310,7 @@ def _decimal(number: Node, bits: int) -> Node:
 
 
 def write(node: Node) -> str:
-    """Return the text of an expression; operators within operators stand in parentheses."""
+    """Return the text of an expression, with nested operators in parentheses."""
     if node.kind in ("name", "number"):
         return node.text
     if node.kind == "slice":
@@ -334,7 +334,7 @@ def write(node: Node) -> str:
 
 
 def _chain(node: Node, operator: str) -> list[Node]:
-    """Return what one operator joins; the parentheses of a longer chain stay, since they are a tree of low depth."""
+    """Return the operands of one operator; longer chains keep their parentheses, a tree of low depth."""
     if node.kind != "binary" or node.text != operator:
         return [node]
     return [end for part in node.parts for end in _chain(part, operator)]

@@ -1,4 +1,4 @@
-"""Verilog as a person writes it: wires that Yosys made up are folded into the expressions that use them."""
+"""Make Verilog readable: fold Yosys' intermediate wires into the expressions that use them."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Line:
 
     @property
     def words(self) -> list[str]:
-        """The names that the line uses, each as often as it does."""
+        """The names used in the line, with repetitions."""
         if self.trees:
             return [name for tree, _ in self.trees for name in expression.names(tree)]
         return [] if DECLARATION.match(self.text) else WORD.findall(self.text)
@@ -84,7 +84,7 @@ def fold(module: str) -> str:
 
 
 def _declared(lines: list[str]) -> list[str]:
-    """Return lines with every declaration before the first use: parts of a wire may name one that Yosys declares later.
+    """Return lines with declarations before use, because parts of a wire may name a later wire.
 
     Verilator and Yosys take both orders; the language, and slang, do not.
     """
@@ -99,7 +99,7 @@ def _declared(lines: list[str]) -> list[str]:
 
 
 def broken(line: str) -> str:
-    """Return a line, broken behind operators and commas where it is too long."""
+    """Return a line, wrapped after operators and commas if too long."""
     indent = " " * (len(line) - len(line.lstrip()))
     rows = [indent]
     for word in line.split():
@@ -134,7 +134,7 @@ def _narrowed(module: str) -> str:
 
 
 def _parse(text: str, wires: dict[str, Wire]) -> Line:
-    """Return a line with its expressions; one that is not understood has none."""
+    """Return a line with its expressions; none if the line is not understood."""
     try:
         if found := ASSIGNMENT.match(text):
             tree = _read(found[5], wires)
@@ -186,7 +186,7 @@ def _compares_with_number(tree: Node) -> bool:
 
 
 class _Folder:
-    """The lines of a module, and the steps of it that can be folded.
+    """The lines of a module, and its foldable steps.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ class _Folder:
             yield head + "".join(word + tail for word, tail in zip(words, tails, strict=True))
 
     def _names(self, tree: Node) -> float:
-        """Return the names in a logic expression with all steps in it; endless for arithmetic, which is kept."""
+        """Return the names in a logic expression with all steps inserted; infinite for arithmetic, which stays."""
         if tree.kind == "name" and tree.text in self.steps:
             return self._names(self.steps[tree.text])
         if tree.kind in ("name", "slice"):
@@ -262,7 +262,7 @@ class _Folder:
         return replace(node, parts=tuple(parts))
 
     def _fits(self, name: str, size: int, *, whole: bool) -> bool:
-        """Return whether a step has the same value in the place of its name."""
+        """Return whether a step can replace its name without changing the value."""
         tree, bits = self.steps[name], self.wires[name].width
         if whole:
             return size == bits
@@ -274,7 +274,7 @@ class _Folder:
 
 
 class _Joined:
-    """Wires of which some bits are other wires by another name: a row of bits is called by the wire they make up.
+    """Wires with bits that are parts of other wires: such a row of bits is named by its wire.
 
     Parameters
     ----------
@@ -296,7 +296,7 @@ class _Joined:
             own[low : low + len(bits)] = bits
 
     def named(self, node: Node, target: str) -> Node:
-        """Return an expression with rows of bits called by their wire, but for that wire's own assignment."""
+        """Return an expression in which a row of bits is replaced by its wire, except in the wire's own assignment."""
         node = replace(node, parts=tuple(self.named(part, target) for part in node.parts))
         bits = _bits_of(node, self.wires) if node.kind == "join" else None
         if bits is None:
@@ -316,7 +316,7 @@ Bit = tuple[str, int]
 
 
 def _bits_of(node: Node, wires: dict[str, Wire]) -> list[Bit] | None:
-    """Return the bits of an expression, lowest first, if it is nothing but bits of wires and constants."""
+    """Return the bits of an expression, lowest first, if it consists only of wire bits and constants."""
     if node.kind == "name":
         return [(node.text, i) for i in range(wires[node.text].width)]
     if node.kind == "slice":
@@ -335,7 +335,7 @@ def _bits_of(node: Node, wires: dict[str, Wire]) -> list[Bit] | None:
 
 
 def _renamed(module: str) -> str:
-    """Return a module in which what Yosys made up and is left is named after what it is part of."""
+    """Return a module whose remaining Yosys names are named after the signal that they are part of."""
     user: dict[str, str] = {}
     for line in module.splitlines():
         target = re.match(r"\s+(?:assign |(?:else )?(?:if \(.*\) )?)(\w+)(?:\[[\d:]+\])? <?= ", line)

@@ -1,4 +1,4 @@
-"""The testbench that goes with the Verilog: a few sample ticks, and the events that the model gives for them."""
+"""Write a testbench beside the Verilog: a few sample ticks and the model's events."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ TICKS = 8
 
 
 def has_testbench(config: object) -> bool:
-    """Return whether a design has one: the readout with a digital front end and a stream of events."""
+    """Return whether a design has a testbench: a readout with digital front end and stream link."""
     if type(config) is not ReadoutConfig:  # a skin of tiles is one too, with other ports
         return False
     return config.frontend == "digital" and config.link == "stream" and config.registers == "none"
 
 
 def _played(config: ReadoutConfig) -> tuple[list[int], Events]:
-    """Return the samples of every tick as one word, and the events that the model gives for them."""
+    """Return the samples of every tick as one word, and the model's events."""
     full = 1 << (config.sample_bits - 1)
     taxel = np.arange(config.taxels)
     levels = np.arange(1, TICKS + 1)[:, None] * (taxel % 5 + 2) * config.step // 8

@@ -15,7 +15,7 @@ from eskin.rtl.tiles.relay import payload_fields, two_places
 
 
 class Merge(Block[TilesConfig]):
-    """Brings the event streams of all tiles onto one, two events deep.
+    """Merge the event streams of all tiles into one, with a depth of two events.
 
     A tile's event is taken while fewer than two events are held. So neither ``tile_ready`` nor ``event_valid`` looks at
     ``event_ready`` in the same clock: no path leads through the merge from the sink to a tile.

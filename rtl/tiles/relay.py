@@ -13,7 +13,7 @@ from eskin.rtl.block import Block
 
 
 class Relay(Block[TilesConfig]):
-    """Cuts the line from a tile to the merge: outputs look at flops alone, and so no path leads through.
+    """Register the line from a tile to the merge: outputs depend only on flops.
 
     The relay station of L. P. Carloni, K. L. McMillan and A. L. Sangiovanni-Vincentelli, Theory of
     latency-insensitive design, IEEE TCAD 20(9), 2001: two places, since a stall reaches the tile a clock late.
@@ -51,7 +51,7 @@ def payload_fields(config: TilesConfig) -> list[str]:
 
 
 def two_places(m: Module, block: Block[Any], full: Signal, comes: Signal, new: dict[str, Value]) -> None:
-    """Keep what comes at the output, and one event behind it for the clock in which the sink stalls.
+    """Store the output event, and one more for the clock in which the sink stalls.
 
     Parameters
     ----------

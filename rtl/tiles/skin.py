@@ -82,5 +82,5 @@ def common_ports(config: TilesConfig) -> tuple[str, ...]:
 
 
 def _part(words: Value, index: int, port: Value) -> Value:
-    """Return what of the ports of all tiles belongs to that of one."""
+    """Return one tile's part of the ports of all tiles."""
     return words[index * len(port) : (index + 1) * len(port)]

@@ -138,6 +138,8 @@ def draw_scan(played: ScanToClass) -> Figure:
     for panel, draw in zip(panels, (_draw_signals, _draw_events, _draw_hidden, _draw_evidence), strict=True):
         draw(panel, played)
         panel.grid(visible=False)
+    for panel in panels[:-1]:
+        panel.tick_params(labelbottom=False)
     panels[0].set_xlim(0, 1e3 * played.recording.duration_s)
     panels[-1].set_xlabel("time (ms)", fontsize=8.5)
     return figure
@@ -175,7 +177,7 @@ def _draw_texture(panel: Axes, played: ScanToClass) -> None:
     panel.annotate("path of the array", place, xytext=offset, textcoords="offset points", color=_WAY, fontsize=8.5,
                    fontweight="bold", path_effects=halo, rotation=0 if rightwards else 90,
                    ha="center" if rightwards else "left", va="top" if rightwards else "center")  # fmt: skip
-    panel.set_xlabel(f"pixels; {config.rows} x {config.columns} taxels, {scan.name} scan", fontsize=8.5)
+    panel.set_xlabel(f"pixels; array of {config.rows} x {config.columns} taxels, {scan.name} scan", fontsize=8.5)
 
 
 def _draw_array(panel: Axes, played: ScanToClass) -> None:

@@ -71,14 +71,14 @@ class AddressMap:
             if not (0 <= x < MAX_SIDE and 0 <= y < MAX_SIDE):
                 raise InputError(f"{path}, line {number}: taxel ({x}, {y}) is outside 0..{MAX_SIDE - 1}")
             if tuple(source) in taxels:
-                raise InputError(f"{path}, line {number}: address {_text(source)} stands twice; keep one line")
+                raise InputError(f"{path}, line {number}: address {_text(source)} occurs twice; keep one line")
             taxels[tuple(source)] = (x, y)
         if not taxels:
             raise InputError(f"{path} maps no address; add a line for each taxel")
         if len(set(taxels.values())) < len(taxels):
             places = list(taxels.values())
             twice = next(place for place in places if places.count(place) > 1)
-            raise InputError(f"{path} gives taxel {twice} to two addresses; keep one line")
+            raise InputError(f"{path} gives two addresses for taxel {twice}; keep one line")
         return cls(taxels, str(path))
 
     @property

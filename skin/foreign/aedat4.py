@@ -67,7 +67,9 @@ def write_aedat4(path: Path, recording: Recording) -> str:
     """
     dv = _library()
     if not len(recording.events):
-        raise InputError("the recording has no events, and AEDAT 4 keeps no empty stream; convert another")
+        raise InputError(
+            "the recording has no events, and AEDAT 4 cannot store an empty stream; convert another recording"
+        )
     events = in_unit(recording, "us")
     store = dv.EventStore()
     for t, x, y, p in events.tolist():

@@ -1,4 +1,4 @@
-"""Events as other programs write them, and the recording that they become."""
+"""Convert events of other programs to recordings."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def configuration(
     elif events.size is not None:
         rows, columns = events.size
     elif events.addresses.ndim == 1:
-        raise InputError("the events have single addresses; say which taxel each is, with --map FILE")
+        raise InputError("the events have one address each; give the taxel of each address with --map FILE")
     elif not len(events.addresses):
         rows, columns = config.rows, config.columns
     else:
@@ -203,7 +203,7 @@ def take(
         raise InputError(f"event 0 has time {time[0]}, before --start {start:g}; start earlier")
     if mapping is None:
         if events.addresses.ndim == 1:
-            raise InputError("the events have single addresses; say which taxel each is, with --map FILE")
+            raise InputError("the events have one address each; give the taxel of each address with --map FILE")
         taxels, kept = events.addresses, np.ones(len(time), bool)
         beyond = (taxels < 0) | (taxels >= (config.columns, config.rows))
         if (wrong := np.flatnonzero(beyond.any(axis=1))).size:
@@ -217,7 +217,7 @@ def take(
     clocks, moved = _clocks(time[kept], start, events.unit, config)
     merged = len(np.unique(time[kept])) - len(np.unique(clocks))
     if not config.has_polarity and not events.polarity[kept].all():
-        raise InputError(f"the file has OFF events, encoding {config.encoding} sends none; give --encoding lcs")
+        raise InputError(f"the file has OFF events, but encoding {config.encoding} sends none; give --encoding lcs")
     made = make_events(clocks, taxels[:, 1], taxels[:, 0], events.polarity[kept])
     ticks = int(clocks[-1]) // config.clocks_per_sample + 1 if len(clocks) else 0
     recording = Recording(made, config, ticks * config.clocks_per_sample, metadata=metadata or {})

@@ -29,7 +29,7 @@ def is_foreign(path: Path) -> bool:
 
 
 def read_foreign(path: Path, fields: Sequence[str] = (), unit: str | None = None) -> ForeignEvents:
-    """Return the events of a foreign file; ``fields`` and ``unit`` are for tables and arrays alone."""
+    """Return the events of a foreign file; ``fields`` and ``unit`` are only for tables and arrays."""
     tables.check_unit(unit)
     if path.suffix.lower() != aedat4.SUFFIX:
         return tables.read_events_table(path, fields, unit)

@@ -100,7 +100,7 @@ def _text_columns(path: Path, content: bytes) -> dict[str, NDArray[Any]]:
         raise InputError(f"{path}: event {wrong} has {len(rows[wrong])} cells, the first line {width}")
     names = [str(n) for n in range(width)] if header is None else header
     if len(set(names)) < width:
-        raise InputError(f"{path} names two columns alike: {', '.join(names)}; rename one")
+        raise InputError(f"{path} has two columns of the same name: {', '.join(names)}; rename one")
     return {name: _parsed(path, name, [row[n] for row in rows]) for n, name in enumerate(names)}
 
 
@@ -175,12 +175,14 @@ def _named(
         for ours, known in NAMES.items():
             if base in known and (match is None or ours == "t"):
                 if ours in found:
-                    raise InputError(f"{path} has two columns for {ours}: {', '.join(columns)}; say with --fields")
+                    raise InputError(
+                        f"{path} has two columns for {ours}: {', '.join(columns)}; choose one with --fields"
+                    )
                 found[ours] = array
                 unit = match[2].replace("µ", "u") if match else unit
     if not found:
         raise InputError(
-            f"{path} does not name its {len(columns)} columns; say what they are with --fields, as in --fields x,y,t,p"
+            f"{path} does not name its {len(columns)} columns; name them with --fields, as in --fields x,y,t,p"
         )
     return found, unit
 
@@ -188,7 +190,9 @@ def _named(
 def _addresses(path: Path, columns: Mapping[str, NDArray[Any]]) -> NDArray[np.int64]:
     pair = [name for name in ("x", "y") if name in columns]
     if "address" in columns and pair:
-        raise InputError(f"{path} has addresses and {pair[0]}; say which with --fields, with - for the other")
+        raise InputError(
+            f"{path} has both an address and {pair[0]}; choose the columns with --fields, with - for a column to skip"
+        )
     if "address" not in columns and len(pair) < 2:
         raise InputError(f"{path} has no columns x and y, and no address; name the columns with --fields")
     names = pair or ["address"]

@@ -48,6 +48,8 @@ def _ordered(table: Table, names: tuple[str, ...]) -> Table:
             f"columns that all files have with --taxel-columns"
         )
     if len(set(table.names)) < len(table.names):
-        raise InputError(f"{table.path} has two columns of one name, in another order than other files; rename one")
+        raise InputError(
+            f"{table.path} has two columns of the same name, and another order than other files; rename one"
+        )
     order = [table.names.index(name) for name in names]
     return dataclasses.replace(table, values=table.values[:, order], names=names)

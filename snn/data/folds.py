@@ -45,6 +45,6 @@ def check_folds(data: ScanData, folds: int, fold_seed: int) -> None:
         for label in np.unique(labels):
             if left[label] < INNER_FOLDS:
                 raise InputError(
-                    f"inner validation needs {INNER_FOLDS} training images of each class, fold {fold} leaves "
-                    f"{left[label]} of {data.class_names[label]}; take more images or other folds"
+                    f"inner validation needs {INNER_FOLDS} training images of each class, but fold {fold} leaves "
+                    f"{left[label]} of {data.class_names[label]}; use more images or other folds"
                 )

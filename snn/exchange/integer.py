@@ -210,7 +210,7 @@ def _units(grids: list[Grid], bias: NDArray[np.float64], precision: Precision) -
     shifts = [round(math.log2(grid.step / unit)) for grid in grids]
     if max(shifts) > LARGEST_SHIFT:
         raise InputError(
-            f"the steps of the weights are too far apart for a shift of at most {LARGEST_SHIFT}; "
+            f"the weights of the layers differ too much in scale for a shift of at most {LARGEST_SHIFT}; "
             f"give fewer threshold bits"
         )
     threshold = max(round(1 / unit), 1)

@@ -35,7 +35,7 @@ BARS = (
 
 @dataclass(frozen=True)
 class Series:
-    """Points of a sweep and readout by rising data rate, of frames those of one network."""
+    """Points of a sweep and readout by rising data rate; of frames, the points of one network."""
 
     sweep: str
     readout: str
@@ -133,7 +133,7 @@ def _style(sweep: str, sweeps: list[str]) -> Data:
 
 
 def _draw_series(panel: Axes, series: Series, style: Data, taken: Taken) -> list[Box]:
-    """Draw points with their bars, joined by a line, beside what is taken; return the boxes that labels keep clear of.
+    """Draw points with error bars and a joining line in free places; return the boxes for labels to avoid.
 
     A mark keeps its numbers and is moved on the page, so that the line through the moved marks has numbers of its own.
     """

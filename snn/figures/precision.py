@@ -12,12 +12,14 @@ from eskin.snn.figures.networks import MARKERS, family
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+BITS = ("2", "4", "8")
+"""Bits that are written beside their points."""
 LEAST = 50.0
 """Per cent of accuracy where the panels begin: two bits are often below."""
 
 
 def plot_precision(points: Sequence[dict[str, Any]], path: Path) -> None:
-    """Draw every network as a line over the bits of its weights, with the bits beside its points in the upper row.
+    """Draw every network as a line over the bits of its weights, with the bits of some points in the upper row.
 
     Networks whose names differ only from the number of their neurons on share a column of panels. The more neurons,
     the darker the line; lines of networks that were trained with few bits are dashed.
@@ -32,9 +34,7 @@ def plot_precision(points: Sequence[dict[str, Any]], path: Path) -> None:
         key=lambda text: (int("0" + text.split()[0]) if text[0].isdigit() else 0, text),
     )
     styles = _styles(labels)
-    figure = new_figure(
-        max(3.6 * len(families), 7), 7, "Networks of whole numbers: accuracy by the bits of their weights"
-    )
+    figure = new_figure(max(3.6 * len(families), 7), 7, "Accuracy of integer networks by the bits of their weights")
     axes = figure.subplots(2, len(families), sharey=True, sharex="row", squeeze=False)
     for column, (title, networks) in enumerate(families.items()):
         dress(axes[0, column], title)
@@ -59,7 +59,7 @@ def plot_precision(points: Sequence[dict[str, Any]], path: Path) -> None:
     for axis in axes[0]:
         known |= dict(zip(*reversed(axis.get_legend_handles_labels()), strict=True))
     shown = [label for label in labels if label in known]
-    words = "numbers: bits of the weights; bars: 95 % interval over images; dotted: 90 %"
+    words = f"numbers: weights of {', '.join(BITS)} bits, others between them; bars: 95 % interval; dotted: 90 %"
     legend = figure.legend([known[label] for label in shown], shown, loc="outside lower left", ncols=3, fontsize=8,
                            frameon=False, title=words, title_fontsize=8, alignment="left")  # fmt: skip
     legend.get_title().set_color(GREY)
@@ -99,6 +99,6 @@ def _line(
 def _bits(axis: Axes, points: Sequence[dict[str, Any]], colour: str) -> None:
     """Write the bits beside the points."""
     for point in points:
-        if (y := 100 * point["accuracy"]) >= LEAST:
+        if (y := 100 * point["accuracy"]) >= LEAST and point["variant"] in BITS:
             at = point["memory_bits"] / 8000, y
             axis.annotate(point["variant"], at, (3, 3), textcoords="offset points", fontsize=6, color=colour)

@@ -55,10 +55,10 @@ def plot_robustness(points: Points, path: Path) -> None:
     save_figure(figure, path)
 
 
-def _words(name: str) -> str:
-    """Return name and unit of a disturbance."""
+def _described(name: str) -> str:
+    """Return meaning and unit of a disturbance's strength."""
     unit = DISTURBANCES[name].unit
-    return f"{name.replace('-', ' ')}{f' ({unit})' if unit else ''}"
+    return DISTURBANCES[name].help + f" ({unit})" * bool(unit)
 
 
 def _of(points: Points, network: str, name: str) -> Points:
@@ -77,7 +77,7 @@ def _draw_curve(
     panel: Axes, name: str, strengths: Sequence[float], points: Points, styles: Mapping[str, dict[str, Any]]
 ) -> None:
     """Draw accuracy over the strengths of one disturbance."""
-    dress(panel, _words(name))
+    dress(panel, name.replace("-", " "))
     for network, style in styles.items():
         own = _of(points, network, name)
         middle, ends = _bars(own)
@@ -86,7 +86,7 @@ def _draw_curve(
         for point in _of(points, network, "clean"):
             panel.axhline(100 * point["accuracy"], color=style["color"], linestyle=":", linewidth=1)
     panel.set_xticks(range(len(strengths)), [f"{strength:g}" for strength in strengths])
-    panel.set_xlabel(DISTURBANCES[name].help, fontsize=8)
+    panel.set_xlabel(_described(name), fontsize=8)
     panel.set_ylim(0, 103)
 
 
@@ -102,7 +102,7 @@ def _draw_rows(panel: Axes, names: Sequence[str], points: Points, styles: Mappin
                        label=label(network))  # fmt: skip
     rows = {point["disturbance"]: point["strength"] for point in points}
     units = {name: DISTURBANCES[name].unit for name in names}
-    ticks = [f"{name.replace('-', ' ')} {rows[name]:g} {units[name]}".rstrip() for name in names]
+    ticks = [f"{DISTURBANCES[name].help}: {rows[name]:g} {units[name]}".rstrip() for name in names]
     panel.set_yticks(range(len(names)), ticks)
     panel.set_ylim(len(names) - 0.5, -0.5)
     panel.set_xlim(0, 103)

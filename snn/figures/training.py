@@ -98,7 +98,7 @@ def _raster(recording: Recording, path: Path) -> None:
 
 
 def _drawn(plot: Callable[[Path], None]) -> bytes:
-    """Return what a function draws into a file."""
+    """Return the picture that a function draws."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "picture.png"
         plot(path)

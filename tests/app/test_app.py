@@ -89,7 +89,7 @@ def shown(capsys: pytest.CaptureFixture[str], *args: str) -> tuple[ReadoutConfig
         (["fail", "interrupt"], 130, ""),
         (["fail", "code"], 7, ""),
         (["fail", "not at all"], 0, ""),
-        (["fail"], 2, "error: Missing argument 'how'\n"),
+        (["fail"], 2, "error: Missing argument 'how'; test fail --help explains it\n"),
         (["fial"], 2, "error: No such command 'fial'. Did you mean 'fail'?\n"),
         (["show", "--row", "3"], 2, "error: No such option: --row (Possible options: --rows)\n"),
         (["show", "--rows"], 2, "error: Option '--rows' requires an argument\n"),

@@ -58,7 +58,7 @@ def test_the_input_is_neither_replaced_nor_searched_for_output(call: Any, folder
     (folder / "skin" / "a").mkdir(parents=True)
     (folder / "x.csv").write_text("1,2\n3,4\n")
     (folder / "link.csv").symlink_to("x.csv")
-    inside = "it is inside the input skin; choose a place beside that\n"
+    inside = "it is inside the input skin; choose a folder outside\n"
     for line in (
         "encode skin -o skin/events",
         "train --data skin -o skin",

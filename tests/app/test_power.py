@@ -148,11 +148,11 @@ def test_power_measures_a_dataset_that_is_given(call):
         ("explore --min-resolution 11", "min-resolution must be in 1..10, not 11"),
         (
             "explore --nlcs-event-rate 5",
-            "--nlcs-event-rate goes with --event-rate, the rate of LCS; give both",
+            "--nlcs-event-rate needs --event-rate, the rate of LCS; give both",
         ),
         (
             "explore --event-rate 5 --dataset embedded",
-            "--event-rate stands in place of --dataset and --rates; give one of them",
+            "--event-rate replaces --dataset and --rates; give one of them",
         ),
     ],
 )

@@ -192,7 +192,7 @@ def test_a_link_too_slow_for_the_signal_is_said_before_and_is_no_failure(
     folder = tmp_path / "4x4-nlcs-8b"
     assert picture == f"picture: {folder / 'raster.png'}; event files: {folder / 'events'}"
     assert (folder / "raster.png").exists()
-    assert rest.startswith("no run came to rest: the events that left were compared")
+    assert rest.startswith("no run came to rest: only sent events were compared")
     assert BIT_EXACT.fullmatch(line)
 
 

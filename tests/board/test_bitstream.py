@@ -21,7 +21,7 @@ BUILT = Built({"TRELLIS_COMB": 2000, "DP16KD": 4}, {"TRELLIS_COMB": 24288}, 51.2
 def test_mistakes_are_one_sentence() -> None:
     for words, sentence in (
         (["--board", "spartan"], "--board must be one of ulx3s, ulx3s-45f, ulx3s-25f, ulx3s-12f, not 'spartan'"),
-        (["--receiver", "--alone", "8"], "--weights, --receiver and --alone each say what is built; give one of them"),
+        (["--receiver", "--alone", "8"], "--weights, --receiver and --alone each choose a design; give one of them"),
     ):
         result = CliRunner().invoke(app, ["fpga", *words])
         assert isinstance(result.exception, InputError)

@@ -209,8 +209,8 @@ def test_a_recording_on_the_board_gives_the_events_and_classes_of_the_model(
         "dropped": "to the board (arrived damaged|came out of turn)",
         "back": "a frame from the board arrived damaged",
         "pulled": "is gone; check the cable",
-        "other": "the bitstream of the board is of another network or array",
-        "receiver": "the board holds the player, this needs the receiver",
+        "other": "the board's bitstream has another network or array",
+        "receiver": "the board holds the player, but this command needs the receiver",
     }
     for name, sentence in sentences.items():
         assert said[name]["code"] == 2, said[name]
@@ -220,7 +220,7 @@ def test_a_recording_on_the_board_gives_the_events_and_classes_of_the_model(
         kept = recordings[name].events
         assert 0 < len(kept) < len(whole), name
         assert np.array_equal(kept, whole[: len(kept)]), name
-        assert f"{len(kept)} events that came before are in" in said[name]["err"]
+        assert f"{len(kept)} events received before are in" in said[name]["err"]
     assert not (tmp_path / "heard.npz").exists()
 
 
@@ -262,7 +262,7 @@ def test_a_foreign_chip_is_recorded_into_our_files(hosts: Hosts, tmp_path: Path)
     assert f"LOST {300 - len(lost.events)} events" in said["burst"]["out"]
     assert 90 < len(lost.events) < 300
     assert said["small"]["code"] == 2
-    assert "which 4 x 3 taxels of lcs have not; give the rows, columns" in said["small"]["err"]
+    assert "which 4 x 3 taxels of lcs do not have; give the rows, columns" in said["small"]["err"]
     two = Recording.load(tmp_path / "dual.npz")
     assert said["dual"]["code"] == 0, said["dual"]
     assert [(e["x"], e["y"], 2 - e["p"]) for e in two.events] == of_two

@@ -110,7 +110,7 @@ def test_what_a_killed_recording_left_becomes_a_recording(tmp_path: Path) -> Non
     journal.add([(5, 1, 2, True), (9, 3, 4, False)])
     with (tmp_path / "a.npz.part").open("ab") as file:
         file.write(b"half")
-    with pytest.raises(InputError, match=r"holds events that became no recording; eskin rescue"):
+    with pytest.raises(InputError, match=r"holds an unfinished recording; eskin rescue"):
         Journal(tmp_path / "a.npz", ReadoutConfig(), {})
     recording = convert(tmp_path / "a.npz.part")
     assert recording == Recording.load(tmp_path / "a.npz")
@@ -121,7 +121,7 @@ def test_what_a_killed_recording_left_becomes_a_recording(tmp_path: Path) -> Non
 
 def test_something_else_is_no_journal(tmp_path: Path) -> None:
     (tmp_path / "b.npz.part").write_bytes(b"{}\n")
-    with pytest.raises(InputError, match="is no journal of a recording"):
+    with pytest.raises(InputError, match="is not a partial recording"):
         convert(tmp_path / "b.npz.part")
 
 
@@ -133,7 +133,7 @@ def test_a_clock_that_runs_backwards_parts_the_recording(tmp_path: Path) -> None
     assert found == [[5, 9], [2, 2], [0]]
     assert not (tmp_path / "a.npz.part").exists()
     Journal(tmp_path / "b.npz", ReadoutConfig(), {}).add([(5, 1, 99, True)])
-    with pytest.raises(InputError, match=r"b.npz.part holds events that are none of its array: event 0 has y = 99"):
+    with pytest.raises(InputError, match=r"b.npz.part holds events outside its array: event 0 has y = 99"):
         convert(tmp_path / "b.npz.part")
     with pytest.raises(InputError, match=r"/dev/zero is a device; give a file that ends in .npz.part"):
         convert(Path("/dev/zero"))
@@ -203,7 +203,7 @@ def on_status(what: Callable[[Frame, FakeBoard], bytes]) -> Callable[[Frame, Fak
 EVENT = Event(70_000, 5)
 
 MISHAPS = {
-    "has said nothing for 0.4 s; check the cable": lambda frame, board: b"",
+    "has sent nothing for 0.4 s; check the cable": lambda frame, board: b"",
     "a frame from the board arrived damaged .its CRC is wrong.": lambda f, b: b.say(EVENT) + b.say(EVENT)[:-3] + b"~",
     "1 frames from the board were lost before number 3; play again": lambda f, b: (
         b.say(EVENT) + b.say()[:0] + b.say(EVENT)
@@ -233,10 +233,10 @@ def test_a_mishap_is_one_sentence_and_what_came_before_is_kept(sentence: str) ->
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"version": 9}, "the board speaks version 9, this program 1; load its bitstream again"),
-        ({"design": 1}, "the board holds the player, this needs the receiver; load that bitstream"),
+        ({"version": 9}, "the board uses protocol version 9, this program 1; load its bitstream again"),
+        ({"design": 1}, "the board holds the player, but this command needs the receiver; load that bitstream"),
         ({"design": 7}, "the board holds the design 7"),
-        ({"identity": 1}, r"is of another network or array \(00000001, not [0-9a-f]{8}\)"),
+        ({"identity": 1}, r"has another network or array \(00000001, not [0-9a-f]{8}\)"),
     ],
 )
 def test_another_bitstream_is_refused(changes: dict[str, int], sentence: str) -> None:
@@ -250,13 +250,13 @@ def test_another_bitstream_is_refused(changes: dict[str, int], sentence: str) ->
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        ([], "says 0 numbers of itself, where 8 belong"),
-        ([VERSION, 2], "says 2 numbers of itself, where 8 belong"),
-        ([7], "speaks version 7, this program 1"),
-        ([VERSION, 2, 0, 0, 512, 1, 0, 0], r"its clock_hz is 0, outside 1000\.\.1000000000"),
-        ([VERSION, 2, 0, 50_000_000, 1, 1, 0, 0], r"its buffer_bytes is 1, outside 512\.\.16777216"),
-        ([VERSION, 1, 0, 50_000_000, 512, 16, 200, 3], r"its classes is 200, outside 0\.\.64"),
-        ([VERSION, 1, 0, 50_000_000, 512, 16, 3, 1 << 31], r"its word_bytes is 2147483648, outside 0\.\.252"),
+        ([], "describes itself in 0 numbers, not 8"),
+        ([VERSION, 2], "describes itself in 2 numbers, not 8"),
+        ([7], "uses protocol version 7, this program 1"),
+        ([VERSION, 2, 0, 0, 512, 1, 0, 0], r"reports clock_hz = 0, outside 1000\.\.1000000000"),
+        ([VERSION, 2, 0, 50_000_000, 1, 1, 0, 0], r"reports buffer_bytes = 1, outside 512\.\.16777216"),
+        ([VERSION, 1, 0, 50_000_000, 512, 16, 200, 3], r"reports classes = 200, outside 0\.\.64"),
+        ([VERSION, 1, 0, 50_000_000, 512, 16, 3, 1 << 31], r"reports word_bytes = 2147483648, outside 0\.\.252"),
     ],
 )
 def test_what_a_board_says_of_itself_has_a_range(words: list[int], sentence: str) -> None:
@@ -307,7 +307,7 @@ def test_no_board_is_one_sentence() -> None:
         Link("/dev/none", lambda records: None)
     with (
         linked(lambda frame, board: b"not a board~~") as (link, _),
-        pytest.raises(InputError, match="answers as a board"),
+        pytest.raises(InputError, match="no board answers at"),
     ):
         link.hello("receiver")
 
@@ -415,7 +415,9 @@ def test_a_line_that_cannot_be_is_refused(fields: dict[str, Any], sentence: str)
 
 
 def test_an_address_that_the_array_has_not_is_refused() -> None:
-    with pytest.raises(InputError, match="an event has the address 0xc, which 3 x 4 taxels of lcs have not"):
+    with pytest.raises(
+        InputError, match="the foreign chip sent the address 0xc, which 3 x 4 taxels of lcs do not have"
+    ):
         foreign_events(ReadoutConfig(rows=3, columns=4))(Event(0, 12))
     assert foreign_events(ReadoutConfig(rows=3, columns=4, encoding="nlcs"))(Event(1, 9)) == (1, 1, 2, True)
     assert np.array(foreign_events(ReadoutConfig(rows=3, columns=4))(Event(1, 0x19))).tolist() == [1, 1, 2, 1]

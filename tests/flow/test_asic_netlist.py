@@ -116,11 +116,11 @@ def test_a_block_that_says_when_it_is_awake_has_a_gate_of_its_own() -> None:
         ),
         (
             example_library.library().replace("voltage : 1.2", "volts : 1.2").replace("nom_voltage", "v"),
-            "has no corner: neither",
+            "has no corner: nom_",
         ),
-        ("module few; endmodule", r"is no liberty file that can be read: .*; give a \.lib$"),
-        (example_library.library()[:-200], r"is no liberty file that can be read: .*; give a \.lib$"),
-        ("cells (few) { }", r"is no liberty file: it has no library\(\.\.\.\); give a \.lib$"),
+        ("module few; endmodule", r"cannot be read as a Liberty file: .*; give a \.lib$"),
+        (example_library.library()[:-200], r"cannot be read as a Liberty file: .*; give a \.lib$"),
+        ("cells (few) { }", r"is not a Liberty file: it has no library\(\.\.\.\); give a \.lib$"),
     ],
 )
 def test_a_library_that_does_not_do_is_one_sentence(text: str, sentence: str, tmp_path: Path) -> None:

@@ -224,7 +224,7 @@ def test_bad_input_is_one_sentence_and_leaves_nothing(
     nothing.write_text("module few; endmodule")
     out = tmp_path / "out"
     for words, sentence in (
-        ([f"--lib={nothing}"], "few.lib is no liberty file that can be read: "),
+        ([f"--lib={nothing}"], "few.lib cannot be read as a Liberty file: "),
         ([f"--lib={nothing}", "--name=../up"], "--name must be the plain name of a folder, not '../up'"),
         ([f"--lib={nothing}", "--readout=other"], "--readout must be one of spiking, frame, not 'other'"),
     ):

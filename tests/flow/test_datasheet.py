@@ -149,7 +149,7 @@ def test_numbers_of_the_netlist_come_from_its_report_alone(tmp_path: Path) -> No
     told = ("2191 um2", "177.14 MHz", "113.91 MHz", "25.5 nW", "1242, 1240", "1.4 pJ", "1250 of 1251", "typ.lib")
     assert all(number in page for number in told), page
     assert page.count("not in the report") == 2
-    with pytest.raises(InputError, match="rows = 3, not 4; give that of this configuration"):
+    with pytest.raises(InputError, match="rows = 3, not 4; give the report of this configuration"):
         load_report(path, STREAM.replace(rows=4))
     path.write_text("{}")
     with pytest.raises(InputError, match="no report of make asic: it has no configuration"):
@@ -303,7 +303,7 @@ def test_a_report_of_frames_stands_on_their_page(tmp_path: Path) -> None:
     page = section(sheet_of(FRAMES, load_report(path, FRAMES)).text(), "Area, power and highest clock")
     assert "| energy a sample, of whole frames | 3.97 pJ |" in page
     assert "lone" not in page
-    with pytest.raises(InputError, match="word_bits = 16, not 20; give that of this configuration"):
+    with pytest.raises(InputError, match="word_bits = 16, not 20; give the report of this configuration"):
         load_report(path, FRAMES.replace(word_bits=20))
     path.write_text(json.dumps(REPORT | {"closing_w_per_taxel": 40e-9, "energy_per_closed_window_j": 50e-12}))
     page = section(datasheet(STREAM, load_report(path, STREAM)), "Area, power and highest clock")

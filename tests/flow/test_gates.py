@@ -128,13 +128,15 @@ def test_expressions_of_a_library_in_verilog() -> None:
 
 
 def test_cells_that_are_missing_or_say_nothing_are_one_sentence(library: Library, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"^the cell library .* has no cell OWL; give the one of the netlist$"):
+    with pytest.raises(InputError, match=r"^the cell library .* has no cell OWL; give the library of the netlist$"):
         models(library, {"OWL"})
     silent = tmp_path / "silent.lib"
     silent.write_text(re.sub(r'function : "!A";', "", example_library.library(), count=1))
     with pytest.raises(
-        InputError, match=r"^the cell library does not say what HOOT does at Z; keep it out of netlists$"
+        InputError, match=r"^the cell library does not define the function of HOOT at Z; keep the cell out of netlists$"
     ):
         models(read(silent), {"HOOT"})
-    with pytest.raises(InputError, match=r"^the netlist does not fit the cell library: .*; give those of one run$"):
+    with pytest.raises(
+        InputError, match=r"^the netlist does not fit the cell library: .*; give netlist and library of one run$"
+    ):
         flatten("module top(a); input a; OWL o(.A(a)); endmodule", "top", example_library.library().encode())

@@ -103,7 +103,7 @@ def test_a_readout_becomes_checked_cells(tmp_path: Path) -> None:
 
 def test_a_constant_is_refused() -> None:
     design = {"ports": {"q": {"direction": "output", "bits": ["0"]}}, "cells": {}}
-    with pytest.raises(InputError, match=r"^output q of this readout is at a constant level, which no checked cell"):
+    with pytest.raises(InputError, match=r"^output q of this readout is constant, and no checked cell"):
         circuit.of_json({"modules": {"top": design}}, "top")
 
 

@@ -227,7 +227,7 @@ def test_order_alone_makes_a_difference(call: Any, folder: Path) -> None:
     Recording(make_events([1, 2], 0, [1, 0]), config, 9).save(folder / "b.npz")
     code, out, _ = call("compare [a].npz b.npz")
     assert code == 1
-    assert out.endswith("every taxel has the same number of events in both\n")
+    assert out.endswith("every taxel has equally many events in both files\n")
 
 
 def test_arrays_of_different_size(call: Any, folder: Path) -> None:
@@ -265,7 +265,7 @@ def test_compare_refuses(call: Any, folder: Path) -> None:
         "",
         "error: cannot read none.npz: No such file or directory\n",
     )
-    assert call("compare a.npz") == (2, "", "error: Missing argument 'B'\n")
+    assert call("compare a.npz") == (2, "", "error: Missing argument 'B'; eskin compare --help explains it\n")
     assert call("compare a.npz b.npz --plot a.txt") == (
         2,
         "",

@@ -315,10 +315,10 @@ def test_bad_input_to_frames_is_one_sentence(call: Call, line: str, sentence: st
     ("arguments", "sentence"),
     [
         (["--readout", "film"], "error: --readout must be one of spiking, frame, not 'film'"),
-        (["--word-bits", "8"], "error: --word-bits belongs to the frame readout; add --readout frame"),
+        (["--word-bits", "8"], "error: --word-bits is for the frame readout; add --readout frame"),
         (
             ["--tiles", "1x2", "--report", "report.json"],
-            "error: --report is of the netlist of a readout, spiking or frame; leave it out",
+            "error: --report is for a readout, spiking or frame; leave it out",
         ),
         (["--readout", "frame", "--word-bits", "4"], "error: word_bits must be in resolution = 6..64, not 4"),
     ],

@@ -70,7 +70,7 @@ def test_amaranth_finds_the_pinned_yosys() -> None:
     ("field", "sentence"),
     [
         ({"frontend": "analog"}, "a stream carries samples, and frontend 'analog' has none; set digital"),
-        ({"link": "four_phase"}, "link 'four_phase' has a handshake of its own; set link to stream"),
+        ({"link": "four_phase"}, "link 'four_phase' is a four-phase handshake; set link to stream"),
     ],
 )
 def test_what_is_no_stream_is_refused(field: dict[str, Any], sentence: str) -> None:

@@ -206,7 +206,7 @@ def test_tau_is_ignored_where_nothing_leaks():
     assert json.loads(given.stdout)["tau_s"] is None
     table = run(*options, "--tau", "0.2")
     assert table.returncode == 0
-    assert table.stderr == f"--tau is ignored: it is the leak of encoding {' or '.join(LEAKY)}, and lcs has none\n"
+    assert table.stderr == f"--tau is ignored: only encoding {' and '.join(LEAKY)} leaks, not lcs\n"
 
 
 def test_table_names_the_rate_and_follows_options(tmp_path, monkeypatch):

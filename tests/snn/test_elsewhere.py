@@ -113,7 +113,7 @@ def test_a_trained_portable_network_classifies_every_image_alike(
     monkeypatch.chdir(tmp_path)
     save_weights(Path("w.npz"), weights)
     code, text = call("export w.npz -o net.nir", capsys)
-    assert (code, "snnTorch and Norse have all of it" in text) == (0, True), text
+    assert (code, "snnTorch and Norse support every feature of this network" in text) == (0, True), text
     found = there(library, tmp_path, monkeypatch)
     assert found["classify"](found["net"], data.batch(images)).tolist() == here.tolist()
 

@@ -150,8 +150,8 @@ def test_events_go_out_and_come_back(
             "convert e.npz -o e.aedat",
             "events are written as .npz, .aedat4, .nir, .npy, .csv, not e.aedat; rename the output",
         ),
-        ("convert e.npz -o e.npy --bin 0.01", "--bin belongs to .nir, not to e.npy; leave it out"),
-        ("convert e.npz -o e.nir --unit us", "--unit belongs to .npy and .csv, not to e.nir; leave it out"),
+        ("convert e.npz -o e.npy --bin 0.01", "--bin is only for .nir, not for e.npy; leave it out"),
+        ("convert e.npz -o e.nir --unit us", "--unit is only for .npy and .csv, not for e.nir; leave it out"),
         ("convert e.npz -o e.npy --unit ms", "--unit must be us or clocks, not 'ms'"),
         (
             "convert e.dat -o e.npy",

@@ -404,7 +404,7 @@ def test_an_export_says_what_other_libraries_lack(
     ):
         assert line in text
     save_weights(Path("w.npz"), made(**VARIANTS["no floor"]))
-    assert "snnTorch and Norse have all of it" in call("export w.npz -o net.nir", capsys)[1]
+    assert "snnTorch and Norse support every feature of this network" in call("export w.npz -o net.nir", capsys)[1]
 
 
 def test_what_is_lacking_is_taken_away_one_after_the_other() -> None:

@@ -227,7 +227,7 @@ def test_a_readout_that_is_not_that_of_the_training_is_told(tmp_path: Path, repl
     dataclasses.replace(made, config=CONFIG.replace(resolution=5)).save(tmp_path / "a.npz")
     code, _, error = call("--events", tmp_path / "a.npz")
     assert code == 0
-    assert error == "warning: the readout is not that of the training: resolution 5, in training 6\n"
+    assert error == "warning: the readout differs from that of the training: resolution 5, in training 6\n"
     assert call("--events", replayed)[2] == ""
 
 

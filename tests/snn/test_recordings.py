@@ -207,7 +207,7 @@ def test_crossval_and_sweep_take_them(skin: Path, snn: Call) -> None:
     assert snn("fig9", "--sweep", "out/sweep")[0] == 0
     code, _, error = snn("sweep", *both, "--points", "lcs:2")
     assert (code, error.count("\n")) == (2, 1)
-    assert "--events what is recorded already; give one" in error
+    assert "--events reads recorded ones; give one" in error
     code, _, error = snn("sweep", *both, "--preset", "paper")
     assert (code, "--preset has no effect with --events" in error) == (2, True)
 
@@ -320,10 +320,16 @@ def test_a_bin_is_no_shorter_than_a_sample_of_own_recordings(folder: Path, snn: 
             "sweep --data none --points lcs:4",
             "point lcs:4: none is not a folder; give one with a folder for each class",
         ),
-        ("predict weights.npz", "what shall be classified? give --events DIR, or --data DIR with your own recordings"),
+        ("predict weights.npz", "event folder or file out/replay does not exist; make one with eskin replay"),
         ("predict weights.npz --data skin", "the network was not trained on your own recordings"),
-        ("predict weights.npz --data skin --check-model", "--check-model holds events of the RTL to the model; add"),
-        ("predict weights.npz --data skin --events skin", "--data beside --events is where --check-model finds"),
+        (
+            "predict weights.npz --data skin --check-model",
+            "--check-model compares events of the RTL with the model; add",
+        ),
+        (
+            "predict weights.npz --data skin --events skin",
+            "--data with --events only names the samples for --check-model",
+        ),
         ("fig8 --data skin --dataset embedded", "--dataset is for textures, --data for your own recordings; give one"),
     ],
 )

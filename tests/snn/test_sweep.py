@@ -182,12 +182,12 @@ def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path) -> No
         ),
         ("--points frame:250", "point frame:250: frames need KIND:RATE:BITS"),
         ("--points frame-diff:250:8:4", "point frame-diff:250:8:4: frames need KIND:RATE:BITS"),
-        ("--points gru:20 --bin 0.004", "--bin has no effect on rnn|gru|cnn:K, which say the frames of a step"),
+        ("--points gru:20 --bin 0.004", "--bin has no effect on rnn|gru|cnn:K, where K is the frames of a step"),
         (
             "--points rnn:20,gru:20 --set decay=0.5",
-            "--set decay means nothing to any network of these points; leave it",
+            "--set decay has no effect on any network of these points; leave it",
         ),
-        ("--workers 2 --scheduler tcp://a:1", "--workers counts processes of this machine"),
+        ("--workers 2 --scheduler tcp://a:1", "--workers starts processes on this machine"),
     ],
 )
 def test_bad_options_get_one_sentence(options: str, message: str, tmp_path: Path) -> None:

@@ -433,7 +433,9 @@ def test_too_few_images_or_folds_are_refused_before_any_training(tmp_path: Path)
     for folds in (1, 0, -1):
         with pytest.raises(InputError, match=f"^folds must be at least 2, not {folds}$"):
             cross_validate(experiment, tmp_path / "a", folds=folds, data=easy_data())
-    message = "^inner validation needs 5 training images of each class, fold 0 leaves 4 of brick; take more images or "
+    message = (
+        "^inner validation needs 5 training images of each class, but fold 0 leaves 4 of brick; use more images or "
+    )
     with pytest.raises(InputError, match=message):
         cross_validate(experiment, tmp_path / "b", folds=3, data=easy_data(18))
     cross_validate(experiment, tmp_path / "c", folds=3, seeds=1, data=easy_data(24))
@@ -487,7 +489,7 @@ def test_a_network_that_is_too_large_gets_one_sentence() -> None:
         (["--frames", "frame:250:8", "--tau", "1"], "--tau has no effect with --frames"),
         (
             ["--frames", "frame:250:8", "--recipe", "gru", "--set", "decay=0.9"],
-            "--set decay means nothing to a network of kind gru",
+            "--set decay has no effect on a network of kind gru",
         ),
         (["--events", "x", "--dataset", "embedded"], "--dataset has no effect with --events; leave one of the two out"),
         (["--events", "x", "--preset", "physical"], "--preset has no effect with --events"),
@@ -497,7 +499,7 @@ def test_a_network_that_is_too_large_gets_one_sentence() -> None:
         (["--fold", "6"], "fold must be in 0..5, not 6"),
         (["--events", "nowhere"], "event folder nowhere does not exist; make one with eskin replay"),
         (["--grid", "dropout=0,0.3"], "train takes one setting; give it with --set, or the grid to crossval or sweep"),
-        (["--recipe", "gru", "--grid", "decay=0.9"], "--grid decay means nothing to a network of kind gru"),
+        (["--recipe", "gru", "--grid", "decay=0.9"], "--grid decay has no effect on a network of kind gru"),
         (["--grid", "dropout=0,fast"], "--grid dropout takes a number, not 'fast'"),
         (["--grid", "dropout=0", "--grid", "dropout=0.3"], "--grid has dropout twice; give its values with commas"),
         (["--preset", "paper", "--start-rows", "2"], "the paper preset has one start row; use the physical preset"),

@@ -124,7 +124,7 @@ def test_a_run_fits_the_memory_and_a_configuration_has_all_its_clocks() -> None:
     ("arguments", "sentence"),
     [
         (["--hours", -1], "seed, run and hours must be at least 0 and clocks at least 1, not 0, 0, -1.0, 20000000"),
-        (["--set", "rows=1"], "--set and --run belong to one run; add --only SEED"),
+        (["--set", "rows=1"], "--set and --run are for one run; add --only SEED"),
         (["--only", 1, "--set", "row=1"],
          "--set takes NAME=VALUE, a field of the configuration or signal, gap, sink, masks, share, not 'row=1'"),
         (["--only", 1, "--set", "rows=65"], "rows must be in 1..64, not 65"),

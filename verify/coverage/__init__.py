@@ -1,1 +1,1 @@
-"""What the runs of the co-simulation reach: lines, branches and toggles of the Verilog, points of the specification."""
+"""Measure the coverage of the co-simulation: lines, branches and toggles of the Verilog, functional points."""

@@ -1,4 +1,4 @@
-"""Gives simulation programs the counters of Verilator, puts points into their Verilog, and gathers what they count."""
+"""Add Verilator's counters and functional points to simulations, and collect the counts."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Counts:
     texts: dict[tuple[str, str], str] = field(default_factory=dict)
 
     def add(self, counted: str, verilog: str) -> None:
-        """Add what a simulation of a text left."""
+        """Add the counters that a simulation left."""
         for construct, count in read(counted, verilog, TEXT).items():
             self.counts[construct] = self.counts.get(construct, 0) + count
         plain = POINT.sub("", verilog)
@@ -62,7 +62,7 @@ class Counts:
 
 @contextmanager
 def counting(points: Callable[[Config], list[Point]]) -> Iterator[Counts]:
-    """Build with counters within; yield what all simulations played there have reached.
+    """Build simulations with counters; yield the collected coverage.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What Verilator counts of a run: lines, branches and toggles of every module's text, and the points put into it."""
+"""Read Verilator's counts: lines, branches and toggles of every module, and the added points."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Construct:
 
     @property
     def signals(self) -> set[str]:
-        """Signal of a toggle, also with its bit or its range; signals and terms of a condition; signal assigned."""
+        """Signal of a toggle, with bit or range if any; signals and terms of a condition; assigned signal."""
         if self.kind == "toggle":
             bit = self.what.partition(":")[0]
             name = bit.partition("[")[0]
@@ -67,13 +67,13 @@ class Construct:
 
     @property
     def said(self) -> str:
-        """What a person reads of it."""
+        """The description for a reader."""
         return f"{self.kind} {self.module}:{self.line} {self.what}  | {self.source}"
 
 
 @dataclass(frozen=True)
 class Module:
-    """A module within a text: its name, its first and last line from 1 on, a digest of what it is, and its lines."""
+    """A module in a text: name, first and last line (from 1), digest, and lines."""
 
     name: str
     first: int
@@ -83,7 +83,7 @@ class Module:
 
 
 def modules(verilog: str) -> list[Module]:
-    """Return the modules of a text; points that were put into one do not count for its digest."""
+    """Return the modules of a text; added points do not change the digest."""
     found = []
     for match in MODULE.finditer(verilog):
         first = verilog.count("\n", 0, match.start()) + 1

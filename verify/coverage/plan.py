@@ -1,4 +1,4 @@
-"""What is played: designs that together have every block, encoder, front end and link, with runs held to the models."""
+"""Plan the runs: designs that together contain every block, encoder, front end and link."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from eskin.verify.coverage.boards.play import board, small_board
 
 @dataclass(frozen=True)
 class Run:
-    """A design, and what plays it.
+    """A design and its stimuli.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ def _readouts() -> Iterator[Run]:
 
 
 def _frames() -> Iterator[Run]:
-    """Yield frame readouts: words with a rest, of one code, longer than a frame, of two codes with a long settling."""
+    """Yield frame readouts: several words a frame, one code a word, a word longer than a frame, long settling."""
     for rows, columns, resolution, word_bits, own in (
         (3, 5, 5, 12, {}),
         (3, 2, 6, 6, {"reset": "async"}),
@@ -115,7 +115,7 @@ def _hosts() -> Iterator[Run]:
 
 
 def _skins() -> Iterator[Run]:
-    """Yield skins of tiles, without relay stations and with two on every line, and merges and stations alone."""
+    """Yield skins without and with relay stations (two on each line), and the merge and stations alone."""
     for down, across, encoding, reset in ((2, 2, "lcs", "sync"), (1, 3, "nlcs", "async")):
         tile = SMALL.replace(rows=2, columns=2, encoding=encoding)
         config = TilesConfig.of(tile, down, across)
@@ -127,7 +127,7 @@ def _skins() -> Iterator[Run]:
 
 
 def _classifiers() -> Iterator[Run]:
-    """Yield classifiers that saturate, leak, are held at a floor, or only add, and chips with one in them."""
+    """Yield classifiers that saturate, leak, reach a floor or only add, and chips with a classifier."""
     base = {
         "clocks_per_bin": 64 * 4,
         "threshold": 300,
@@ -160,7 +160,7 @@ def _classifiers() -> Iterator[Run]:
 
 
 def _boards() -> Iterator[Run]:
-    """Yield the two designs of a board: their points, and the lines of what is the same in both."""
+    """Yield the two designs of a board: their points, and the lines that both share."""
     for design in ("player", "receiver"):
         own = tuple(f"eskin_board_{part}" for part in ("uart_receiver", "uart_sender", "frames_crc"))
         yield Run(f"board {design}", small_board(design), board, only=own)

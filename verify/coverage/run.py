@@ -1,4 +1,4 @@
-"""All runs one after the other, kept as they come; what they reached together, and what is said of the rest."""
+"""Run all simulations one after the other, store results as they come, and sum up the coverage."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Reached:
 
 @dataclass
 class Verdict:
-    """What is said of what the runs reached.
+    """The result of a coverage run.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class Verdict:
 
 
 def play(runs: Iterable[Run], folder: Path, on_run: Callable[[str, int, int], None]) -> Reached:
-    """Play runs, those left out that the folder holds as these very sources played them; return what they reached.
+    """Play the runs that the folder does not hold for these sources; return the coverage.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def _fields(config: Config | BoardConfig) -> dict[str, Any]:
 
 
 def judge(reached: Reached, listed: list[Waiver], whole: bool = True) -> Verdict:
-    """Hold what was reached to the reasons for the rest; with some runs alone (not ``whole``) none is stale."""
+    """Compare the coverage with the waivers; a partial run (not ``whole``) has no stale waiver."""
     found, rest, stale = explained(reached.unreached(), listed)
     problems = [f"not reached: {group}: {name}" for (group, name), count in reached.points.items() if not count]
     problems += [f"not reached, and no reason given: {construct.said}" for construct in rest]

@@ -1,4 +1,4 @@
-"""What plays the runs: the co-simulation's own benches, with stimuli that look for what is seldom."""
+"""Play the coverage runs: the benches of the co-simulation, with stimuli for rare cases."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ AT_REST: dict[str, Any] = {"signal": "hold", "sink": "always", "gap": 300, "mask
 
 
 def readout(config: ReadoutConfig, folder: Path) -> None:
-    """Play every signal with every sink, at all rates of samples and masks, and what takes its time."""
+    """Play every signal with every sink, at all rates of samples and masks, including slow cases."""
     short = [
         {"signal": SIGNALS[number // len(SINKS)], "sink": SINKS[number % len(SINKS)]}
         | {"gap": GAPS[number % len(GAPS)], "masks": MASKS[number % len(MASKS)]}
@@ -71,7 +71,7 @@ def readout(config: ReadoutConfig, folder: Path) -> None:
 
 
 def _words(register: Register) -> Iterator[int]:
-    """Yield words for a register: every field at both ends, just beyond and between them, all ones, and the reset's."""
+    """Yield words for a register: every field at its limits, just outside and between; all ones; the reset value."""
     resting = {field.name: field.reset for field in register.fields}
     for field in register.fields:
         top = (1 << field.width) - 1
@@ -125,13 +125,13 @@ def directed_host(config: ReadoutConfig, rng: random.Random) -> list[Any]:
 
 
 def host(config: ReadoutConfig, folder: Path) -> None:
-    """Play a host that sets everything while the array sends events; and to comparators that say anything."""
+    """Play a host that changes all settings while the array sends events, with arbitrary comparators."""
     for seed, anything in ((5, False), (6, True))[: 2 if config.frontend == "analog" else 1]:
         play_host(config, VERILATOR, folder, seed, directed_host(config, random.Random(seed)), anything)
 
 
 def alone(block: ModuleType, test: str) -> Callable[[Any, Path], None]:
-    """Return what plays the co-simulation of a block, with some seeds."""
+    """Return the function that plays a block's co-simulation, with some seeds."""
 
     def play_block(config: Any, folder: Path) -> None:
         for seed in (11, 12, 13):
@@ -154,7 +154,7 @@ def skin(config: TilesConfig, folder: Path) -> None:
 
 
 def relay(config: TilesConfig, folder: Path) -> None:
-    """Play busy and quiet tiles to a station alone, against all kinds of sinks."""
+    """Play busy and quiet tiles to a single station, with all kinds of sinks."""
     play_relay(config, VERILATOR, folder, 5)
 
 

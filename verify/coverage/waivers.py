@@ -1,4 +1,4 @@
-"""What no run reaches and why: constructs in ``waivers.toml``, and the proofs that some waivers ask for."""
+"""Explain constructs that no run reaches: ``waivers.toml``, and the proofs that some waivers need."""
 
 from __future__ import annotations
 
@@ -53,14 +53,14 @@ class Waiver:
     proof: bool = False
 
     def explains(self, construct: Construct) -> bool:
-        """Return whether it speaks of a construct."""
+        """Return whether the waiver covers a construct."""
         wanted = (self.kind, self.module, self.signal, self.operator)
         names = ({construct.kind}, {construct.module}, construct.signals, {construct.operator})
         return all(map(_fits, wanted, names))
 
 
 def _fits(wanted: Names, names: Iterable[str]) -> bool:
-    """Return whether a name is among those wanted."""
+    """Return whether a name matches."""
     patterns = (wanted,) if isinstance(wanted, str) else wanted
     regexes = [re.escape(pattern).replace(r"\*", ".*") for pattern in patterns]
     return not regexes or any(re.fullmatch(regex, name) for regex in regexes for name in names)
@@ -92,7 +92,7 @@ def waivers(text: str | None = None) -> list[Waiver]:
 def explained(
     unreached: Iterable[Construct], listed: Iterable[Waiver]
 ) -> tuple[dict[Construct, Waiver], list[Construct], list[Waiver]]:
-    """Return what is explained and by what, what is not, and the waivers that explain nothing."""
+    """Return explained constructs with their waivers, unexplained constructs, and waivers without a construct."""
     found: dict[Construct, Waiver] = {}
     rest = []
     listed = list(listed)
@@ -130,7 +130,7 @@ def claim(construct: Construct, once: bool, verilog: str = "") -> str:
 
 
 def chosen(line: str, column: int, other: bool) -> str:
-    """Return when the only choice of an assignment, ``x = condition ? a : b``, takes a, which stands at a column, or b.
+    """Return the condition under which the only ``?:`` of an assignment takes the value at a column.
 
     Where it is not that simple the expression says that it may come at any time.
     """
@@ -140,7 +140,7 @@ def chosen(line: str, column: int, other: bool) -> str:
 
 
 def guards(lines: Sequence[str], line: int, column: int) -> list[str]:
-    """Return under what a place of an always block is executed: ``if`` and ``else if`` in front of it.
+    """Return the condition of a statement in an always block, from its ``if`` and ``else if``.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def guards(lines: Sequence[str], line: int, column: int) -> list[str]:
 
 
 def unproved(verilog: str, module: str, claims: Mapping[Construct, str]) -> list[Construct]:
-    """Return those constructs whose claims are not proved for a module with any inputs, from a reset on."""
+    """Return the constructs whose claims are not proved for a module with arbitrary inputs after a reset."""
     if not claims:
         return []
     numbered = list(claims.items())

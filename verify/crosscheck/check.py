@@ -1,4 +1,4 @@
-"""A readout before both: what the third simulator plays, and what slang says of the texts."""
+"""Check a readout with a third simulator (CXXRTL) and a second front end (slang)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Mismatch(AssertionError):
 
 @dataclass(frozen=True)
 class CxxrtlResult:
-    """What CXXRTL played of a readout, all of it as the golden model does.
+    """The runs that CXXRTL played, all equal to the golden model.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class CxxrtlResult:
 
 
 def play(config: ReadoutConfig, texture: int = 0, ticks: int | None = None, text: str = "") -> CxxrtlResult:
-    """Play the scan of an embedded texture and the scenarios in CXXRTL and hold every event to the golden model.
+    """Play scenarios and the scan of an embedded texture in CXXRTL; compare every event with the golden model.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def play(config: ReadoutConfig, texture: int = 0, ticks: int | None = None, text
 
 
 def texts(config: ReadoutConfig | FrameConfig) -> dict[str, list[str]]:
-    """Return what slang says against the Verilog alone, and with the properties bound to it."""
+    """Return slang's problems with the Verilog alone, and with the properties bound to the Verilog."""
     top = top_block(config).module_name
     text = verilog(config)
     both = {f"{top}.v": text, f"{top}_properties.sv": properties(config)}

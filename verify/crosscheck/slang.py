@@ -1,4 +1,4 @@
-"""The delivered text before slang: a front end of SystemVerilog that keeps to the language, as commercial ones do."""
+"""Check the delivered text with slang, a front end as strict about SystemVerilog as commercial tools."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SAID = re.compile(r"^(\S+:\d+:\d+: (?:error|warning): .*?)(?: \[-W([\w-]+)\])?$"
 
 
 def problems(texts: Mapping[str, str], top: str) -> list[str]:
-    """Return what slang says against a design, but for what is waived; an empty list where it has nothing to say.
+    """Return slang's messages about a design without waived ones; empty if there are none.
 
     Parameters
     ----------

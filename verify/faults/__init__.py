@@ -1,1 +1,1 @@
-"""Upsets of single flops and hostile surroundings: what the readout does then, and when it is itself again."""
+"""Test single-flop upsets and hostile surroundings: their effects, and how long the effects last."""

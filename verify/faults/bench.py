@@ -1,4 +1,4 @@
-"""A readout and what is around it: comparators where they are macros, and a receiver of the four-phase link."""
+"""A readout with its surroundings: comparators for analog macros, and a receiver for the four-phase link."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ ADC_CLOCKS = 3
 
 
 class Bench(Elaboratable):
-    """The block under test, and as ports what its surroundings leave open.
+    """The block under test; its ports are the signals that the surroundings do not drive.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ class Bench(Elaboratable):
         return self.inputs[-1]
 
     def _receiver(self, m: Module, inner: dict[str, Value]) -> set[str]:
-        """Add a receiver: ACK follows REQ, and a handshake that has begun goes to its end whatever REQ does."""
+        """Add a receiver: ACK follows REQ, and a started handshake completes regardless of REQ."""
         if "aer_ack" not in inner:
             return set()
         ack = Signal()
@@ -98,7 +98,7 @@ class Bench(Elaboratable):
         return {"aer_ack"}
 
     def _converter(self, m: Module, inner: dict[str, Value]) -> set[str]:
-        """Add an ADC: each start gives a code once, some clocks later, made of the taxel and the input ``salt``."""
+        """Add an ADC: each start returns one code some clocks later, derived from the taxel and the input ``salt``."""
         if "adc_start" not in inner:
             return set()
         left, code = Signal(range(ADC_CLOCKS + 1)), Signal(len(inner["adc_code"]))
@@ -115,7 +115,7 @@ class Bench(Elaboratable):
         return {"adc_done", "adc_code"}
 
     def _tiles(self, m: Module, inner: dict[str, Value]) -> set[str]:
-        """Add tiles: each has an event more with every clock of its bit of ``offer``; an event's fields number it."""
+        """Add tiles: each gets an event in every clock of its bit of ``offer``, numbered by the event's fields."""
         if "tile_valid" not in inner:
             return set()
         tiles = len(inner["tile_valid"])
@@ -136,7 +136,7 @@ class Bench(Elaboratable):
         return {"tile_valid", *fields}
 
     def _events(self, m: Module, inner: dict[str, Value]) -> set[str]:
-        """Add a source of events, one more with every clock of ``offer``, and the timer of the bins."""
+        """Add a source with one more event in every clock of ``offer``, and the bin timer."""
         config = self.block.config
         if not isinstance(config, ClassifierConfig):
             return set()
@@ -150,7 +150,7 @@ class Bench(Elaboratable):
 
     @staticmethod
     def _numbered(m: Module, offer: Value, ready: Value, bits: int) -> tuple[Signal, Value]:
-        """Return the number of the event that a stream offers, and whether it offers one."""
+        """Return the number of the offered event, and whether an event is offered."""
         left, number = Signal(NUMBER_BITS), Signal(bits)
         taken = (left != 0) & ready
         m.d.sync += [left.eq(left + offer - taken), number.eq(number + taken)]
@@ -207,7 +207,7 @@ def bench_gates(block: Block[Any], slow: int = 0) -> Gates:
 
 
 def inside(gates: Gates, pattern: str = "") -> list[int]:
-    """Return the numbers of a block's own flops whose names begin with a pattern; the surroundings have others."""
+    """Return the numbers of the block's own flops whose names match a pattern, without the surroundings."""
     own = re.compile(rf"({DUT}\.|(?={TIMER}\.)){pattern}")
     return [number for number, name in enumerate(gates.flops) if own.match(name)]
 

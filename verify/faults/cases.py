@@ -1,4 +1,4 @@
-"""Hostile surroundings: what a readout does then is stated, and held to the model or to a rule, case by case."""
+"""Test hostile surroundings: each case states the expected behaviour and checks it."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Case:
 
 
 def _play(config: ReadoutConfig, inputs: dict[str, NDArray[np.uint8]]) -> tuple[Gates, Traces, NDArray[np.int16]]:
-    """Simulate runs, some of their inputs their own; return the events of each."""
+    """Simulate runs, some inputs different in each run; return the events of each run."""
     gates = bench_gates(Readout(config))
     traces = simulate(gates, {name: bits for name, bits in inputs.items() if name in gates.inputs}, NO_UPSETS)
     ready = inputs["event_ready"]
@@ -55,7 +55,7 @@ def _play(config: ReadoutConfig, inputs: dict[str, NDArray[np.uint8]]) -> tuple[
 
 
 def _own(bits: NDArray[np.uint8], values: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Return an input of one bit that is turned over in some clocks of some runs, shape (clocks, 1, LANES)."""
+    """Return a one-bit input that is inverted in some clocks of some runs, shape (clocks, 1, LANES)."""
     return (bits[:, :, None] ^ values[:, None, :]).astype(np.uint8)
 
 
@@ -67,7 +67,7 @@ def _from(clocks: int, first: int, length: int) -> NDArray[np.bool_]:
 
 
 def _equal(config: ReadoutConfig, codes: NDArray[np.int16], stimulus: Stimulus) -> bool:
-    """Return whether a run, which must have events, gives those of the model."""
+    """Return whether a run has events and equals the model."""
     expected = simulate_model(config, stimulus)
     found = events_of(config, codes)
     last = stimulus.clocks - 1  # of the link's events that at the last edge is seen by nobody
@@ -78,7 +78,7 @@ def _equal(config: ReadoutConfig, codes: NDArray[np.int16], stimulus: Stimulus) 
 def _changed(
     config: ReadoutConfig, changes: Callable[[Stimulus, np.random.Generator], dict[str, object]]
 ) -> tuple[int, int]:
-    """Play the loaded course with some of its stimulus changed, and hold it to the model."""
+    """Play the loaded course with changed stimulus and compare with the model."""
     played = course(config, calm=False)
     stimulus = dataclasses.replace(played.stimulus, **changes(played.stimulus, np.random.default_rng(1)))  # type: ignore[arg-type]
     _, _, codes = _play(config, inputs_of(config, stimulus))
@@ -86,7 +86,7 @@ def _changed(
 
 
 def every_sample(config: ReadoutConfig) -> tuple[int, int]:
-    """Hold a run with a new random sample in every clock to the model."""
+    """Compare a run with a new random sample in every clock with the model."""
 
     def changes(stimulus: Stimulus, rng: np.random.Generator) -> dict[str, object]:
         samples = rng.integers(-config.full_scale, config.full_scale, (stimulus.clocks, config.taxels))
@@ -96,7 +96,7 @@ def every_sample(config: ReadoutConfig) -> tuple[int, int]:
 
 
 def every_mask(config: ReadoutConfig) -> tuple[int, int]:
-    """Hold a run with another mask in every clock to the model."""
+    """Compare a run with a new mask in every clock with the model."""
 
     def changes(stimulus: Stimulus, rng: np.random.Generator) -> dict[str, object]:
         masks = rng.random((stimulus.clocks, config.taxels)) < 0.8
@@ -106,7 +106,7 @@ def every_mask(config: ReadoutConfig) -> tuple[int, int]:
 
 
 def reset_at_every_phase(config: ReadoutConfig) -> tuple[int, int]:
-    """Reset for one clock, in another clock of the loaded course in every run; hold what is before and behind."""
+    """Reset for one clock, at a different clock in each run; check the events before and after."""
     played = course(config, calm=False)
     stimulus, inputs = played.stimulus, dict(played.inputs)
     inputs["rst"] = _own(inputs["rst"], _from(len(inputs["rst"]), RESET, 1))
@@ -124,7 +124,7 @@ def reset_at_every_phase(config: ReadoutConfig) -> tuple[int, int]:
 
 
 def _rest(stimulus: Stimulus, start: int) -> Stimulus:
-    """Return what is left of a stimulus from a clock on."""
+    """Return the rest of a stimulus from a clock on."""
     later = stimulus.sample_clock >= start
     number = int(np.searchsorted(stimulus.enable_clock, start, side="right")) - 1
     masks = stimulus.enable_clock[number:] - start
@@ -141,7 +141,7 @@ def _rest(stimulus: Stimulus, start: int) -> Stimulus:
 
 
 def sink_stuck(config: ReadoutConfig) -> tuple[int, int]:
-    """Stop the sink for a while, from another clock on in every run; hold all to the model."""
+    """Stop the sink from a different clock in each run; compare all events with the model."""
     played = course(config, calm=False)
     stimulus, inputs = played.stimulus, dict(played.inputs)
     stops = _from(len(inputs["rst"]), RESET, STUCK)
@@ -164,7 +164,7 @@ def sink_stuck(config: ReadoutConfig) -> tuple[int, int]:
 
 
 def ack_never_falls(config: ReadoutConfig) -> tuple[int, int]:
-    """Hold ACK high for a while, from another clock on in every run: no REQ meanwhile, and nothing lost."""
+    """Hold ACK high from a different clock in each run: no REQ meanwhile, and no event is lost."""
     played = course(config, calm=True)
     inputs = dict(played.inputs)
     stuck = _from(len(inputs["rst"]), RESET, STUCK)
@@ -178,7 +178,7 @@ def ack_never_falls(config: ReadoutConfig) -> tuple[int, int]:
 
 
 def ack_glitches(config: ReadoutConfig) -> tuple[int, int]:
-    """Turn ACK over for one clock, another in every run: each REQ is an event still, none lost and none twice."""
+    """Invert ACK for one clock, different in each run: every REQ remains one event."""
     played = course(config, calm=True)
     inputs = dict(played.inputs)
     inputs["ack_turned"] = _own(inputs["ack_turned"], _from(len(inputs["rst"]), RESET, 1))
@@ -188,7 +188,7 @@ def ack_glitches(config: ReadoutConfig) -> tuple[int, int]:
 
 
 def _balance(config: ReadoutConfig, codes: NDArray[np.int16]) -> NDArray[np.int64]:
-    """Return the ON events less the OFF events of every taxel, shape (taxels, runs): where its reference has gone."""
+    """Return ON minus OFF events of every taxel, shape (taxels, runs): the movement of its reference."""
     kinds = [[(codes == 2 * taxel + on).sum(axis=0) for on in (0, 1)] for taxel in range(config.taxels)]
     return np.array([on - off for off, on in kinds])
 

@@ -1,4 +1,4 @@
-"""Upsets of the classifier: what they do until the next scan, and which stay until the weights are loaded again."""
+"""Test upsets of the classifier: effects until the next scan, and effects that need new weights."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Scans:
 
 
 def upsets(config: ClassifierConfig, stride: int = 1, flops: str = "") -> Iterator[Upset]:
-    """Turn every flop of a classifier in every clock of some bins, one in each run; yield what came of it.
+    """Flip every flop of a classifier in every clock of some bins, one in each run; yield the outcomes.
 
     An outcome is "others moved" where all classes and evidences of the scan are right, if at other clocks or from other
     potentials, and "others changed" where they are not, and the next scan is right in every output and clock. It is
@@ -87,7 +87,7 @@ def upsets(config: ClassifierConfig, stride: int = 1, flops: str = "") -> Iterat
 
 
 def _seen(outputs: dict[str, NDArray[np.int64]]) -> list[NDArray[np.int64]]:
-    """Return all outputs, 0 where one means nothing."""
+    """Return all outputs; 0 for outputs that are not valid."""
     seen = [outputs[name] for name in WATCHED]
     for kind in ("hidden", "output"):
         valid = outputs[f"{kind}_valid"]

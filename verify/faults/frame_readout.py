@@ -1,4 +1,4 @@
-"""Upsets of the frame readout: which frames come out wrong, and whether one after all is right."""
+"""Test upsets of the frame readout: wrong frames, and whether a correct frame follows."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FRAMES, UPSET_FRAMES = 7, 3
 
 
 def upsets(config: FrameConfig, stride: int = 1, flops: str = "") -> Iterator[Upset]:
-    """Turn every flop of a frame readout in every clock of some frames, one in each run; yield what came of it.
+    """Flip every flop of a frame readout in every clock of some frames, one in each run; yield the outcomes.
 
     An outcome is "others changed" where words are wrong, with their frames as ``lost``, and "others moved" where they
     are right but come at other clocks. See ``eskin.verify.faults.outcomes.upsets``.
@@ -49,7 +49,7 @@ def upsets(config: FrameConfig, stride: int = 1, flops: str = "") -> Iterator[Up
 
 
 def _inputs(config: FrameConfig, period: int) -> dict[str, NDArray[np.uint8]]:
-    """Return a start at the beginning of every period, other codes in each, and a sink that is not always ready."""
+    """Return a stimulus: a start in every period, different codes, and a sink that is not always ready."""
     rng = np.random.default_rng(0)
     total = RESET + FRAMES * period
     since = np.arange(total) - RESET
@@ -63,7 +63,7 @@ def _inputs(config: FrameConfig, period: int) -> dict[str, NDArray[np.uint8]]:
 
 
 def _model(config: FrameConfig, inputs: dict[str, NDArray[np.uint8]]) -> NDArray[np.int64]:
-    """Return the words that the golden model gives, 0 in clocks without one."""
+    """Return the words of the golden model; 0 in clocks without a word."""
     model, left, code = FrameModel(config), 0, 0
     words = np.zeros(len(inputs["rst"]), np.int64)
     salts = inputs["salt"] @ (1 << np.arange(config.resolution))
@@ -83,7 +83,7 @@ def _model(config: FrameConfig, inputs: dict[str, NDArray[np.uint8]]) -> NDArray
 
 
 def _hashes(words: NDArray[np.int64], period: int) -> NDArray[np.uint64]:
-    """Return a number for the words of each frame, whatever their clocks, shape (FRAMES, runs)."""
+    """Return a number for the words of each frame, independent of their clocks, shape (FRAMES, runs)."""
     found = np.zeros((FRAMES, words.shape[1]), np.uint64)
     for clock in range(RESET, len(words)):
         row = found[(clock - RESET) // period]

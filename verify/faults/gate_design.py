@@ -105,7 +105,7 @@ def gates_of(rtlil: str, top: str) -> Gates:
 
 
 def _names(module: dict[str, Any], places: dict[int, str]) -> dict[int, str]:
-    """Return the name of every flop: the block that it is in, and there that of a wire."""
+    """Return the name of every flop: its block and wire."""
     found: dict[int, tuple[int, str]] = {}
     for name, net in module["netnames"].items():
         for number, bit in enumerate(net["bits"]):
@@ -117,6 +117,6 @@ def _names(module: dict[str, Any], places: dict[int, str]) -> dict[int, str]:
 
 
 def _natural(name: str) -> tuple[Any, ...]:
-    """Return what sorts names with their numbers in order."""
+    """Return a sort key that orders numbers in names by value."""
     parts = name.replace("[", ".[.").replace("]", "").replace("_", "._.").split(".")
     return tuple((part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts)

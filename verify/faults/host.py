@@ -1,4 +1,4 @@
-"""Upsets of what the host sets: SPI, registers, test pattern, leak; what passes, and what must be written anew."""
+"""Test upsets of SPI, registers, test pattern and leak: which pass, and which need a new write."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ ON_THE_WAY = 6
 
 @dataclass(frozen=True)
 class Play:
-    """What happens to a readout with registers.
+    """The stimulus of a readout with registers.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Play:
 
 
 def upsets(config: ReadoutConfig, mode: int = 0, stride: int = 1, flops: str = HOST) -> Iterator[Upset]:
-    """Turn every flop of the host's side in every clock of a stretch, one in each run; yield what came of it.
+    """Flip every flop of the host's side in every clock of a stretch, one in each run; yield the outcomes.
 
     An upset counts as *until written* if the readout is not as ever by itself, but is after the host has written all
     its registers once more and cleared the readout: in every event, and in every bit that is read back.
@@ -180,7 +180,7 @@ def _levels(pins: Sequence[Pins]) -> dict[str, NDArray[np.uint8]]:
 
 
 def _as_model(config: ReadoutConfig, expected: HostRun, codes: NDArray[np.int16], said: NDArray[np.int64]) -> bool:
-    """Return whether a run, which must have events and read something, is that of the model."""
+    """Return whether a run has events and reads, and equals the model."""
     miso = expected.miso.astype(np.int64) | expected.miso_enable.astype(np.int64) << 1
     events = events_of(config, codes)
     same = np.array_equal(events[events["t"] >= 0], expected.events) and np.array_equal(said[RESET:], miso)

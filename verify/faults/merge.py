@@ -21,7 +21,7 @@ LOADED, PAUSE, AGAIN = 160, 120, 120
 
 
 def upsets(config: TilesConfig, stride: int = 1, flops: str = "") -> Iterator[Upset]:
-    """Turn every flop of a merge in every clock of a load, one in each run; yield what came of it.
+    """Flip every flop of a merge in every clock of a load, one in each run; yield the outcomes.
 
     Of a skin with relay stations it is one of those that is upset. Every event of a tile has a number of its own, so
     what is lost and what is added is known one by one. Before the last load tile 0 alone sends an event: then its turn
@@ -63,7 +63,7 @@ def upsets(config: TilesConfig, stride: int = 1, flops: str = "") -> Iterator[Up
 
 
 def _inputs(config: TilesConfig) -> dict[str, NDArray[np.uint8]]:
-    """Return tiles that have less to send than the sink takes, then more, then a sink that stands still."""
+    """Return a load: less than the sink takes, then more, then a stopped sink."""
     rng = np.random.default_rng(0)
     total = RESET + LOADED + PAUSE + AGAIN
     since = np.arange(total) - RESET
@@ -79,7 +79,7 @@ def _inputs(config: TilesConfig) -> dict[str, NDArray[np.uint8]]:
 
 
 def _numbered(config: TilesConfig, outputs: dict[str, NDArray[np.int64]]) -> NDArray[np.int64]:
-    """Return the tile of what is offered, and behind it its number there."""
+    """Return the tile of the offered event, and the event's number in that tile."""
     nothing = np.zeros_like(outputs["event_valid"])
     number, start = outputs.get("event_tile", nothing) << NUMBER_BITS, 0
     for name in (f"event_{field}" for field in FIELDS if f"event_{field}" in outputs):
@@ -89,7 +89,7 @@ def _numbered(config: TilesConfig, outputs: dict[str, NDArray[np.int64]]) -> NDA
 
 
 def _expected(config: TilesConfig, inputs: dict[str, NDArray[np.uint8]]) -> NDArray[np.int64]:
-    """Return the events of the golden model, as ``_numbered`` has them, -1 in a clock without one."""
+    """Return the golden model's events in the form of ``_numbered``; -1 in clocks without an event."""
     offered = [np.flatnonzero(offer[RESET:]) + 1 for offer in inputs["offer"].T]
     found = merge(offered, inputs["event_ready"][RESET:, 0], len(inputs["offer"]) - RESET)
     assert len(np.unique(found.tile)) == config.tiles, "a tile sends nothing"

@@ -1,4 +1,4 @@
-"""What comes of an upset: by what its events differ, how long, and whether the readout is itself again."""
+"""The outcome of an upset: changed events, duration, and whether the readout recovers."""
 
 from __future__ import annotations
 
@@ -74,11 +74,11 @@ class Upset:
 
 
 class UnlikeModel(AssertionError):
-    """The run without upsets is not that of the model."""
+    """The run without upsets differs from the model."""
 
 
 def upsets(config: ReadoutConfig, calm: bool, slow: int = 0, stride: int = 1, flops: str = "") -> Iterator[Upset]:
-    """Turn every flop of a readout in every clock of a stretch, one in each run; yield what came of it.
+    """Flip every flop of a readout in every clock of a stretch, one in each run; yield the outcomes.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def upsets(config: ReadoutConfig, calm: bool, slow: int = 0, stride: int = 1, fl
 
 
 def own_taxel(config: ReadoutConfig, flop: str) -> int:
-    """Return the taxel that a flop belongs to, ``NOBODY`` for a shared one."""
+    """Return the taxel of a flop, ``NOBODY`` for a shared flop."""
     place = TAXEL.match(flop)
     return int(place[1]) * config.columns + int(place[2]) if place else NOBODY
 
@@ -117,7 +117,7 @@ def own_taxel(config: ReadoutConfig, flop: str) -> int:
 def _judged(
     config: ReadoutConfig, gates: Gates, run: tuple[Course, bool], codes: NDArray[np.int16], part: list[tuple[int, int]]
 ) -> Iterator[Upset]:
-    """Compare runs with run 0, which had no upset; events are counted until the swings where the course is calm."""
+    """Compare runs with run 0, which has no upset; in a calm course count events until the swings."""
     played, calm = run
     names = [name_of(gates, flop) for _, flop in part]
     own = np.array([own_taxel(config, name) for name in names])
@@ -152,7 +152,7 @@ def _answers(config: ReadoutConfig, codes: NDArray[np.int16], played: Course) ->
 
 
 def slack(config: ReadoutConfig) -> int:
-    """Return by how many events of a kind an answer of a taxel may differ that is as good as the other.
+    """Return how many events of a kind two equally valid answers of a taxel may differ by.
 
     The reference of LCS comes to the same level from everywhere. That of CW-LCS need not: it is on the way of the
     signal, but a closing step, or less than a code, beside. So is that of N-LCS, whose leak may have another phase.

@@ -1,4 +1,4 @@
-"""Simulation of gates, 64 runs to a word: every run of the same design, each with inputs and upsets of its own."""
+"""Simulate gates, 64 runs in one word: the same design with different inputs and upsets."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def simulate(gates: Gates, inputs: dict[str, NDArray[np.uint8]], upsets: NDArray
 def upset_runs(
     gates: Gates, inputs: dict[str, NDArray[np.uint8]], clocks: Iterable[int], flops: Iterable[int]
 ) -> Iterator[tuple[list[tuple[int, int]], dict[str, NDArray[np.int64]]]]:
-    """Turn each of some flops in each of some clocks, one in each run from run 1 on; run 0 has no upset.
+    """Flip each of some flops in each of some clocks, one in each run from run 1 on; run 0 has no upset.
 
     Yields
     ------
@@ -96,7 +96,7 @@ def upset_runs(
 
 
 def last_clock(happens: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return the last clock in which something happens in each run, -1 where it never does."""
+    """Return the last clock with activity in each run, -1 for none."""
     return np.where(happens.any(axis=0), len(happens) - 1 - happens[::-1].argmax(axis=0), -1)
 
 
@@ -114,7 +114,7 @@ def _unpacked(words: NDArray[np.uint64]) -> NDArray[np.uint8]:
 
 @njit(cache=True, nogil=True)
 def _run(gates, after, first_flop, driven, upsets, seen):  # type: ignore[no-untyped-def]
-    """Compute all clocks; record the outputs, and the runs whose flops are not those of run 0."""
+    """Compute all clocks; record outputs, and the runs whose flops differ from run 0."""
     inputs, given = driven
     outputs, recorded, astray = seen
     flops, words = len(after), recorded.shape[2]

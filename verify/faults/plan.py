@@ -1,4 +1,4 @@
-"""Which readouts are upset, and what is stated about each of their blocks."""
+"""Define the upset readouts, and the statements about each of their blocks."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ COURSES = ("host", "pattern of one", "pattern of all")
 
 @dataclass(frozen=True)
 class Trial:
-    """A readout, or what stands beside it, whose flops are turned, one in each run.
+    """A design whose flops are flipped, one in each run: a readout or another block.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class Trial:
 
     @property
     def name(self) -> str:
-        """What distinguishes it, for a table; the course stands last."""
+        """The description for a table; the course comes last."""
         c = self.config
         if isinstance(c, FrameConfig):
             return f"{c.rows} x {c.columns}, frames, {c.resolution} in {c.word_bits} bits, calm"
@@ -60,7 +60,7 @@ class Trial:
 
 
 def trials(small: bool = False) -> list[Trial]:
-    """Return all trials, or for the gate one of each encoder, link and block, every seventh clock and rarer."""
+    """Return all trials, or for the gate one of each encoder, link and block, in every seventh clock or rarer."""
     closing, handshake = _with("cw-lcs", FEW), FEW.replace(link="four_phase")
     every = [_with(encoding, FEW) for encoding in registry.NAMES]
     if small:
@@ -104,7 +104,7 @@ def hosts() -> list[ReadoutConfig]:
 
 
 def classifiers() -> list[ClassifierConfig]:
-    """Return classifiers: with outputs that fire, and with such as do not, of five hidden neurons."""
+    """Return classifiers with five hidden neurons: with firing and with non-firing outputs."""
     bits = {"in_bits": 4, "rec_bits": 4, "out_bits": 4, "bias_bits": 4, "membrane_bits": 8, "output_bits": 7}
     both = {"inputs": 4, "classes": 3, "lanes": 2, "clocks_per_bin": 80, "evidence_bits": 6, **bits}
     both |= {"threshold": 12, "out_threshold": 6, "floor": -20, "out_floor": -10}
@@ -116,7 +116,7 @@ def classifiers() -> list[ClassifierConfig]:
 
 
 def frames() -> list[FrameConfig]:
-    """Return frame readouts: codes that do not fit a word, with a long settling, and such as are a word."""
+    """Return frame readouts: codes that do not fit a word, with long settling, and codes of one word."""
     shapes = [(2, 3, 4, 1), (2, 3, 8, 3), (3, 2, 2, 1)]
     return [
         FrameConfig(
@@ -136,7 +136,7 @@ def surroundings(small: bool = False) -> list[ReadoutConfig]:
 
 
 def most_changed(config: Config, block: str) -> int:
-    """Return how many events of others an upset in a block may take away, and how many it may add, in a calm array.
+    """Return how many events of other taxels an upset may remove and add in a calm array.
 
     A taxel has none but its own. The arbiter holds a burst of one row, the link one event, and so does either place of
     the merge and of a relay station. The tick and the counter of the leak are common to all taxels: each may answer by
@@ -151,7 +151,7 @@ def most_changed(config: Config, block: str) -> int:
 
 
 def most_ticks(block: str) -> int | None:
-    """Return after how many sample ticks all others answer as ever in a calm array, None where it may take longer.
+    """Return the number of sample ticks until all other taxels answer normally in a calm array; None if more.
 
     What an upset of arbiter or link changes leaves before the next tick, or just behind it; of a frame readout it is in
     the frame under way or in the next.

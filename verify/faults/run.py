@@ -1,4 +1,4 @@
-"""All trials one after the other: what came of every upset, counted, and held to what is stated."""
+"""Run all trials, count the outcomes of the upsets, and compare them with the statements."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CODE = Needs(packages=("base", "model", "rtl", "verify.faults"))
 
 @dataclass
 class Tally:
-    """What came of the upsets of one block in one trial.
+    """The outcomes of the upsets of one block in one trial.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class Done:
 
 
 def problems_of(trial: Trial, upset: Upset) -> str:
-    """Return in what an upset goes beyond what is stated; empty if in nothing."""
+    """Return how an upset exceeds the statements; empty if it does not."""
     if upset.outcome == NEVER:
         return "never recovers"
     if upset.outcome == WRITTEN and not upset.may_stay:
@@ -90,7 +90,7 @@ def problems_of(trial: Trial, upset: Upset) -> str:
 
 
 def run(trial: Trial) -> tuple[list[dict[str, Any]], list[str]]:
-    """Run a trial; return a line for every block, and what went beyond what is stated."""
+    """Run a trial; return a line for every block, and the upsets that exceed the statements."""
     tallies: dict[str, Tally] = {}
     problems: list[str] = []
     for upset in _upsets(trial):
@@ -114,7 +114,7 @@ def _upsets(trial: Trial) -> Iterator[Upset]:
 
 
 def _line(trial: Trial, block: str, tally: Tally) -> dict[str, Any]:
-    """Return what is kept of a block of a trial."""
+    """Return the stored results of a block of a trial."""
     return {
         "block": block,
         "trial": trial.name,

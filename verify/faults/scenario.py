@@ -1,4 +1,4 @@
-"""What a readout goes through while flops are upset: a calm course, or overload, masks and a stuck sink."""
+"""Define the stimuli during upsets: a calm course, or overload, masks and a stuck sink."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def course(config: ReadoutConfig, calm: bool, slow: int = 0, seed: int = 0) -> C
 
 
 def pause_of(config: ReadoutConfig, per_event: int = 1) -> int:
-    """Return the clocks in which all taxels come from one end of the scale to the other."""
+    """Return the clocks in which all taxels move from one end of the scale to the other."""
     return (2 * config.full_scale // config.step + 2) * config.taxels * per_event + 40
 
 
@@ -121,7 +121,7 @@ def gap_of(config: ReadoutConfig, calm: bool, slow: int) -> int:
 
 
 def _calm(config: ReadoutConfig, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Return by how much the samples move: those of up to three taxels by up to two steps."""
+    """Return the sample movements: up to three taxels by up to two steps."""
     moves = np.zeros(config.taxels, np.int64)
     moves[rng.integers(config.taxels, size=3)] = config.step * rng.integers(-2, 3, size=3)
     return moves
@@ -133,14 +133,14 @@ def _loaded(config: ReadoutConfig, rng: np.random.Generator) -> NDArray[np.int64
 
 
 def _quiet_ticks(config: ReadoutConfig) -> int:
-    """Return how many ticks a swing has beside the first: windows shall close, and leaky references leak."""
+    """Return the number of extra ticks after a swing, in which windows close and references leak."""
     if config.closes:
         return config.window_period << config.closing_levels_log2
     return 12 * config.leak_period if config.encoder.leaks else 0
 
 
 def inputs_of(config: ReadoutConfig, stimulus: Stimulus) -> dict[str, NDArray[np.uint8]]:
-    """Return a stimulus as the bits of a readout's inputs in every clock, behind ``RESET`` clocks of reset."""
+    """Return a stimulus as the readout's input bits in every clock, after ``RESET`` clocks of reset."""
     clocks = stimulus.clocks
     tick = np.searchsorted(stimulus.sample_clock, np.arange(clocks), side="right") - 1
     codes = np.where(tick[:, None] >= 0, stimulus.samples[np.maximum(tick, 0)], 0)
@@ -185,7 +185,7 @@ def codes_of(
 
 
 def events_of(config: ReadoutConfig, codes: NDArray[np.int16]) -> Events:
-    """Return the events of one run, after its reset, as the model gives them."""
+    """Return the events of one run after its reset, in the form of the model's events."""
     at = np.flatnonzero(codes >= 0)
     events = np.empty(len(at), EVENT_DTYPE)
     events["t"], events["p"] = at - RESET, codes[at] & 1

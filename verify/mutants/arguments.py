@@ -1,4 +1,4 @@
-"""Arguments why a mutant cannot be noticed, written by a person: counted apart from what is proved."""
+"""Read written arguments that a mutant cannot be noticed; they are counted separately from proofs."""
 
 from __future__ import annotations
 

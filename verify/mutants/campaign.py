@@ -1,4 +1,4 @@
-"""A campaign: mutants drawn at random, each judged in processes of its own, kept as they come.
+"""Run a campaign: draw mutants at random, judge each in its own processes, and store each verdict.
 
 The quick check judges all mutants first. All tests of their file and proofs judge its survivors, and all co-simulations
 those of the RTL that are left then.
@@ -71,7 +71,7 @@ class Plan:
 
 @dataclass
 class Finding:
-    """A mutant and what became of it; ``verdict`` and the fields behind it as of ``judge``."""
+    """A mutant and its verdict; the fields after ``verdict`` are those of ``judge``."""
 
     mutant: Mutant
     verdict: str
@@ -92,7 +92,7 @@ class Finding:
 
 @dataclass
 class Done:
-    """What a campaign has found: ``places`` of each file, and the tests that fail without a mutant."""
+    """A campaign's results: ``places`` of each file, and tests that fail without a mutant."""
 
     planned: int
     places: dict[str, int]
@@ -112,7 +112,7 @@ def drawn(plan: Plan) -> tuple[list[Mutant], dict[str, int]]:
 
 
 def run(plan: Plan, out: Path, pool: WorkerPool | None, again: bool, on_finding: Callable[[Finding], None]) -> Done:
-    """Judge the mutants of a plan, those already judged with this code left out.
+    """Judge the mutants of a plan, except those already judged with this code.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def run(plan: Plan, out: Path, pool: WorkerPool | None, again: bool, on_finding:
 def _asked(
     todo: list[Mutant], before: str, pieces: Pieces, checkout: Path, pool: WorkerPool, seed: int
 ) -> dict[str, Asked]:
-    """Return what the mutants of each file are asked; every set of tests is run without a mutant first."""
+    """Return the tests and proofs for each file's mutants; each set of tests first runs without a mutant."""
     quick = not before
     of_file = {file: questions(file) for file in dict.fromkeys(mutant.file for mutant in todo)}
     if before == "left":
@@ -183,7 +183,7 @@ def _finding(mutant: Mutant, piece: dict[str, Any]) -> Finding:
 
 
 def counted(findings: list[Finding]) -> dict[str, int]:
-    """Return how many mutants there are, and what became of them; those that the generator refuses are left out."""
+    """Return the number of mutants and their verdicts, without mutants that the generator refuses."""
     verdicts = [finding.verdict for finding in findings]
     count = {name: verdicts.count(name) for name in ("equivalent", "argued", "killed", "alive")}
     quick = sum(finding.quick for finding in findings)
@@ -191,7 +191,7 @@ def counted(findings: list[Finding]) -> dict[str, int]:
 
 
 def summary(done: Done) -> dict[str, Any]:
-    """Return what a campaign found as JSON content, without its origin."""
+    """Return a campaign's results as JSON content, without command, commit and date."""
     findings = done.findings
     count = counted(findings)
     low, high = interval(count["killed"], count["killed"] + count["alive"])
@@ -247,7 +247,7 @@ def interval(part: int, whole: int, z: float = 1.96) -> tuple[float, float]:
 
 
 def write(path: Path, command: str, done: Done, part: str = "") -> None:
-    """Write what a campaign found, with the command, the commit and the date; the other campaign's part stays.
+    """Write a campaign's results with command, commit and date; keep the other campaign's part.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Copies of the checkout, one with each mutant, and the tests and proofs that run there in processes of their own."""
+"""Make copies of the checkout, one for each mutant, and run tests and proofs there in their own processes."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ JUDGED = (1, 2, 4)
 
 @dataclass(frozen=True)
 class Said:
-    """What a command came to: its exit code (None: it was ended at its limit), output and seconds."""
+    """The result of a command: exit code (None if stopped at its limit), output and seconds."""
 
     code: int | None
     text: str
@@ -43,7 +43,7 @@ class Said:
 
 
 def original(folder: Path) -> Path:
-    """Return a copy of the checkout as it is, made if need be; what is built for one mutant serves the others.
+    """Return an unchanged copy of the checkout, made if necessary; mutants share its builds.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def original(folder: Path) -> Path:
 
 @contextmanager
 def mutated(source: Path, file: str, text: str) -> Iterator[Path]:
-    """Make a copy of a checkout in which a file has another text; compiled kernels of other files come along."""
+    """Copy a checkout and change one file; compiled kernels of other files are copied, too."""
     with scratch_folder(source.parent, "mutant") as place:
         shutil.copytree(source, place, symlinks=True, dirs_exist_ok=True)
         for compiled in (place / file).parent.glob(f"__pycache__/{Path(file).stem}.*"):

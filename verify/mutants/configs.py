@@ -1,4 +1,4 @@
-"""Random configurations in which a mutant must do the same as the original to count as equivalent."""
+"""Draw random configurations in which an equivalent mutant must behave like the original."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from eskin.verify.mutants.configs import configs
 
 
 def designs(file: str, seed: int, count: int) -> dict[str, dict[str, str]]:
-    """Return the RTLIL of all modules by configuration and name; no modules where the generator refuses to make them.
+    """Return the RTLIL of all modules by configuration and name; none if the generator refuses.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Mutants of a source file: small wrong edits, made by Cosmic Ray and by a few operators of our own for hardware."""
+"""Make mutants of a source file: small edits by Cosmic Ray and by our own hardware operators."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Mutant:
 
     @property
     def name(self) -> str:
-        """Name by construct, which does not change when other lines do."""
+        """Name of the construct; independent of other lines."""
         return f"{self.file} {self.function or 'module'} {self.operator} {self.number}"
 
     @property
@@ -68,7 +68,7 @@ class Mutant:
 
     @property
     def kind(self) -> str:
-        """Kind of the operator, whatever it writes."""
+        """Kind of the operator, independent of its replacement."""
         return self.operator.partition("_")[0]
 
     @property
@@ -106,7 +106,7 @@ def places(file: str, text: str) -> dict[tuple[int, int], list[Place]]:
 
 
 def sample(file: str, text: str, share: float, fewest: int, seed: int) -> tuple[list[Mutant], int]:
-    """Return a sample of the mutants of a file, one from each stretch of it, and how many places the file has.
+    """Return a sample of a file's mutants, one from each stretch, and the number of places in the file.
 
     Which mutants are drawn from a file does not depend on other files. Edits of annotations and decorators are left
     out, as are edits that are no Python.
@@ -126,7 +126,7 @@ def sample(file: str, text: str, share: float, fewest: int, seed: int) -> tuple[
 
 
 def mutated(file: str, text: str, place: Place) -> Mutant | None:
-    """Return the mutant of a place; None if the edit changes nothing that the program does."""
+    """Return the mutant of a place; None if the program does not change."""
     new = mutate_code(text, _operators(file.startswith("rtl/"))[place.operator], place.occurrence)
     try:
         if new is None or _meaning(new) == _meaning(text):
@@ -141,7 +141,7 @@ def mutated(file: str, text: str, place: Place) -> Mutant | None:
 
 @cache
 def _operators(hardware: bool) -> dict[str, Operator]:
-    """Return the operators by name, those of hardware for the RTL alone."""
+    """Return the operators by name; hardware operators only for the RTL."""
     found: dict[str, Operator] = {}
     for name in operator_names():
         short = name.partition("/")[2]
@@ -172,7 +172,7 @@ def _around(functions: list[tuple[int, int, str]], line: int) -> str:
 
 @cache
 def _meaning(text: str) -> str:
-    """Return what a program does, without annotations and decorators."""
+    """Return a program's syntax tree without annotations and decorators."""
     tree = ast.parse(text)
     for node in ast.walk(tree):
         changed: Any = node

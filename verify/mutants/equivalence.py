@@ -1,4 +1,4 @@
-"""Equivalence of a mutated module and the original, for runs of any length: no test can tell them apart then."""
+"""Prove a mutated module equivalent to the original for runs of any length, so no test can tell them apart."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def ports_of(rtlil: str) -> list[tuple[int, str, str]]:
 
 
 def miter(module: str, ports: list[tuple[int, str, str]]) -> str:
-    """Return Verilog whose one output is high where the two modules differ; ``ports`` are (bits, direction, name)."""
+    """Return Verilog with one output that is high if the two modules differ; ``ports`` are (bits, direction, name)."""
     guards = GUARDS.get(module, {})
     lines = [f"  input [{bits - 1}:0] {name};" for bits, way, name in ports if way == "input"]
     differences, wires = ["1'b0"], {"gold": [], "gate": []}  # type: tuple[list[str], dict[str, list[str]]]
@@ -69,7 +69,7 @@ def miter(module: str, ports: list[tuple[int, str, str]]) -> str:
 
 
 def same(module: str, original: Mapping[str, str], mutated: Mapping[str, str], limit_s: int = 30) -> bool | None:
-    """Return whether a module does the same in two designs after any reset; None where the solver finds no answer.
+    """Return whether a module behaves equally in two designs after any reset; None without an answer.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def same(module: str, original: Mapping[str, str], mutated: Mapping[str, str], l
 
 
 def within(module: str, modules: Mapping[str, str]) -> dict[str, str]:
-    """Return the RTLIL of a module and of those within it, by their names."""
+    """Return the RTLIL of a module and its submodules, by name."""
     found: dict[str, str] = {}
     todo = [module]
     while todo:
@@ -113,7 +113,7 @@ def within(module: str, modules: Mapping[str, str]) -> dict[str, str]:
 
 
 def difference(original: Path, mutated: Path) -> str:
-    """Return where designs are not proved to do the same, empty if nowhere; each file holds those of ``designs``."""
+    """Return the modules that are not proved equal, empty if none; each file holds the output of ``designs``."""
     sides: list[dict[str, dict[str, str]]] = [json.loads(path.read_text()) for path in (original, mutated)]
     proved: set[tuple[str, ...]] = set()
     for config, before in sides[0].items():

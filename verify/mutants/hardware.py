@@ -1,4 +1,4 @@
-"""Operators for Amaranth, beside those of Cosmic Ray: assignments dropped, conditions stuck, choices exchanged."""
+"""Define mutation operators for Amaranth: dropped assignments, stuck conditions, exchanged choices."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Edit = tuple[Any, str]
 
 
 class HardwareOperator(Operator):
-    """Writes other code in the place of a part of a node."""
+    """Replace a part of a node by other code."""
 
     @abstractmethod
     def edits(self, node: Any) -> Iterator[Edit]:
@@ -39,7 +39,7 @@ class HardwareOperator(Operator):
 
 
 def arguments(node: Any, *names: str) -> Any:
-    """Return what stands between the parentheses of a call of some names; None if the node is no such call."""
+    """Return the arguments of a call of given names; None for other nodes."""
     children = getattr(node, "children", [])
     if node.type != "atom_expr" or len(children) < 2 or children[-1].type != "trailer":
         return None
@@ -84,7 +84,7 @@ class SwapChoice(HardwareOperator):
 
 
 class SwapReduction(HardwareOperator):
-    """Writes ``all`` for ``any`` and the other way round."""
+    """Replace ``all`` by ``any`` and the other way round."""
 
     def edits(self, node: Any) -> Iterator[Edit]:
         """Yield the exchange."""

@@ -1,4 +1,4 @@
-"""What becomes of one mutant: killed by a test or a property, equivalent, refused by the generator, or alive."""
+"""Judge one mutant: killed by a test or a property, equivalent, refused by the generator, or alive."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MAKE_S, COMPARE_S, PROVE_S = 300, 900, 1800
 
 @dataclass(frozen=True)
 class Asked:
-    """What all mutants of a file are asked.
+    """The tests and proofs for all mutants of a file.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ def ask_all_cosimulations(mutant: Mutant, asked: Asked) -> dict[str, Any]:
 
 
 def _made(checkout: Path, file: str, seed: int, out: Path, count: int) -> bool:
-    """Write the designs of a checkout to a file and return whether one at least could be made."""
+    """Write the designs of a checkout to a file; return whether at least one could be made."""
     said = run(checkout, ["eskin.verify.mutants.designs", file, str(seed), str(count), str(out)], MAKE_S)
     return said.code == 0 and "module" in out.read_text()
 
@@ -97,7 +97,7 @@ def _originals(file: str, asked: Asked) -> Path:
 
 
 def _difference(place: Path, file: str, asked: Asked) -> str:
-    """Return where a mutant's designs are not proved to do what the original's do; empty if nowhere."""
+    """Return the modules of a mutant that are not proved equal to the original; empty if none."""
     before, after = _originals(file, asked), place / "after.json"
     if not _made(place, file, asked.seed, after, asked.designs):
         return "the generator is too slow"

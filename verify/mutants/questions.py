@@ -22,7 +22,7 @@ NO_LOGIC = {"block", "yosys", "verilog", "delivery", "gates", "ports"}
 
 @dataclass(frozen=True)
 class Questions:
-    """What is asked about the mutants of a file.
+    """The tests and proofs for the mutants of a file.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class Questions:
 
 
 def mutated_files(packages: tuple[str, ...], root: Path = ROOT) -> list[str]:
-    """Return the files of some packages that are mutated: those with results or logic in them, and with tests."""
+    """Return the mutated files of some packages: tested files with results or logic."""
     found = []
     for path in sorted(file for package in packages for file in (root / package).rglob("*.py")):
         parts = set(path.relative_to(root).with_suffix("").parts)
@@ -47,7 +47,7 @@ def mutated_files(packages: tuple[str, ...], root: Path = ROOT) -> list[str]:
 
 
 def questions(file: str, root: Path = ROOT) -> Questions:
-    """Return what is asked about a file.
+    """Return the tests and proofs for a file.
 
     Its tests are the test files with its name or that of its folder, and those that import it if these are few. A
     file of the RTL is asked the tests of the files that place it, too. So is a file without a test file of its own
@@ -67,7 +67,7 @@ def _tests(file: str, root: Path) -> tuple[str, ...]:
 
 
 def _own(file: str, root: Path) -> list[str]:
-    """Return the test files with the name of a file or of its folder, and those that import it if these are few."""
+    """Return the tests named after a file or its folder, and tests that import it if there are few."""
     package, *names = Path(file).with_suffix("").parts
     imports = _imports(root)
     tests = [path for path in imports if Path(path).stem.startswith("test_")]
@@ -79,7 +79,7 @@ def _own(file: str, root: Path) -> list[str]:
 
 @cache
 def _proofs(file: str, root: Path) -> tuple[str, ...]:
-    """Return the blocks of ``make formal`` with the name of a file, or else those of the files that import it."""
+    """Return the proof blocks named after a file, or else after the files that import it."""
     names = Path(file).with_suffix("").parts
     blocks = dict.fromkeys(proof.block for proof in proofs())
     own = [block for block in blocks if any(block == name or block.startswith(f"{name}_") for name in names)]
@@ -87,7 +87,7 @@ def _proofs(file: str, root: Path) -> tuple[str, ...]:
 
 
 def _users(file: str, root: Path) -> list[str]:
-    """Return the files of its package that import a file, without those that only write texts of it."""
+    """Return the files of the same package that import a file, except files that only write its texts."""
     package, imports = file.partition("/")[0], _imports(root)
     users = [path for path in imports if path.startswith(f"{package}/") and _module(file) in imports[path]]
     return [user for user in users if Path(user).stem not in NO_LOGIC]
@@ -99,7 +99,7 @@ def _module(file: str) -> str:
 
 @cache
 def _imports(root: Path) -> dict[str, set[str]]:
-    """Return the modules that every file imports, anywhere in it."""
+    """Return the imported modules of every file."""
     found: dict[str, set[str]] = {}
     for path in sorted(root.rglob("*.py")):
         if {".venv", "out", "build"} & set(path.relative_to(root).parts):

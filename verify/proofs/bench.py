@@ -1,4 +1,4 @@
-"""A block and its checker side by side, as one design for a solver."""
+"""Join a block and its checker in one design for a solver."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ CONSTANTS = ("watch", "rival")
 
 
 class Bench(Elaboratable):
-    """The block under proof, every input of it free but for those that its checker drives, and the checker.
+    """The block under proof and its checker; every input is free unless the checker drives it.
 
     Parameters
     ----------
@@ -83,12 +83,12 @@ class Bench(Elaboratable):
 
     @property
     def ports(self) -> list[Signal]:
-        """Inputs and outputs; the outputs stand in the order of ``bad``, then of ``seen``."""
+        """Inputs and outputs; the outputs have the order of ``bad``, then of ``seen``."""
         return [*self.free, *self.bad.values(), *self.seen.values()]
 
 
 def netlist(checker: Checker[Any]) -> str:
-    """Return the RTLIL of the block that a checker watches and of those within it, as the Verilog is made from."""
+    """Return the RTLIL of a checker's block and its submodules, from which the Verilog is made."""
     made = RtlilModules(async_reset=False)
     made.add(checker.block(checker.config))
     return made.text

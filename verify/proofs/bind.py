@@ -1,4 +1,4 @@
-"""The properties for a designer's own tools: a SystemVerilog file that is bound to the delivered Verilog."""
+"""Write the properties as a SystemVerilog file that binds them to the delivered Verilog."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ReadoutOrFrame = ReadoutConfig | FrameConfig
 
 
 def checkers(config: ReadoutOrFrame) -> Iterator[tuple[Checker[Any], str, dict[str, str]]]:
-    """Yield each checker of a readout, the module to which it is bound, and what stands for its inputs there.
+    """Yield each checker of a readout, its module, and the signals at its inputs there.
 
     Inputs that are not named have their own name in that module.
     """
@@ -48,7 +48,7 @@ def checkers(config: ReadoutOrFrame) -> Iterator[tuple[Checker[Any], str, dict[s
 
 
 def watched(checker: Checker[Any]) -> int:
-    """Return how many values the free constants of a checker have: each gets an instance of its own."""
+    """Return the number of values of a checker's free constants; each value gets an instance."""
     if not checker.has("watch"):
         return 1
     config = checker.config
@@ -70,14 +70,14 @@ def properties(config: ReadoutOrFrame) -> str:
 
 
 def _ports(checker: Checker[Any]) -> dict[str, int]:
-    """Return the widths of what a checker looks at, but for its free constants."""
+    """Return the widths of a checker's inputs, without its free constants."""
     members = checker.signature.members
     found = {name: len(getattr(checker, name)) for name, member in members.items() if member.flow is wiring.In}
     return {name: width for name, width in found.items() if name not in CONSTANTS}
 
 
 def _assertions(checker: Checker[Any]) -> str:
-    """Return the module that asserts what a checker says, for every value of its free constants."""
+    """Return the module with a checker's assertions, for every value of its free constants."""
     name = checker.module_name.replace("_properties", "_assertions")
     outputs = [f"{kind}_{item.name}" for item in checker.proved for kind in ("ok", "seen")]
     outputs += [f"holds_{assumption}" for assumption in checker.assumptions]

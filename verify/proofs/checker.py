@@ -67,7 +67,7 @@ class Checker(Block[Config]):
         super().__init__(config, {**self.observed(config), **{name: Out(1) for name in outputs}})
 
     def observed(self, config: Config) -> dict[str, Any]:
-        """Return what is looked at, as inputs: the ports of the block, and its registers by name (``inner``)."""
+        """Return the checker's inputs: ports of the block, and registers by name (``inner``)."""
         ports = {name: In(member.shape) for name, member in self.block(config).signature.members.items()}
         return ports | self.inner(config)
 
@@ -76,22 +76,22 @@ class Checker(Block[Config]):
         return {}
 
     def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
-        """Drive some inputs of the block from free ones; return their names. The others are free themselves."""
+        """Drive some inputs of the block from free inputs; return their names. The others are free themselves."""
         return set()
 
     def promise(self, m: Module, name: str, ok: Any, seen: Any) -> None:
-        """Say when a property holds and when what it speaks of happens; nothing where it does not apply."""
+        """Define when a property holds and when its case occurs; do nothing if it does not apply."""
         if any(p.name == name for p in self.proved):
             m.d.comb += [getattr(self, f"ok_{name}").eq(ok), getattr(self, f"seen_{name}").eq(seen)]
             self._said.add(name)
 
     def suppose(self, m: Module, name: str, holds: Any) -> None:
-        """Say when an assumption holds."""
+        """Define when an assumption holds."""
         m.d.comb += getattr(self, f"holds_{name}").eq(holds)
         self._said.add(name)
 
     def finish(self, m: Module) -> Module:
-        """Return the module; refuse one that left a property or an assumption open."""
+        """Return the module; refuse a checker with an undefined property or assumption."""
         left = {p.name for p in self.proved} | set(self.assumptions)
         if left - self._said:
             raise AssertionError(f"{type(self).__name__} says nothing of {', '.join(sorted(left - self._said))}")
@@ -103,7 +103,7 @@ class Checker(Block[Config]):
 
 
 def before(m: Module, value: Any, name: str) -> Signal:
-    """Return a value as it was one clock before; 0 in the first clock."""
+    """Return the value of one clock before; 0 in the first clock."""
     value = Value.cast(value)
     old = Signal(value.shape(), name=f"{name}_before")
     m.d.sync += old.eq(value)
@@ -116,12 +116,12 @@ def at_most_one(bits: Value) -> Value:
 
 
 def within(bits: Value, others: Value) -> Value:
-    """Return whether every bit that is set is set in ``others`` too."""
+    """Return whether ``others`` has every set bit."""
     return (bits & ~others) == 0
 
 
 def implies(condition: Any, then: Any) -> Value:
-    """Return whether ``then`` holds where ``condition`` does; both are one bit."""
+    """Return the implication ``condition`` -> ``then``; both are one bit."""
     return ~Value.cast(condition).bool() | Value.cast(then).bool()
 
 
@@ -131,7 +131,7 @@ def bit_of(word: Any, index: Signal) -> Any:
 
 
 def cyclic(m: Module, asks: Any, taken: Any) -> tuple[Signal, Any]:
-    """Return who was taken last, and whether who is taken now leaves out one that asks on the way from there, in turn.
+    """Return the last chosen index, and whether the current choice skips a request in round-robin order.
 
     Parameters
     ----------
@@ -152,5 +152,5 @@ def cyclic(m: Module, asks: Any, taken: Any) -> tuple[Signal, Any]:
 
 
 def inputs(checker: Checker[Any]) -> Iterable[str]:
-    """Return the names of what a checker looks at."""
+    """Return the names of a checker's inputs."""
     return [name for name, member in checker.signature.members.items() if member.flow is wiring.In]

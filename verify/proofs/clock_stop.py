@@ -1,4 +1,4 @@
-"""Where a block says that it is not awake its clock may stop, and where nothing can change its clock does stop.
+"""Prove that a low ``awake`` allows stopping a block's clock, and that idle blocks stop their clocks.
 
 Asked of every state and all inputs, reachable or not, so one clock is all there is to look at.
 """
@@ -43,7 +43,7 @@ PATH = re.compile(r"\\([^.\\]+)\.")
 
 
 def stands_still(block: Block[Any], awake: int = 0, mutant: str = "") -> bool:
-    """Return whether no register of a block can change in a clock in which it is not awake, resets apart.
+    """Return whether all registers of a block are stable when ``awake`` is low, except in reset.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def stands_still(block: Block[Any], awake: int = 0, mutant: str = "") -> bool:
 
 @dataclass(frozen=True)
 class Clocked:
-    """What gets a clock in a block where nothing changes.
+    """The registers that get a clock in an idle block.
 
     Attributes
     ----------
@@ -93,7 +93,7 @@ def clocked(
     held: Mapping[str, int] | None = None,
     mutant: str = "",
 ) -> Clocked:
-    """Return what gets a clock in a block at rest, beside what is expected.
+    """Return the registers of an idle block that get a clock unexpectedly.
 
     A block is at rest where no register of it would change. A register gets a clock where its enable is high, and so is
     ``awake`` of every block that it is in, as far as these have such a signal.
@@ -162,7 +162,7 @@ def clocked(
 
 
 def _flat(block: Block[Any], script: str, mutant: str) -> Any:
-    """Return a block as one module of Yosys' simple cells and flops."""
+    """Return a block as one module of simple Yosys cells and flops."""
     made = RtlilModules(async_reset=False)
     made.add(block)
     top = block.module_name
@@ -205,7 +205,7 @@ def _stops(signal: str, register: str) -> bool:
 def _both(
     top: str, inputs: Mapping[str, int], cases: list[dict[str, int]], flops: list[tuple[int, int | None]], awake: int
 ) -> str:
-    """Return the Verilog of a block twice, with the same registers: at rest, and in the clock that is looked at.
+    """Return Verilog of two copies of a block with equal registers: idle, and in the checked clock.
 
     ``flops`` are the widths of the registers, with their values where these are given.
     """

@@ -1,4 +1,4 @@
-"""Proof that delivered Verilog does what the RTLIL does that all other proofs look at, module by module.
+"""Prove the delivered Verilog equal, module by module, to the RTLIL of all other proofs.
 
 Modules, ports, instances and memories of both must have the same names. Within a module every output, every input of
 an instance or memory, and every register of the same name on both sides is a point. Yosys proves each point equal for
@@ -38,7 +38,7 @@ Design = dict[str, Any]
 
 
 class Different(AssertionError):
-    """The Verilog is not proved equal to the RTLIL; the text says where."""
+    """The Verilog is not proved equal to the RTLIL; the text names the place."""
 
 
 def prove(gold_rtlil: str, gate_verilog: str, initial: bool = False) -> dict[str, int]:
@@ -123,7 +123,7 @@ def _cells(design: Design, name: str) -> dict[str, Any]:
 
 
 def _initial(module: Design) -> dict[str, Any]:
-    """Return initial values that are given: of registers by name, of memories by name."""
+    """Return the initial values of registers and memories, by name."""
     wires = {name: net["attributes"]["init"] for name, net in module["netnames"].items() if "init" in net["attributes"]}
     cells = module["cells"].items()
     return wires | {name: cell["parameters"]["INIT"] for name, cell in cells if cell["type"] == MEMORY}

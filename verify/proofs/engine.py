@@ -1,4 +1,4 @@
-"""The solvers inside Yosys: property-directed reachability proves for good, bounded search finds what can happen.
+"""Run the solvers in Yosys: property-directed reachability for proofs, bounded search for counterexamples.
 
 ABC, a part of the pinned Yosys, does both; it looks at the design as gates, an output for every property.
 """
@@ -36,7 +36,7 @@ MAPPED_GATE = b".model netlist\n.inputs a b\n.outputs y\n.names a b y\n11 1\n.en
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the solvers found out about a block.
+    """The solvers' results for a block.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class Verdict:
 def solve(
     checker: Checker[Any], depth: int, limit_s: int = 120, blocks: Callable[[Checker[Any]], str] = netlist
 ) -> Verdict:
-    """Look for failures and for what properties speak of, then prove the properties.
+    """Search for failures and for the cases of the properties, then prove the properties.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Proof that Verilog with clock gates does what the RTLIL does: every flop and every output, for every input."""
+"""Prove that Verilog with clock gates equals the RTL: every flop and output, for every input."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ READ = (
 
 
 def prove_gated(config: Config, text: str = "") -> int:
-    """Return how many flops and outputs of a readout with clock gates are proved equal to those of its RTLIL.
+    """Return the number of flops and outputs of a gated readout that are proved equal to its RTLIL.
 
     A clock gate lets the rising edge through where its enable was high before: a flop behind it is a flop with that
     enable, all those in its way. ``test_enable`` is low. Nothing is assumed about which states can be reached.
@@ -50,7 +50,7 @@ def prove_gated(config: Config, text: str = "") -> int:
 
 
 def _to_enables(module: dict[str, Any]) -> None:
-    """Put enables in the place of the clock gates of a flat module; it is changed in place."""
+    """Replace the clock gates of a flat module by enables, in place."""
     gates = {}
     for name, cell in list(module["cells"].items()):
         if cell["type"] == GATE:

@@ -1,4 +1,4 @@
-"""Generated mutants: Yosys' ``mutate`` draws them from the RTLIL of a block, one pin of one cell each.
+"""Generate mutants with Yosys' ``mutate`` from a block's RTLIL, each in one pin of one cell.
 
 A mutant inverts a bit of a pin, ties it to a constant, or makes it depend on another bit of the same pin. The checker
 and the bench stay as they are.
@@ -41,7 +41,7 @@ class Mutant:
     rtlil: str
 
     def instead(self, checker: Checker[Any]) -> str:
-        """Return the block with the mutant, where ``eskin.verify.proofs.bench.netlist`` returns the block."""
+        """Return the mutated block, in place of ``eskin.verify.proofs.bench.netlist``."""
         return self.rtlil
 
 

@@ -95,7 +95,7 @@ def arbiters() -> list[Proof]:
 
 
 def links() -> list[Proof]:
-    """Return the proofs of the link: no address at all, the smallest, and more bits."""
+    """Return the proofs of the link: no address bits, one, and more."""
     configs = [
         ReadoutConfig(rows=1, columns=1, encoding="nlcs", link="four_phase"),
         ReadoutConfig(rows=2, columns=2, link="four_phase"),
@@ -107,7 +107,7 @@ def links() -> list[Proof]:
 
 
 def taxels() -> list[Proof]:
-    """Return the proofs of the taxel and its window: both front ends, both paces, few bits and the default widths."""
+    """Return the proofs of taxel and window: both front ends and decision rates, few bits and default widths."""
     ends: tuple[Any, ...] = ("digital", "analog")
     codes: tuple[Any, ...] = registry.NAMES
     window = SMALL.replace(encoding="cw-lcs", sample_bits=8)
@@ -152,7 +152,7 @@ def readouts() -> list[Proof]:
 
 
 def hosts() -> list[Proof]:
-    """Return the proofs of what a host sets at run time: a mask of part of a word, and one of a word and more."""
+    """Return the proofs of the host's settings: masks of less and of more than one word."""
     base = ReadoutConfig(registers="spi")
     few = base.replace(rows=2, columns=2, encoding="nlcs", sample_bits=8, resolution=3, leak_period=5)
     more = base.replace(rows=5, columns=8, encoding="cw-lcs", window_period=5)
@@ -165,7 +165,7 @@ def hosts() -> list[Proof]:
 
 
 def leaks() -> list[Proof]:
-    """Return the proofs of the decay ticks: rows that share a phase, rows with one each, and periods that are set."""
+    """Return the proofs of the decay ticks: rows with a common phase, rows with their own, and a host's period."""
     base = ReadoutConfig(columns=1, encoding="nlcs")
     built = [base.replace(rows=rows, leak_period=period) for rows, period in ((1, 3), (3, 2), (3, 5))]
     given = [base.replace(rows=rows, leak_period=period, registers="spi") for rows, period in ((1, 3), (3, 5))]
@@ -176,7 +176,7 @@ def leaks() -> list[Proof]:
 
 
 def merges() -> list[Proof]:
-    """Return the proofs of the merge: one tile, two, one with no address of its own, and counts of no power of two."""
+    """Return the proofs of the merge: one tile, two, tiles without address bits, counts other than powers of two."""
     few = ReadoutConfig(rows=2, columns=2)
     bare = ReadoutConfig(rows=1, columns=1, encoding="nlcs")
     sizes = [(few, 1, 1), (few, 1, 2), (bare, 1, 2), (few, 3, 1), (bare, 1, 5), (few, 2, 2)]
@@ -185,7 +185,7 @@ def merges() -> list[Proof]:
 
 
 def relays() -> list[Proof]:
-    """Return the proofs of the relay station: no bits at all, few, and those of a tile of 64 x 64."""
+    """Return the proofs of the relay station: no bits, few bits, and the bits of a 64 x 64 tile."""
     tiles = [
         ReadoutConfig(rows=1, columns=1, encoding="nlcs"),
         ReadoutConfig(rows=2, columns=2),

@@ -1,4 +1,4 @@
-"""Runs the proofs and sums up what they say."""
+"""Run the proofs and sum up the results."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ DRAWN, MOST_DRAWS = 40, 12
 
 @dataclass
 class Outcome:
-    """What all proofs together say of one property of one block.
+    """The combined result of all proofs for one property of one block.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class Outcome:
             self.problems.append("no proof has it")
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what a report says of it."""
+        """Return the entry of the report."""
         return {
             "block": self.block,
             "property": self.property.name,
@@ -93,7 +93,7 @@ class Outcome:
 
 
 def outcomes(verdicts: Iterable[tuple[Proof, Verdict]], whole: bool = True) -> list[Outcome]:
-    """Return what the proofs say of every property of every block among them.
+    """Return the results for every property of every block.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def closing_line(problems: Collection[list[str]]) -> str:
 
 @dataclass(frozen=True)
 class Hunt:
-    """Generated mutants of a block in one configuration, and the properties that fail by each.
+    """Generated mutants of a block in one configuration, and the properties that each violates.
 
     Attributes
     ----------
@@ -146,7 +146,7 @@ class Hunt:
 
 
 def hunt(proof: Proof, seed: int, count: int = DRAWN) -> Hunt:
-    """Draw mutants of a block in one configuration, and search each for failures of its properties."""
+    """Draw mutants of a block in one configuration, and search each for violated properties."""
     checker = proof.checker(proof.config)
     found = {
         mutant.name: sorted(solve(checker, proof.depth, 0, mutant.instead).failed)
@@ -156,12 +156,12 @@ def hunt(proof: Proof, seed: int, count: int = DRAWN) -> Hunt:
 
 
 def fingerprint(proof: Proof) -> str:
-    """Return a text that differs where block, checker or bench of a proof differ."""
+    """Return a text that changes with the block, checker or bench of a proof."""
     return hashlib.sha256(design(proof.checker(proof.config))[0].encode()).hexdigest()[:16]
 
 
 def hunts(block: str, proofs: Iterable[Proof], pieces: Pieces) -> Iterator[Hunt]:
-    """Hunt in every configuration of a block; draw more mutants where a property has too few, up to ``MOST_DRAWS``.
+    """Search mutants in every configuration of a block; draw more, up to ``MOST_DRAWS``, if a property has too few.
 
     What ``pieces`` hold of the same design is taken from there.
     """
@@ -179,7 +179,7 @@ def hunts(block: str, proofs: Iterable[Proof], pieces: Pieces) -> Iterator[Hunt]
 
 
 def judge(results: list[Outcome], found: Iterable[Hunt]) -> None:
-    """Count by every property the mutants by which it fails; a property with too few is a failure.
+    """Count the mutants that violate each property; a property with too few is a failure.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A soak: one random configuration after the other, for hours; it can be resumed, and several share one folder."""
+"""Run random configurations for hours; the soak can be resumed, and processes can share a folder."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Plan:
 
 
 class SoakFailed(Exception):  # the outcome that is looked for, not a defect of the program
-    """RTL and model differ; the text says where, and ends with the smallest command that shows it."""
+    """RTL and model differ; the text gives the place and the smallest command that shows the difference."""
 
 
 PIECE = {
@@ -70,7 +70,7 @@ PIECE = {
 
 
 def soak(plan: Plan, on_piece: Callable[[dict[str, Any]], None]) -> None:
-    """Soak until the time is over; if there is any, one more run at least.
+    """Soak until the time is over, with at least one more run if any is left.
 
     A configuration that the end of the time has cut off keeps the runs that are done, and goes on there.
 
@@ -113,7 +113,7 @@ def draws_of(plan: Plan, seed: int) -> list[Draw]:
 
 
 def _piece(plan: Plan, seed: int, before: dict[str, Any], end: float) -> dict[str, Any]:
-    """Play a configuration, behind the runs that are done, until the time is over; return what all of them came to."""
+    """Play a configuration after its finished runs until the time is over; return the totals."""
     draws = draws_of(plan, seed)
     total = Counter({name: before.get(name, 0) for name in ("runs", "clocks", "events")})
     began = time.monotonic()
@@ -131,7 +131,7 @@ def _piece(plan: Plan, seed: int, before: dict[str, Any], end: float) -> dict[st
 
 
 def _kept(plan: Plan, found: Failure) -> str:
-    """Make a failure small, keep its text in a file, and return it."""
+    """Shrink a failure, write its text to a file, and return it."""
 
     def fails(draw: Draw) -> Failure | None:
         return failure(draw, "icarus" if draw.clocks <= SMALL_CLOCKS else plan.simulator)
@@ -144,7 +144,7 @@ def _kept(plan: Plan, found: Failure) -> str:
 
 @contextlib.contextmanager
 def _claimed(piece: Path, plan: Plan) -> Iterator[bool]:
-    """Give whether a piece is this process's to do: not done with these sources, and no other process at it."""
+    """Return whether this process should run a piece: not done with these sources, and not in progress elsewhere."""
     handle = os.open(piece.with_suffix(".lock"), os.O_RDWR | os.O_CREAT)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -156,7 +156,7 @@ def _claimed(piece: Path, plan: Plan) -> Iterator[bool]:
 
 
 def _kept_piece(piece: Path) -> dict[str, Any]:
-    """Return what a piece came to with these sources; empty if nothing."""
+    """Return the result of a piece with these sources; empty if none."""
     kept = read_shaped(piece, "the soaked piece", PIECE) if piece.exists() else {}
     return dict(kept) if kept.get("sources") == SOURCES else {}
 
@@ -167,7 +167,7 @@ def _pieces(folder: Path) -> list[dict[str, Any]]:
 
 
 def summary(folder: Path) -> dict[str, Any]:
-    """Return the sums over all that was soaked in a folder, with these sources or with others.
+    """Return the totals of a folder, for these sources and for others.
 
     Raises
     ------

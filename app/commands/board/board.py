@@ -68,7 +68,7 @@ def play(
     from eskin.model.classifier.file import IntegerWeights
 
     if sum(one is not None for one in (samples, data, dataset)) > 1:
-        raise InputError("--samples, --data and --dataset each say what is played; give one of them")
+        raise InputError("--samples, --data and --dataset each choose an input; give one of them")
     network = IntegerWeights.load(weights)
     chip = session.chip_of(network, weights)
     name, codes = codes_to_play(network, chip.readout, samples=samples, recordings=data, dataset=dataset, only=only)

@@ -20,4 +20,4 @@ def cache(clear: Annotated[bool, typer.Option("--clear", help="remove all record
         f"{place.folder()}: {entries} recorded scans, {size / 1e6:.1f} MB of at most {scans.LIMIT_BYTES / 1e6:.0f} MB"
     )
     if place.usable("scans") is None:
-        print("nothing is kept there: the folder cannot be written, or other users own it or can write to it")
+        print("the folder is not used: it cannot be written, or other users own it or can write to it")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from eskin.app.cli import printable
-from eskin.app.options import WRITES_FILE
+from eskin.app.options import TRAINED, WRITES_FILE
 from eskin.base.errors import InputError
 from eskin.base.progress import bar
 
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 
 def export(
-    weights: Annotated[Path, typer.Argument(metavar="WEIGHTS.npz", help="trained network")],
     out: Annotated[Path, typer.Option("-o", "--out", metavar="FILE", help="graph .nir, or archive .npz"), WRITES_FILE],
+    weights: Annotated[Path, typer.Argument(metavar="WEIGHTS.npz", help="trained network")] = TRAINED,
     eight_bits: Annotated[bool, typer.Option("--eight-bits", help=".npz: matrices in 8 bits")] = False,
 ) -> None:
     """Write a trained network for other programs: NIR graph, or plain NumPy archive."""
@@ -51,7 +51,9 @@ def _tell_lacks(path: Path, weights: Weights) -> None:
         print(f"input scale {scale:.4g}: in the weights of hidden_in, since snnTorch and Norse know no Scale")
     found = lacks(weights.network)
     if not found:
-        print("snnTorch and Norse have all of it: docs/guide/exchange.md shows how they run it")
+        print(
+            "snnTorch and Norse support every feature of this network: docs/guide/exchange.md shows how to run it there"
+        )
         return
     for lack in found:
         print(lack.text)
@@ -94,12 +96,12 @@ def import_(
 
 
 def quantise(
-    weights: Annotated[Path, typer.Argument(metavar="WEIGHTS.npz", help="trained network")],
     out: Annotated[
         Path,
         typer.Option("-o", "--out", metavar="INTEGER.npz", help="file to write; memory images are written beside it"),
         WRITES_FILE,
     ],
+    weights: Annotated[Path, typer.Argument(metavar="WEIGHTS.npz", help="trained network")] = TRAINED,
     bits: Annotated[int, typer.Option(min=2, max=8, help="bits of all weights")] = 8,
     in_bits: Annotated[int | None, typer.Option(metavar="2..8", help="bits of the input weights")] = None,
     rec_bits: Annotated[int | None, typer.Option(metavar="2..8", help="bits of the recurrent weights")] = None,
@@ -114,7 +116,10 @@ def quantise(
     ] = None,
     lanes: Annotated[int, typer.Option(help="weights added in one clock")] = 16,
     clock: Annotated[
-        float | None, typer.Option(metavar="HZ", help="clock of the hardware [50e6; own recordings: what a bin needs]")
+        float | None,
+        typer.Option(
+            metavar="HZ", help="clock of the hardware [50e6; own recordings: the least for the work of a bin]"
+        ),
     ] = None,
     accuracy: Annotated[
         bool, typer.Option("--accuracy", help="classify the test images of the training, float and integer")

@@ -9,6 +9,7 @@ import typer
 
 from eskin.app.cli import asked_for, printable
 from eskin.app.commands.signals.options import DataOutOption, OutOption
+from eskin.app.options import TRAINED
 from eskin.base.errors import InputError
 from eskin.base.figures.files import DEFAULT_OUT, write_results
 
@@ -44,9 +45,7 @@ def fig9(
 
 
 def fig8(
-    weights: Annotated[Path, typer.Option(metavar="FILE", help="weights from eskin train")] = Path(
-        "out/train/weights.npz"
-    ),
+    weights: Annotated[Path, typer.Option(metavar="FILE", help="weights from eskin train")] = TRAINED,
     result: Annotated[
         Path | None, typer.Option(metavar="FILE", help="result of the same training [result.json beside the weights]")
     ] = None,

@@ -44,7 +44,7 @@ EventFolder = Annotated[
     Path | None, typer.Option(metavar="DIR", help="event files, for example of a replay, instead of textures")
 ]
 Frames = Annotated[
-    str | None, typer.Option(metavar=FRAMES, help="frames instead of events, such as frame-diff:250:8; RATE in hertz")
+    str | None, typer.Option(metavar=FRAMES, help="frames instead of events, such as frame-diff:250:8 (250 Hz, 8 bits)")
 ]
 StartRows = Annotated[int | None, typer.Option(min=1, help="scans per image (physical) [1]")]
 Disturbed = Annotated[
@@ -152,7 +152,7 @@ def _made(values: dict[str, Any]) -> dict[str, Any]:
     made = build_experiment(values)
     kind, idle = idle_settings(made, values["settings"])
     if idle:
-        raise InputError(f"{idle[0]} means nothing to a network of kind {kind}; leave it out")
+        raise InputError(f"{idle[0]} has no effect on a network of kind {kind}; leave it out")
     return {"made": made}
 
 

@@ -12,7 +12,7 @@ import typer
 
 from eskin.app.cli import printable
 from eskin.app.commands.signals.recordings import events_of, named_place
-from eskin.app.options import WRITES_FILE
+from eskin.app.options import TRAINED, WRITES_FILE
 from eskin.base.errors import InputError
 from eskin.base.files import write_json
 from eskin.base.progress import bar
@@ -33,10 +33,14 @@ MOST_CLASSES = 12
 
 
 def predict(
-    weights: Annotated[Path, typer.Argument(metavar="WEIGHTS.npz", help="trained network")],
+    weights: Annotated[Path, typer.Argument(metavar="WEIGHTS.npz", help="trained network")] = TRAINED,
     events: Annotated[
         list[Path] | None,
-        typer.Option("--events", metavar="DIR|FILE", help="event files, also of other programs; repeatable"),
+        typer.Option(
+            "--events",
+            metavar="DIR|FILE",
+            help="event files, also of other programs; repeatable [out/replay, or those of --data]",
+        ),
     ] = None,
     address_map: Annotated[
         Path | None,
@@ -70,8 +74,12 @@ def predict(
 
     torch.set_num_threads(1)
     if events and data is not None and not check_model:
-        raise InputError("--data beside --events is where --check-model finds the samples; add it, or leave one out")
+        raise InputError(
+            "--data with --events only names the samples for --check-model; add --check-model, or leave one out"
+        )
     trained = load_trained(weights)
+    if not events and data is None and trained.own is None:
+        events = [Path("out/replay")]
     files = event_files(events or [_own_events(trained, data, check_model)])
     mapping = AddressMap.read(address_map) if address_map is not None else None
     if mapping is not None and not any(is_foreign(file.path) for file in files):
@@ -85,7 +93,7 @@ def predict(
     scores = work.scores(recordings, counts, logits, trained)
     print(f"{len(counts)} recordings; {counts.steps} steps of {counts.channels} channels, {counts.step_s:g} s each")
     if other := trained.other_fields(recordings[0].config):
-        print(f"warning: the readout is not that of the training: {'; '.join(other)}", file=sys.stderr)
+        print(f"warning: the readout differs from that of the training: {'; '.join(other)}", file=sys.stderr)
     _print_recordings(recordings, logits, trained)
     _print_scores(scores, trained)
     check = None
@@ -106,19 +114,21 @@ def _own_events(trained: Trained, data: Path | None, check_model: bool) -> Path:
     from eskin.skin.recordings.trained_on import EVERY_FIELD
 
     if data is None:
-        raise InputError("what shall be classified? give --events DIR, or --data DIR with your own recordings")
+        raise InputError("the network was trained on recordings; give --data DIR with more of them, or --events DIR")
     if check_model:
-        raise InputError("--check-model holds events of the RTL to the model; add --events, as of replay --data")
+        raise InputError(
+            "--check-model compares events of the RTL with the model; add --events, as from eskin replay --data"
+        )
     if trained.own is None:
         raise InputError(
-            "the network was not trained on your own recordings, so nobody knows how these are to be scaled; encode "
-            "them with eskin encode, and give --events"
+            "the network was not trained on recordings, so their scale is unknown; encode them with eskin "
+            "encode, and give --events"
         )
     return events_of(data, trained.own.prepared, trained.own.config, EVERY_FIELD, flat=True)
 
 
 def _print_check(check: Check, recordings: Sequence[Recording], again: str) -> None:
-    """Print how many RTL recordings equal the model's; exit with 1 if any differs or none was compared."""
+    """Print the number of RTL recordings equal to the model; exit with 1 if any differs or none was compared."""
     from eskin.snn.experiments.evaluate import LEVELS
 
     names = [recording.metadata["name"] for recording in recordings]
@@ -161,7 +171,7 @@ def _print_scores(scores: dict[str, Score], trained: Trained) -> None:
     for part, score in scores.items():
         print(f"{words[part]}: accuracy {score.accuracy:.1%} ({score.correct} of {score.total})")
     if scores and not trained.parts:
-        print(f"whether the network has learned some of them is not known: {printable(trained.unknown)}")
+        print(f"the network may have learned some of them: {printable(trained.unknown)}")
     shown = scores.get(TEST) or scores.get(OTHER)
     names = [printable(name) for name in trained.weights.class_names]
     if shown is None or len(names) > MOST_CLASSES:

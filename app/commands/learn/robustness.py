@@ -28,7 +28,7 @@ Trainings = Annotated[
     list[Path] | None,
     typer.Argument(
         metavar="DIR...",
-        help="folders NETWORK/TRAINING/ of snn train, one a fold and seed [those in out/train that suit]",
+        help="folders NETWORK/TRAINING/ of eskin train, one for each fold and seed [suitable ones in out/train]",
     ),
 ]
 
@@ -60,7 +60,7 @@ def robustness(
         with bar("cells", len(subjects) * len(chosen)) as step:
             cells = run_cells(subjects, chosen, out, step)
     except KeyboardInterrupt:
-        print(f"stopped; the cells that are done stay in {out}, and the same command goes on", file=sys.stderr)
+        print(f"stopped; finished cells stay in {out}, and the same command continues", file=sys.stderr)
         raise typer.Exit(EXIT_INTERRUPTED) from None
     points = summarise(cells)
     write_json(out / "robustness.json", origin(command_line(context)) | {"points": points})
@@ -70,7 +70,7 @@ def robustness(
 
 
 def subjects_of(places: list[Path] | None, scenes: bool = True) -> list[Subject]:
-    """Return the trained networks of folders; without folders those of ``OUT_TRAIN`` that suit.
+    """Return the trained networks of folders, by default the suitable ones below ``OUT_TRAIN``.
 
     Parameters
     ----------

@@ -102,7 +102,7 @@ def merits(
     context: typer.Context,
     weights: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="DIR...", help="folders NETWORK/TRAINING/ of snn train, for the latency; [none]"),
+        typer.Argument(metavar="DIR...", help="folders NETWORK/TRAINING/ of eskin train, for the latency; [none]"),
     ] = None,
     pair: Pair = None,
     noise: Annotated[

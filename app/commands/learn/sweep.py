@@ -65,7 +65,7 @@ def sweep(
 ) -> None:
     """Cross-validate many points at once; continues a stopped sweep with the missing cells."""
     if events and points != DEFAULT_POINTS:
-        raise InputError("--points says what is recorded from textures, --events what is recorded already; give one")
+        raise InputError("--points records scans of textures, --events reads recorded ones; give one")
     from eskin.snn.experiments.settings import parse_points
 
     chosen = [] if events else parse_points(points)
@@ -73,7 +73,7 @@ def sweep(
         named = " or ".join(LEAKY)
         raise InputError(f"--tau is the leak of {named}, but --points has no {named} point; leave it out")
     if not events and options["bin_s"] is not None and not {readout for readout, _ in chosen} - set(BASELINES):
-        raise InputError("--bin has no effect on rnn|gru|cnn:K, which say the frames of a step; leave it out")
+        raise InputError("--bin has no effect on rnn|gru|cnn:K, where K is the frames of a step; leave it out")
     made = [_point(readout, number, options) for readout, number in chosen]
     made += [_recorded_point(folder, options) for folder in events or ()]
     _tell_idle(made, options["settings"])
@@ -87,7 +87,7 @@ def sweep(
                 made, out, pool=pool, folds=folds, seeds=seeds, command=command_line(context), progress=show
             )  # fmt: skip
     except KeyboardInterrupt:
-        print(f"stopped; the cells that are done stay in {out}, and the same command goes on", file=sys.stderr)
+        print(f"stopped; finished cells stay in {out}, and the same command continues", file=sys.stderr)
         raise typer.Exit(EXIT_INTERRUPTED) from None
     _print_table(found)
     print(printable(f"result: {out / 'sweep.json'}"))
@@ -104,7 +104,7 @@ def _tell_idle(points: list[SweepPoint], settings: list[str] | None) -> None:
             idle.setdefault(setting, []).append(point.name)
     for setting, names in idle.items():
         if len(names) == len(points):
-            raise InputError(f"{setting} means nothing to any network of these points; leave it out")
+            raise InputError(f"{setting} has no effect on any network of these points; leave it out")
         print(printable(f"note: {setting} means nothing to the network of {', '.join(names)}"), file=sys.stderr)
 
 

@@ -35,14 +35,16 @@ def train(
     folds: Folds = 6,
     fold: Annotated[int, typer.Option(min=0, help="test fold, from 0")] = 0,
     test: Annotated[
-        str | None, typer.Option(metavar="PATTERN", help="test recordings with such names, as '*_1', not a fold")
+        str | None,
+        typer.Option(metavar="PATTERN", help="test the recordings with such names, as '*_1', in place of a fold"),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="seed of weights, order and augmentation")] = 0,
     checkpoint_every: Annotated[int, typer.Option(min=1, help="epochs between checkpoints")] = 5,
     threads: Annotated[int, typer.Option(min=1, help="threads of torch")] = 1,
     device: Annotated[str, typer.Option(help="device name of torch")] = "cpu",
     watch_test: Annotated[
-        bool, typer.Option("--watch-test", help="also store the test accuracy of every epoch; it selects nothing")
+        bool,
+        typer.Option("--watch-test", help="also store the test accuracy of every epoch; it does not choose the epoch"),
     ] = False,
     out: Annotated[
         Path | None,
@@ -90,14 +92,14 @@ def train(
     _print_result(training, result, data, noun)
     if watch_test:
         best = max(training.history, key=lambda epoch: epoch.held_out or 0.0)
-        print(f"the best test epoch, no result as it is chosen by the test: {best.held_out:.1%}, epoch {best.number}")
+        print(f"best test epoch {best.number}: {best.held_out:.1%} (no valid result: the test chose the epoch)")
     pictures = draw_training(result, [data.names[number] for number in chosen.test], out)
     print(printable(f"result: {out / 'result.json'}, weights: {out / 'weights.npz'}"))
     print(printable(f"{'picture' if len(pictures) == 1 else 'picture and page'}: {', '.join(map(str, pictures))}"))
 
 
 def _print_result(training: Training, result: dict[str, Any], data: ScanData, noun: str) -> None:
-    """Print the accuracy of the test, beside references where the training has them."""
+    """Print the test accuracy, and the references of the training if any."""
     from eskin.snn.reference import is_unbalanced, sentences
 
     last, labels = training.history[-1], result["labels"]
@@ -112,7 +114,7 @@ def _print_result(training: Training, result: dict[str, Any], data: ScanData, no
 
 
 def _name_of(made: Experiment, data: ScanData, fold: int, seed: int) -> str:
-    """Return the name of a training's own folder: its data and readout, and a digest of all that tells it apart."""
+    """Return a folder name for a training: its data and readout, and a digest of all its settings."""
     own = made.to_dict() | {"fold": fold, "seed": seed, "names": data.names}
     digest = hashlib.sha256(json.dumps(own, sort_keys=True, default=str).encode()).hexdigest()[:6]
     what = made.preset if made.events is None else "recordings"

@@ -77,9 +77,9 @@ def explore(
         if event_rate is None and nlcs_event_rate is None:
             return rate_table(dataset, preset_name, rates, list(RESOLUTIONS), [tau], array, watch=bar)
         if dataset is not None or rates is not None:
-            raise InputError("--event-rate stands in place of --dataset and --rates; give one of them")
+            raise InputError("--event-rate replaces --dataset and --rates; give one of them")
         if event_rate is None:
-            raise InputError("--nlcs-event-rate goes with --event-rate, the rate of LCS; give both")
+            raise InputError("--nlcs-event-rate needs --event-rate, the rate of LCS; give both")
         return GivenRates(event_rate, event_rate if nlcs_event_rate is None else nlcs_event_rate, rate_resolution)
 
     model = build_model(frozenset(CORRECTIONS), own, synthesis, source, parameters)

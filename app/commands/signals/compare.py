@@ -62,7 +62,7 @@ def _print_counts(first: Recording, second: Recording, labels: tuple[str, str]) 
     print(f"\n{labels[0]} has {len(first.events)} events, {labels[1]} {len(second.events)}")
     differing = np.argwhere(counts[0] != counts[1])
     if not len(differing):
-        print("every taxel has the same number of events in both")
+        print("every taxel has equally many events in both files")
         return
     print(f"the number of events differs in {len(differing)} of {config.taxels} taxels")
     table = new_table(("row", "column", *labels, "difference"), left=(), overflow="fold")

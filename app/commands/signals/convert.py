@@ -42,7 +42,7 @@ def convert(
         float | None, typer.Option(help="foreign events: time that becomes clock 0 [0]", metavar="TIME")
     ] = None,
     wrap: Annotated[
-        int | None, typer.Option(metavar="BITS", help="foreign events: bits of a time counter that starts again")
+        int | None, typer.Option(metavar="BITS", help="foreign events: bits of a time counter that wraps")
     ] = None,
     sort: Annotated[bool, typer.Option("--sort", help="foreign events: sort them by time")] = False,
     drop_unmapped: Annotated[
@@ -71,7 +71,9 @@ def convert(
         recording = _taken(source, config, given, foreign, out)
     else:
         if unused := [option for option, value in foreign.items() if value is not None]:
-            raise InputError(f"{unused[0]} is for foreign events; {source.name} states its own readout, leave it out")
+            raise InputError(
+                f"{unused[0]} is for foreign events; {source.name} contains its own readout, so leave the option out"
+            )
         from eskin.snn.exchange.nir_events import load_recording
 
         recording = load_recording(source)
@@ -91,9 +93,9 @@ def _check_output(out: Path, bin_s: float | None, unit: str | None) -> None:
     if out.suffix not in KINDS:
         raise InputError(f"events are written as {', '.join(KINDS)}, not {out.name}; rename the output")
     if bin_s is not None and out.suffix != ".nir":
-        raise InputError(f"--bin belongs to .nir, not to {out.name}; leave it out")
+        raise InputError(f"--bin is only for .nir, not for {out.name}; leave it out")
     if unit is not None and out.suffix not in (".npy", ".csv"):
-        raise InputError(f"--unit belongs to .npy and .csv, not to {out.name}; leave it out")
+        raise InputError(f"--unit is only for .npy and .csv, not for {out.name}; leave it out")
     if unit not in (None, "us", "clocks"):
         raise InputError(f"--unit must be us or clocks, not {unit!r}")
 

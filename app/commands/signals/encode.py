@@ -69,7 +69,7 @@ def encode(
         own = {"--preset": preset, "--start-row": start_row, "--name": name, "--class": label}
         own["--model functional"] = None if model == "cycle" else model
         if unused := [option for option, value in own.items() if value is not None]:
-            raise InputError(f"{unused[0]} belongs to one input; a folder gives each recording its name and class")
+            raise InputError(f"{unused[0]} is for a single input; a folder gives each recording its name and class")
         with open_pool(workers, scheduler, threads=True) as pool:
             _encode_folder(source, out, Preparation(**({"baseline": "first"} | prepared)), config, given, pool)
         return

@@ -45,7 +45,7 @@ def rates(
     scan = preset(preset_name)
     if tau is not None and not config.encoder.leaks and not as_json:  # the JSON says so by its tau_s
         print(
-            f"--tau is ignored: it is the leak of encoding {' or '.join(LEAKY)}, and {config.encoding} has none",
+            f"--tau is ignored: only encoding {' and '.join(LEAKY)} leaks, not {config.encoding}",
             file=sys.stderr,
         )
     if tau is None and not given & {"leak_shift", "leak_period"}:

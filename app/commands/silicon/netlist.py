@@ -84,7 +84,7 @@ def asic(
         raise InputError(f"--readout must be one of spiking, frame, not {readout!r}")
     own = stored | own
     if own and readout != "frame":
-        raise InputError(f"--{next(iter(own)).replace('_', '-')} belongs to the frame readout; add --readout frame")
+        raise InputError(f"--{next(iter(own)).replace('_', '-')} is for the frame readout; add --readout frame")
     if readout == "frame":
         check_frame(config, given)
     check_name(name)
@@ -95,7 +95,7 @@ def asic(
     proof = found.equivalence
     print(f"equivalent to the RTL: {proof.proved} of {proof.of} points proved")
     if apart := found.more.get("with_wires", {}).get(APART):
-        print(f"no power with wires: {apart}")
+        print(f"power with wires was not measured: {apart}")
     conclude(found.problems, found.closing_line())
 
 

@@ -41,9 +41,7 @@ def layout(
 
 
 def fpga(
-    board: Annotated[
-        str, typer.Option(help="ulx3s (the one with 85 k LUTs), ulx3s-45f, ulx3s-25f, ulx3s-12f")
-    ] = "ulx3s",
+    board: Annotated[str, typer.Option(help="ulx3s (85 k LUTs), ulx3s-45f, ulx3s-25f, ulx3s-12f")] = "ulx3s",
     weights: Annotated[
         Path | None, typer.Option(help="integer network of the chip [network of the embedded textures, fold 0]")
     ] = None,
@@ -67,7 +65,7 @@ def fpga(
     from eskin.board.bitstream.build import build, build_classifier, design_of
 
     if sum((receiver, weights is not None, alone is not None)) > 1:
-        raise InputError("--weights, --receiver and --alone each say what is built; give one of them")
+        raise InputError("--weights, --receiver and --alone each choose a design; give one of them")
     if alone is not None:
         name, built = f"classifier-{alone}b", build_classifier(report.plain_classifier(alone))
         said = {"design": "classifier"} | origin(f"make fpga ALONE={alone}")

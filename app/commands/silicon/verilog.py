@@ -61,15 +61,13 @@ def verilog(
     With --registers spi also eskin_registers.h and eskin_registers.md; of all but a chip a datasheet.
     """
     if report is not None and (tiles is not None or classifier is not None):
-        raise InputError("--report is of the netlist of a readout, spiking or frame; leave it out")
+        raise InputError("--report is for a readout, spiking or frame; leave it out")
     if clock_gates and (tiles is not None or classifier is not None):
         raise InputError("--clock-gates is for a readout, spiking or frame; leave it out")
     if merge and tiles is None:
         raise InputError("--merge needs to know how many tiles there are; add --tiles RxC")
     if relays and (merge or tiles is None):
-        raise InputError(
-            "--relays belongs to the lines of a whole skin; add --tiles RxC without --merge, or leave it out"
-        )
+        raise InputError("--relays is for the lines of a whole skin; add --tiles RxC without --merge, or leave it out")
     if tiles is not None:
         if classifier is not None or chip or readout != "spiking" or own:
             raise InputError("--tiles makes a skin of spiking readouts; leave --classifier, --chip, --readout out")
@@ -95,7 +93,7 @@ def verilog(
         raise InputError(f"--readout must be one of {', '.join(READOUTS)}, not {readout!r}")
     own = stored | own
     if own and readout != "frame":
-        raise InputError(f"--{next(iter(own)).replace('_', '-')} belongs to the frame readout; add --readout frame")
+        raise InputError(f"--{next(iter(own)).replace('_', '-')} is for the frame readout; add --readout frame")
     if readout == "frame":
         check_frame(config, given)
     _deliver(FrameConfig(readout=config, **own) if readout == "frame" else config, out, prove, report, clock_gates)

@@ -44,7 +44,9 @@ def replay(
     workers: Workers = None,
     scheduler: Scheduler = None,
     keep: Annotated[
-        Path | None, typer.Option(help="JSON file for the totals of this encoder, beside those of others"), WRITES_FILE
+        Path | None,
+        typer.Option(help="JSON file for the totals of this encoder; totals of other encoders in the file stay"),
+        WRITES_FILE,
     ] = None,
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for the event files"), WRITES_FOLDER] = Path(
         "out/replay"

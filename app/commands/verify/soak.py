@@ -53,7 +53,7 @@ def soak(
         _one(only, run, clocks, _parts(set_ or []), simulator)
         return
     if set_ or run:
-        raise InputError("--set and --run belong to one run; add --only SEED")
+        raise InputError("--set and --run are for one run; add --only SEED")
     plan = campaign.Plan(3600 * hours, seed, clocks, simulator, out)  # type: ignore[arg-type]
     try:
         campaign.soak(plan, _tell)

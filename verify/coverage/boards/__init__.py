@@ -1,1 +1,1 @@
-"""The board in the runs of ``make coverage``: its Verilog, a host bit by bit, and what it is held to."""
+"""Cover the board: its Verilog, a bit-level host, and the checks of its records."""

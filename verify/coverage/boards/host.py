@@ -1,4 +1,4 @@
-"""A host at a board's serial line within the simulator: every frame it sends, and every record that must come of it."""
+"""A host at a board's serial line in the simulator: its frames, and the records that must follow."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ QUIET_BITS = 700
 
 
 class Mismatch(AssertionError):
-    """The board says something else than its reference (docs/reference/board.md)."""
+    """The board's records differ from its reference (docs/reference/board.md)."""
 
 
 class Host:
-    """A host, and what the board must say to it.
+    """A host, and the records that the board must send to it.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Host:
         self._begin()
 
     def _begin(self) -> None:
-        """Wait for what a session begins with."""
+        """Wait for the first records of a session."""
         self.frames, self.records = FrameReader(), RecordReader(self.classes)
         self.begun, self.due, self.sequence, self.taken, self.refused = False, 0, 1, 0, 0
         self.said: list[Record] = []
@@ -133,7 +133,7 @@ class Host:
 
     @property
     def hello_words(self) -> Words:
-        """What the board must say of itself."""
+        """The description that the board must send."""
         serial, chip = self.config.serial, self.config.chip
         values = {"version": VERSION, "design": DESIGNS.index(self.config.design) + 1}
         values |= {"identity": self.config.identity, "clock_hz": serial.clock_hz, "buffer_bytes": serial.buffer_bytes}

@@ -1,4 +1,4 @@
-"""Builds a board's Verilog with counters and points, plays the script to it, and holds what came to the models."""
+"""Build a board's Verilog with counters and points, play the script, and compare the records with the models."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from eskin.verify.coverage.points.board import board as points
 
 
 def text(config: BoardConfig) -> str:
-    """Return the Verilog of a board in the style of what is delivered: the same netlist, without initial values.
+    """Return a board's Verilog in the style of the delivered text: the same netlist, without initial values.
 
     That of ``eskin.board.gateware.top`` is for tools, and has a wire for every gate. Names that SystemVerilog keeps for
     itself become others.
@@ -63,7 +63,7 @@ def small_board(design: str) -> BoardConfig:
 
 
 def board(config: BoardConfig, folder: Path) -> None:
-    """Play everything to a board; a player's events and classes are the model's, a receiver's those of the chip."""
+    """Play all scripts to a board; compare events and classes with the models or the foreign chip."""
     whole = with_points(text(config), ((p.module, p.label, p.expression) for p in points(config)))
     named = config.chip or small_board("player").chip
     assert named is not None
@@ -96,7 +96,7 @@ def scans_of(chip: ChipConfig) -> dict[str, NDArray[np.int16]]:
 def hold(
     chip: ChipConfig, network: IntegerNetwork, samples: NDArray[np.int16], left: dict[str, Any], name: str
 ) -> None:
-    """Hold what a player has sent of a scan to the models of readout and classifier.
+    """Compare the records of a scan with the models of readout and classifier.
 
     Raises
     ------

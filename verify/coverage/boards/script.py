@@ -1,4 +1,4 @@
-"""What is played to a board: all frames and their faults, sessions and resets at any time, and full memories."""
+"""The script for a board: all frames and their faults, sessions and resets at any time, full memories."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MOST_SAMPLES = MOST_PAYLOAD // 2 * 2
 
 
 def load() -> tuple[BoardConfig, dict[str, Any]]:
-    """Return what is built, and the rest of the job."""
+    """Return the design to build, and the rest of the job."""
     job = json.loads(Path(os.environ[JOB]).read_text())
     chip = ChipConfig.from_dict(job["chip"]) if job["chip"] else None
     return BoardConfig(chip=chip, serial=SerialConfig(**job["serial"])), job

@@ -1,1 +1,1 @@
-"""Functional points: what the specification speaks of, as expressions over names of the Verilog."""
+"""Define functional points: cases of the specification, as expressions over Verilog names."""

@@ -1,4 +1,4 @@
-"""All functional points, by what is built."""
+"""List all functional points by design."""
 
 from __future__ import annotations
 

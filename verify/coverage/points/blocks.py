@@ -1,4 +1,4 @@
-"""Points of the frame readout, of the merge of tiles, and of the lines to it."""
+"""Define points of the frame readout, the merge of tiles, and the lines to the merge."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def frames(config: FrameConfig) -> Iterator[Point]:
 
 
 def _scans(config: FrameConfig) -> Named:
-    """When a frame is asked for, and what a reset meets."""
+    """Points of the sequencer: frame requests and resets in each state."""
     ends = "sequencer.taken && sequencer.frame_ends"
     yield "frame begun at rest", "frame_start && !sequencer.scanning && !packer.awake && !word_valid"
     yield "frame begun while words of the one before wait", "frame_start && !sequencer.scanning && word_valid"
@@ -38,7 +38,7 @@ def _scans(config: FrameConfig) -> Named:
 
 
 def _codes(config: FrameConfig) -> Named:
-    """The converter: its times, and both ends of its scale."""
+    """Points of the converter: its times, and both ends of its scale."""
     bits = config.resolution
     yield "lowest code", f"sequencer.taken && adc_code == {bits}'d{1 << bits - 1}"
     yield "highest code", f"sequencer.taken && adc_code == {bits}'d{(1 << bits - 1) - 1}"
@@ -123,7 +123,7 @@ def lines(config: TilesConfig) -> Iterator[Point]:
 
 
 def _station(config: TilesConfig) -> Named:
-    """Each place filled and emptied, a stall on its way back, and what a reset meets."""
+    """Points of a station: each place filled and emptied, a stall travelling back, a reset in each state."""
     leaves = "event_valid && event_ready"
     yield "at rest", "!event_valid && !tile_valid && !rst"
     yield "ready without an event", "!event_valid && event_ready && !rst"
@@ -149,7 +149,7 @@ def _station(config: TilesConfig) -> Named:
 
 
 def _stations(config: TilesConfig) -> Named:
-    """All lines together: stalls that run back along them, and tiles that overtake one another."""
+    """Points of all lines together: stalls that travel back, and tiles that overtake each other."""
     tiles, relays = range(config.tiles), range(config.relays)
     whole = [[f"relay_{tile}_{stage}" for stage in relays] for tile in tiles]
     for tile, line in enumerate(whole):

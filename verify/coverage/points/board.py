@@ -1,4 +1,4 @@
-"""Points of a board: the line, frames and their faults, what a host may ask for, records, and a foreign chip."""
+"""Define points of a board: line, frames and faults, requests, records, and a foreign chip."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _frames() -> Named:
 
 
 def _core(config: BoardConfig) -> Named:
-    """What a host asks for, refusals that wait, sessions and resets at any time."""
+    """Points of requests, waiting refusals, sessions, and resets at any time."""
     yield "restart", "restart"
     yield "status asked for", "status_valid && status_ready"
     for end in (0, 255):
@@ -77,7 +77,7 @@ def _core(config: BoardConfig) -> Named:
 
 
 def _player(config: BoardConfig) -> Named:
-    """Samples, clocks, weights, and what comes of them."""
+    """Points of samples, clocks and weights, and their results."""
     assert config.chip is not None
     yield "event alone", "event_valid && !class_valid && idle"
     yield "class alone", "class_valid && !event_valid && idle"
@@ -93,7 +93,7 @@ def _player(config: BoardConfig) -> Named:
 
 
 def _receiver() -> Named:
-    """Events of a foreign chip, kept and lost."""
+    """Points of events from a foreign chip, stored and lost."""
     yield "event kept", "event_valid && idle"
     yield "event waits for a record", "event_valid && !idle"
     yield "event lost", "aer.lost_now"

@@ -1,4 +1,4 @@
-"""Points of the classifier, and of the chip that has it behind its readout."""
+"""Define points of the classifier, and of the chip with a classifier behind its readout."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def _events(config: ClassifierConfig) -> Named:
 
 
 def loads(config: ClassifierConfig) -> Named:
-    """Both ends of both memories of weights, as a host writes them."""
+    """Points of both ends of both weight memories, as a host writes them."""
     for memory, words, chosen in (
         ("rows", config.weight_words, "!load_neurons"),
         ("neurons", config.neuron_words, "load_neurons"),

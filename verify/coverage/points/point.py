@@ -37,10 +37,10 @@ class Point:
 
 
 def any_of(terms: Iterable[str]) -> str:
-    """Return an expression that is true where one of some is."""
+    """Return an expression: true if any of some expressions is true."""
     return "(" + " || ".join(f"({term})" for term in terms) + ")"
 
 
 def began(state: str) -> str:
-    """Return an expression that is true in the first clock of a reset, where something held before it."""
+    """Return an expression: true in the first clock of a reset if a condition held before."""
     return f"rst && !$past(rst) && $past({state})"

@@ -26,12 +26,12 @@ def _taxels(config: ReadoutConfig) -> list[tuple[int, int, str]]:
 
 
 def _kinds(config: ReadoutConfig) -> dict[str, str]:
-    """Return the kinds of events, and what says of a taxel's request that it is of the kind."""
+    """Return the kinds of events, with the expression that identifies each kind."""
     return {"ON": "{}.polarity", "OFF": "!{}.polarity"} if config.has_polarity else {"event": "1'b1"}
 
 
 def _holds(config: ReadoutConfig) -> Named:
-    """Encoder x kind of event x what its request waits for."""
+    """Points of each encoder: kind of event x reason for which its request waits."""
     served = "arbiter.event_valid && arbiter.event_ready"
     causes = {
         "the sink": "arbiter.event_valid && !arbiter.event_ready",
@@ -57,7 +57,7 @@ def _holds(config: ReadoutConfig) -> Named:
 
 
 def _arbiter(config: ReadoutConfig) -> Named:
-    """Bursts of every population in every row, every row behind every other, the latch."""
+    """Points of the arbiter: bursts of every size in every row, every order of two rows, the latch."""
     rows, columns = range(config.rows), range(1, config.columns + 1)
     for row in rows:
         for size in columns:
@@ -79,7 +79,7 @@ def _arbiter(config: ReadoutConfig) -> Named:
 
 
 def _taxel(config: ReadoutConfig) -> Named:
-    """A new request in the clock in which the old one is taken, and samples at any time."""
+    """Points of a new request in the clock in which the old one is taken, with samples at any time."""
     kinds = _kinds(config)
     for old, was in kinds.items():
         for new, is_now in kinds.items():
@@ -143,7 +143,7 @@ def _requested(config: ReadoutConfig) -> str:
 
 
 def _link(config: ReadoutConfig) -> Named:
-    """The four-phase link: what comes together with ACK."""
+    """Points of the four-phase link: everything that can coincide with ACK."""
     if not config.handshake:
         return
     news = any_of(f"{t}.pending && !$past({t}.pending)" for *_, t in _taxels(config))
@@ -162,7 +162,7 @@ def _link(config: ReadoutConfig) -> Named:
 
 
 def _ends(config: ReadoutConfig) -> Named:
-    """Both ends of the scale: of the samples, and of the reference."""
+    """Points of both ends of the scale, for samples and reference."""
     taxels, bits = [t for *_, t in _taxels(config)], config.sample_bits
     if config.frontend == "digital":
         codes = [f"sample[{index * bits} +: {bits}]" for index in range(config.taxels)]
@@ -202,7 +202,7 @@ def _ends(config: ReadoutConfig) -> Named:
 
 
 def _window(config: ReadoutConfig) -> Named:
-    """CW-LCS: every width, and what meets a tick."""
+    """Points of CW-LCS: every window width, and each coincidence with a tick."""
     if not config.closes:
         return
     taxels = [t for *_, t in _taxels(config)]
@@ -222,7 +222,7 @@ def _window(config: ReadoutConfig) -> Named:
 
 
 def _leak(config: ReadoutConfig) -> Named:
-    """Leaks of every row, and what meets one."""
+    """Points of the leaks of every row, and each coincidence with a leak."""
     if not config.encoder.leaks:
         return
     taxels = [t for *_, t in _taxels(config)]

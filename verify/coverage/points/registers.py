@@ -1,4 +1,4 @@
-"""Points of what a host sets: every field at its ends, refused words, the test pattern, SPI."""
+"""Define points of a host's settings: every field at its limits, refused words, test pattern, SPI."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def _plain(register: Register) -> str:
 
 
 def _register(register: Register) -> Named:
-    """A register read, written, refused; every field at its ends, and every bit of it."""
+    """Points of a register: read, written and refused, with every field at its limits and every bit."""
     here = f"at_{_plain(register)}"
     name = register.key.replace("[", " ").replace("]", "")
     if not register.writable:
@@ -80,7 +80,7 @@ def _file(config: ReadoutConfig) -> Named:
 
 
 def _pattern(config: ReadoutConfig) -> Named:
-    """The test pattern: modes, paces, both ends of the array, restarts."""
+    """Points of the test pattern: modes, rates, both ends of the array, restarts."""
     for mode in (1, 2):
         yield f"mode {mode}: request taken", f"taken && mode == {mode}"
         yield f"mode {mode}: request waits", f"request && !taken && mode == {mode} && !restart"
@@ -129,7 +129,7 @@ def _spi() -> Named:
 
 
 def _beyond(config: ReadoutConfig) -> Named:
-    """Ways, and what says that comparators ask a taxel at an end of the scale to go on: a digital sample never does."""
+    """Return the directions of a step off the scale; only comparators can request one, digital samples cannot."""
     if config.frontend == "digital":
         return
     taxels = [f"row_{r}.taxel_{c}" for r in range(config.rows) for c in range(config.columns)]
@@ -141,7 +141,7 @@ def _beyond(config: ReadoutConfig) -> Named:
 
 
 def _array(config: ReadoutConfig) -> Named:
-    """What the array is at while a setting changes."""
+    """Points of a setting that changes in each state of the array."""
     waits = "arbiter.event_valid && !arbiter.event_ready"
     file = "host.registers"
     for bits in range(1, config.resolution + 1):

@@ -1,1 +1,1 @@
-"""What is proved of every block: one checker a file."""
+"""Define the properties of every block: one checker in each file."""

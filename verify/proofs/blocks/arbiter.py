@@ -1,4 +1,4 @@
-"""The arbiter: who is granted, what leaves, and how long anybody waits."""
+"""Check the arbiter: grants, transferred events, and the longest wait."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from eskin.verify.proofs.checker import Checker, Property, at_most_one, before, 
 
 
 class ArbiterChecker(Checker[ReadoutConfig]):
-    """Watches the arbiter, and the requests of all taxels beside it.
+    """Checker of the arbiter and of all taxels' requests.
 
     Attributes
     ----------
@@ -26,35 +26,39 @@ class ArbiterChecker(Checker[ReadoutConfig]):
 
     block = Arbiter
     properties = (
-        Property("one_hot_grant", "at most one row is selected, at most one granted, and none that is not selected"),
-        Property("grant_implies_request", "a row that is selected or granted has a request"),
-        Property("idle_grants", "with nothing latched, a request is granted in the same clock"),
-        Property("no_bubble", "in the clock after one with a request an event is offered"),
+        Property("one_hot_grant", "at most one row is selected, and only the selected row is granted"),
+        Property("grant_implies_request", "a selected or granted row has a request"),
+        Property("idle_grants", "while the latch is empty, a request is granted in the same clock"),
+        Property("no_bubble", "one clock after a request, an event is offered"),
         Property("address_correct", "an event names the watched taxel only if its request was latched before"),
-        Property("exactly_one_event", "a latched request leaves before the next of its taxel is latched, and once"),
-        Property("in_turn", "a latched request leaves behind at most columns - 1 others"),
+        Property(
+            "exactly_one_event", "a latched request leaves exactly once, before the taxel's next request is latched"
+        ),
+        Property("in_turn", "at most columns - 1 other requests leave before a latched request"),
         Property(
             "polarity_kept",
             "an event carries the polarity that its request had when it was latched",
             applies=lambda config: config.has_polarity,
         ),
-        Property("payload_stable", "an event that is not taken is offered again, the same in every bit"),
-        Property("row_order", "the row granted is the first requesting one behind the last granted, cyclically"),
+        Property("payload_stable", "an event that is not taken stays offered unchanged"),
+        Property("row_order", "the granted row is the first requesting row after the last granted row, cyclically"),
         Property(
             "column_order",
             "the events of a row leave in rising column order",
             applies=lambda config: config.columns > 1,
         ),
         Property("no_starvation", "an event is among the next (rows + 1) * columns after its request was raised"),
-        Property("latched_is_offered", "while a latched request has not left, an event is offered, whoever else asks"),
+        Property(
+            "latched_is_offered", "while a latched request waits, an event is offered, whatever other taxels request"
+        ),
         Property(
             "leaves_in_time",
-            "a request leaves within (rows + 1) * columns clocks of a ready sink after it was raised",
+            "a request leaves within (rows + 1) * columns clocks in which the sink is ready",
         ),
-        Property("sleeps", "it is awake exactly where it takes the requests of a row or gives an event away"),
+        Property("sleeps", "it is awake exactly when it takes a row's requests or an event leaves"),
         Property(
             "fairness",
-            "of two taxels that both request, none is granted twice before the other: n steady ones get one in n",
+            "of two requesting taxels, neither is granted twice before the other: n steady taxels get equal shares",
             applies=lambda config: config.rows > 1,
         ),
     )
@@ -68,7 +72,7 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         return super().observed(config) | own | ({"polarity": In(config.taxels)} if config.has_polarity else {})
 
     def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
-        """Drive the lines as ``eskin.rtl.taxel.Row`` does, from requests that come and go as they like."""
+        """Drive the lines as ``eskin.rtl.taxel.Row`` does, from arbitrary requests."""
         m.d.comb += self.request.eq(free("request", self.config.taxels))
         rows, columns = self._lines(self.request)
         m.d.comb += [self.row_request.eq(rows), self.column_request.eq(columns)]
@@ -144,7 +148,7 @@ class ArbiterChecker(Checker[ReadoutConfig]):
             self.promise(m, "column_order", implies(again & ~fresh, rises), again & ~fresh)
 
     def _watched(self, m: Module) -> None:
-        """Follow the requests of one taxel from the clock in which they are raised to their event."""
+        """Follow one taxel's requests from the clock in which they rise to their events."""
         columns = self.config.columns
         bound = (self.config.rows + 1) * columns
         requests, grants = bit_of(self.request, self.watch), Cat(grant.replicate(columns) for grant in self.granted)
@@ -206,13 +210,13 @@ class ArbiterChecker(Checker[ReadoutConfig]):
         self.promise(m, "fairness", ~(owed & takes & bit_of(self.request, self.rival) & ~rival), owed & rival)
 
     def _names(self, taxel: Signal) -> Any:
-        """Return whether the event's address is that of a taxel."""
+        """Return whether the event's address is the taxel's."""
         row = self.event_row if self.has("event_row") else Const(0)
         column = self.event_col if self.has("event_col") else Const(0)
         return row * self.config.columns + column == taxel
 
     def _exists(self) -> Any:
-        """Return whether the event's address is that of any taxel."""
+        """Return whether the event's address belongs to a taxel of the array."""
         row = self.event_row if self.has("event_row") else Const(0)
         column = self.event_col if self.has("event_col") else Const(0)
         return ~self.event_valid | ((row < self.config.rows) & (column < self.config.columns))

@@ -26,9 +26,9 @@ class DecayChecker(Checker[ReadoutConfig]):
 
     block: ClassVar[type[Any]] = DecayTicks
     properties = (
-        Property("only_on_ticks", "no row leaks but at a sample tick"),
+        Property("only_on_ticks", "rows leak only at sample ticks"),
         Property("at_its_phase", "row r leaks at tick floor(r P / R) of every P, counted from a reset or a new period"),
-        Property("once_a_period", "from one leak of a row to its next there are P ticks"),
+        Property("once_a_period", "the leaks of a row are P ticks apart"),
     )
 
     def observed(self, config: ReadoutConfig) -> dict[str, Any]:
@@ -60,10 +60,10 @@ class DecayChecker(Checker[ReadoutConfig]):
         return self.finish(m)
 
     def _surroundings(self, m: Module) -> None:
-        """Say when the assumptions hold."""
+        """Define when the assumptions hold."""
 
     def _period(self) -> tuple[Any, Any]:
-        """Return the period, and whether it begins anew in this clock."""
+        """Return the period, and whether it restarts in this clock."""
         return Const(self.config.leak_period), Const(0)
 
     def _of_row(self) -> Any:
@@ -74,13 +74,13 @@ class DecayChecker(Checker[ReadoutConfig]):
 
 
 class SettableDecayChecker(DecayChecker):
-    """Watches the decay ticks with a period that a host sets: it changes where a restart goes with it alone."""
+    """Checker of the decay ticks with a host's period, which changes only together with a restart."""
 
     block = SettableDecayTicks
     assumptions: ClassVar = {"period_in_range": "a period is at least the number of rows, and changes with a restart"}
 
     def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
-        """Let the period change only where a restart goes with it, as the register file does."""
+        """Let the period change only together with a restart, as in the register file."""
         low, high = self.config.rows, self.config.leak_period
         begins, new = free("restart", 1), free("period", len(self.period))
         kept = Signal(len(self.period), init=high, name="kept_period")

@@ -23,15 +23,18 @@ class FrameChecker(Checker[FrameConfig]):
 
     block = FrameReadout
     properties = (
-        Property("taxels_in_order", "during a scan exactly taxel number i is selected for code i, between scans none"),
-        Property("one_conversion_each", "a conversion starts once for a taxel, and never while one is under way"),
-        Property("settled", "a conversion starts settle_clocks clocks after its taxel was selected at the earliest"),
-        Property("scan_goes_on", "while the sink takes words the next conversion starts in time"),
-        Property("overrun_exact", "frame_overrun follows exactly a frame_start within a scan"),
-        Property("words_carry_codes", "every bit of every word is that of its code, and 0 behind the last code"),
-        Property("sync_on_first", "the first word of every frame, and no other, is marked"),
+        Property(
+            "taxels_in_order",
+            "during a scan exactly taxel i is selected for code i; between scans no taxel is selected",
+        ),
+        Property("one_conversion_each", "a conversion starts once for each taxel, and never during another conversion"),
+        Property("settled", "a conversion starts at least settle_clocks clocks after its taxel was selected"),
+        Property("scan_goes_on", "while the sink takes words, the next conversion starts on time"),
+        Property("overrun_exact", "frame_overrun reports exactly the frame_start pulses during a scan"),
+        Property("words_carry_codes", "every bit of a word equals its bit of the code; bits after the last code are 0"),
+        Property("sync_on_first", "only the first word of every frame is marked"),
         Property("frame_completes", "after the last code all words of the frame leave as soon as the sink takes them"),
-        Property("word_stable", "a word that is not taken is offered again, the same in every bit"),
+        Property("word_stable", "a word that is not taken stays offered unchanged"),
     )
 
     def observed(self, config: FrameConfig) -> dict[str, Any]:
@@ -74,7 +77,7 @@ class FrameChecker(Checker[FrameConfig]):
         return self.finish(m)
 
     def _words(self, m: Module, taken: Signal, last: Signal, row: Signal, column: Signal) -> None:
-        """Follow one bit of a frame from its code to its word; two frames may be on the way."""
+        """Follow one bit of a frame from its code to its word; two frames may be in progress."""
         config = self.config
         bits, width, count = config.resolution, config.word_bits, config.words_per_frame
         leaves = self.word_valid & self.word_ready

@@ -18,29 +18,29 @@ class LinkChecker(Checker[ReadoutConfig]):
     properties = (
         Property(
             "request_of_polarity",
-            "the request that is high is that of the polarity taken, never both",
+            "the high request is the one of the event's polarity, never both",
             applies=lambda config: config.link == "four_phase_dual",
         ),
-        Property("one_pulse_per_event", "REQ rises two clocks after an event is taken, and never otherwise"),
+        Property("one_pulse_per_event", "REQ rises two clocks after an event is taken, and at no other time"),
         Property(
             "address_of_event",
-            "from the clock before REQ rises until REQ falls the address is that of the event taken",
+            "the address is that of the taken event from one clock before REQ rises until REQ falls",
             applies=lambda config: config.address_bits > 0,
         ),
         Property(
             "address_stable",
-            "the address does not move while REQ is high, nor while the ACK of a receiver is",
+            "the address is stable while REQ or the receiver's ACK is high",
             applies=lambda config: config.address_bits > 0,
         ),
-        Property("one_at_a_time", "an event is taken only when REQ of the one before has risen and fallen"),
-        Property("req_waits_for_ack", "REQ falls only when ACK has been high while REQ was"),
-        Property("req_after_ack_low", "REQ rises only when the ACK of a receiver is low"),
-        Property("req_answers_ack", "REQ falls three clocks after ACK at the latest"),
+        Property("one_at_a_time", "an event is taken only after the previous event's REQ has risen and fallen"),
+        Property("req_waits_for_ack", "REQ falls only after ACK has been high during REQ"),
+        Property("req_after_ack_low", "REQ rises only while the receiver's ACK is low"),
+        Property("req_answers_ack", "REQ falls at most three clocks after ACK rises"),
         Property(
             "ack_is_synchronised",
-            "an event is taken, and REQ falls, only for an ACK that has passed two flops",
+            "taking an event and lowering REQ depend only on ACK after two flops",
         ),
-        Property("ready_answers_ack", "with nothing in hand, the third clock with ACK low takes an event"),
+        Property("ready_answers_ack", "an idle link takes an event in the third clock with ACK low"),
     )
     assumptions: ClassVar = {
         "ack_follows_req": "ACK rises only while REQ is high and falls only while it is low; a reset may break that off"

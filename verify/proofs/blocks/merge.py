@@ -1,4 +1,4 @@
-"""The merge of tiles: whose event is taken, what leaves, and how long anybody waits."""
+"""Check the merge of tiles: choice of the tile, transferred events, and the longest wait."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DEPTH = 2
 
 
 class MergeChecker(Checker[TilesConfig]):
-    """Watches the merge; the tiles' streams are free, and what needs their rules holds as long as they kept them.
+    """Checker of the merge; tile streams are free, and some properties assume that they follow the rules.
 
     Attributes
     ----------
@@ -27,16 +27,16 @@ class MergeChecker(Checker[TilesConfig]):
     block = Merge
     properties = (
         Property("takes_one", "in each clock at most one tile's event is taken, and that tile offers an event"),
-        Property("takes_what_fits", "while fewer than two events are held an offered one is taken, else none"),
-        Property("tile_order", "the tile that is taken is the first offering one behind the last taken, cyclically"),
-        Property("in_order", "an event that leaves is the oldest that its tile has given and that has not left"),
-        Property("none_lost", "an event is offered exactly while fewer have left than were taken, by two at most"),
-        Property("payload_stable", "an event that is not taken is offered again, the same in every bit"),
-        Property("no_bubble", "in the clock after one in which a tile offers an event the merge offers one"),
-        Property("no_starvation", "an event is among the next tiles + 2 that leave after it was offered"),
+        Property("takes_what_fits", "an offered event is taken exactly while fewer than two events are held"),
+        Property("tile_order", "the next tile is the first offering tile after the last one, cyclically"),
+        Property("in_order", "an event that leaves is its tile's oldest event"),
+        Property("none_lost", "an event is offered exactly while one or two events are held"),
+        Property("payload_stable", "an event that is not taken stays offered unchanged"),
+        Property("no_bubble", "one clock after a tile offers an event, the merge offers an event"),
+        Property("no_starvation", "at most tiles + 1 events leave before an offered event"),
         Property(
             "fairness",
-            "of two tiles that both offer events, none is taken twice before the other: n busy ones get one in n",
+            "of two offering tiles, neither is taken twice before the other: n busy tiles get equal shares",
             applies=lambda config: config.tiles > 1,
         ),
     )
@@ -89,7 +89,7 @@ class MergeChecker(Checker[TilesConfig]):
         return self.finish(m)
 
     def _watched(self, m: Module, taken: Any, leaves: Any, kept: Any, offers: list[Any]) -> None:
-        """Follow the events of one tile: those that the merge holds, the oldest first, and the one that is offered."""
+        """Follow one tile's events: those in the merge, oldest first, and the offered event."""
         tiles = self.config.tiles
         given = bit_of(taken, self.watch)
         mine = leaves & self._names(self.watch)
@@ -146,5 +146,5 @@ class MergeChecker(Checker[TilesConfig]):
         return self.event_tile if self.has("event_tile") else Const(0, 1)
 
     def _names(self, tile: Signal) -> Any:
-        """Return whether the event that is offered is that of a tile."""
+        """Return whether the offered event comes from a tile."""
         return self._tile() == tile

@@ -1,4 +1,4 @@
-"""The test pattern: one request after the other, each for its taxel, with its polarity and at its pace."""
+"""Check the test pattern: one request after the other, with the right taxel, polarity and interval."""
 
 from __future__ import annotations
 
@@ -20,16 +20,17 @@ class PatternChecker(Checker[ReadoutConfig]):
 
     block = TestPattern
     properties = (
-        Property("one_request", "at most one taxel requests, and none while the pattern is off or begins anew"),
-        Property("waits_for_grant", "a request stays, the same in every bit, until its row is granted"),
-        Property("starts_there", "the first request is that of the taxel in the register"),
-        Property("in_turn", "behind the request of a taxel comes its own again, or that of the next taxel"),
+        Property("one_request", "at most one taxel requests, and none while the pattern is off or restarts"),
+        Property("waits_for_grant", "a request stays unchanged until its row is granted"),
+        Property("starts_there", "the first request comes from the taxel in the register"),
+        Property("in_turn", "after a taxel's request follows its own next request, or the next taxel's"),
         Property(
-            "at_its_pace", "a request rises 2**interval clocks behind the one before, or as soon as that is taken"
+            "at_its_pace",
+            "a request rises 2**interval clocks after the previous one, or as soon as the previous one is taken",
         ),
         Property(
             "polarity_turns",
-            "the polarity is that of the register, and turns with every event of one taxel or every round, if at all",
+            "the polarity is the register's; if alternating, it changes with every event (one taxel) or every round",
             applies=lambda config: config.has_polarity,
         ),
     )
@@ -40,7 +41,7 @@ class PatternChecker(Checker[ReadoutConfig]):
         return {**places, "count": In((1 << dict(fields(config))["interval"]) - 1)}
 
     def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
-        """Let the register change only where a restart goes with it, as the register file does; mode 3 is refused."""
+        """Let the register change only together with a restart, as in the register file; mode 3 is refused."""
         names = {*fields(self.config), "restart"}
         begins = free("restart", 1)
         m.d.sync += self.restart.eq(begins)
@@ -95,7 +96,7 @@ class PatternChecker(Checker[ReadoutConfig]):
         return self.finish(m)
 
     def _following(self, taxel: Any) -> Any:
-        """Return the taxel behind one, for sides that are powers of two: then the address is its index."""
+        """Return the next taxel, for sides that are powers of two: the address is then the index."""
         return (taxel + 1)[: len(taxel)]
 
     def _pace(self, m: Module, asks: Signal, taken: Signal, quiet: Any) -> None:

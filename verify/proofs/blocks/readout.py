@@ -1,4 +1,4 @@
-"""The readout as a whole, seen from its ports: one event for every step of a reference, none of a masked taxel."""
+"""Check the whole readout at its ports: one event for every step of a reference, none of a masked taxel."""
 
 from __future__ import annotations
 
@@ -26,23 +26,26 @@ class ReadoutChecker(Checker[ReadoutConfig]):
     properties = (
         Property(
             "one_event_per_step",
-            "events of a taxel that stays enabled are its steps: each once, in order, with its sign",
+            "the events of an enabled taxel are its steps: each once, in order, with its sign",
         ),
-        Property("none_outstanding", "no more of a taxel's events are on the way than request, latch and link hold"),
+        Property(
+            "none_outstanding", "a taxel has at most as many events in flight as request, latch and link can hold"
+        ),
         Property(
             "leaves_in_time",
-            "a step's event leaves within (rows + 1) * columns + 2 clocks of a ready sink",
+            "a step's event leaves within (rows + 1) * columns + 2 clocks in which the sink is ready",
             applies=lambda config: config.link == "stream",
         ),
         Property(
-            "masked_is_silent", "after a taxel is masked at most what was latched leaves, one event, two with a link"
+            "masked_is_silent",
+            "after masking, at most one latched event of a taxel leaves, or two with a four-phase link",
         ),
         Property(
             "masked_for_good",
-            "a masked taxel's event leaves within columns + 1 clocks of a ready sink, or never",
+            "a masked taxel's event leaves within columns + 1 clocks in which the sink is ready, or never",
             applies=lambda config: config.link == "stream",
         ),
-        Property("masked_is_reset", "the reference of a masked taxel is that of a reset"),
+        Property("masked_is_reset", "the reference of a masked taxel has its reset value"),
         Property("others_do_not_move", "the reference of an enabled taxel moves by D or not at all"),
     )
 
@@ -77,7 +80,7 @@ class ReadoutChecker(Checker[ReadoutConfig]):
         return self.finish(m)
 
     def _pick(self, values: list[Any], default: int) -> Any:
-        """Return that of the watched taxel."""
+        """Return the signal of the watched taxel."""
         spare = (1 << len(self.watch)) - len(values)
         return Array([*values, *[Const(default, len(values[0]))] * spare])[self.watch]
 
@@ -99,7 +102,7 @@ class ReadoutChecker(Checker[ReadoutConfig]):
         return event, polarity
 
     def _queue(self, m: Module, enable: Signal, step: Signal, up: Any, event: Signal, polarity: Any) -> None:
-        """Keep the signs of the steps whose events have not left, as long as the taxel was never masked."""
+        """Store the signs of steps whose events have not left, while the taxel is not masked."""
         depth = 2 if self.config.link == "stream" else 3
         steady, count, signs = Signal(init=1), Signal(range(depth + 2)), Signal(depth + 1)
         m.d.sync += steady.eq(steady & enable)
@@ -144,5 +147,5 @@ class ReadoutChecker(Checker[ReadoutConfig]):
 
 
 def _shift(word: Signal, taken: Signal) -> Any:
-    """Return a queue of bits without its first one, if that is taken."""
+    """Return a queue of bits without its first bit, if that bit is taken."""
     return Cat(Array([word, Cat(word[1:], Const(0, 1))])[taken])

@@ -1,4 +1,4 @@
-"""The register file: read back as written, nothing else, and everything counted once."""
+"""Check the register file: words read back as written, no other change, and every event counted once."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from eskin.verify.proofs.checker import Checker, Property, before, implies
 
 
 class RegistersChecker(Checker[ReadoutConfig]):
-    """Watches the register file; the bus and what is counted are free.
+    """Checker of the register file; the bus and the counted signals are free.
 
     Attributes
     ----------
@@ -25,14 +25,14 @@ class RegistersChecker(Checker[ReadoutConfig]):
 
     block = RegisterFile
     properties = (
-        Property("read_as_written", "what is read is what was last written there in range, or the value of a reset"),
-        Property("constants_hold", "an identification never changes, whatever is written"),
-        Property("holes_read_zero", "an address without a register reads 0, and so does a pulse"),
-        Property("always_in_range", "no setting ever has a value that is out of its range"),
-        Property("mask_reaches_taxel", "bit i of the mask is the one that was last written for taxel i"),
-        Property("told_once", "a pulse, and word of a write, last one clock, the one after that write"),
+        Property("read_as_written", "a read returns the last valid word written to the address, or the reset value"),
+        Property("constants_hold", "an identification register never changes"),
+        Property("holes_read_zero", "addresses without a register and pulse fields read 0"),
+        Property("always_in_range", "no setting ever leaves its range"),
+        Property("mask_reaches_taxel", "bit i of the mask is the bit last written for taxel i"),
+        Property("told_once", "pulses and write strobes last one clock, the clock after the write"),
         Property(
-            "counted_once", "a counter goes up by one with every clock to be counted, up to its end, and never else"
+            "counted_once", "a counter rises by one in every counted clock, up to its maximum, and in no other clock"
         ),
     )
 
@@ -51,7 +51,7 @@ class RegistersChecker(Checker[ReadoutConfig]):
         return self.finish(m)
 
     def _words(self, m: Module, found: list[Register]) -> None:
-        """Keep the word of the watched register, and look at every setting."""
+        """Store the word of the watched register, and check every setting."""
         address, reset, described, allowed = (
             self._of_watched(list(values))
             for values in (
@@ -101,7 +101,7 @@ class RegistersChecker(Checker[ReadoutConfig]):
         self.promise(m, "holes_read_zero", implies(free, self.read_data == 0), free & after)
 
     def _mask(self, m: Module, found: list[Register]) -> None:
-        """Keep the bit of the watched taxel."""
+        """Store the bit of the watched taxel."""
         bit = Signal(init=1)
         start = 0
         shown: list[Value] = []

@@ -1,4 +1,4 @@
-"""The relay station: every event passes once, in order, at one event per clock, and no path leads through it."""
+"""Check the relay station: every event passes once and in order, one per clock, with no combinational path."""
 
 from __future__ import annotations
 
@@ -15,21 +15,23 @@ DEPTH = 2
 
 
 class RelayChecker(Checker[TilesConfig]):
-    """Watches a relay station; both its sides are free, and keep no rules."""
+    """Checker of a relay station; both sides are free and need not follow any rules."""
 
     block = Relay
     properties = (
-        Property("takes_what_fits", "ready is high exactly while fewer than two events are held, whatever is offered"),
-        Property("none_lost", "an event is offered exactly while fewer have left than were taken, by two at most"),
+        Property("takes_what_fits", "ready is high exactly while fewer than two events are held"),
+        Property("none_lost", "an event is offered exactly while one or two events are held"),
         Property(
             "in_order",
-            "events leave in the order in which they were taken, each once, the same in every bit",
+            "events leave once, unchanged, in the order in which they were taken",
             applies=lambda config: config.tile.event_bits > 0,
         ),
-        Property("payload_stable", "an event that is not taken is offered again, the same in every bit"),
-        Property("no_bubble", "in the clock after one in which an event is taken one is offered"),
-        Property("full_rate", "in the clock after one in which the other end takes events the station takes one"),
-        Property("latency", "taken while nothing is held, or while all that is held leaves, an event is offered next"),
+        Property("payload_stable", "an event that is not taken stays offered unchanged"),
+        Property("no_bubble", "one clock after an event is taken, an event is offered"),
+        Property("full_rate", "one clock after the output end takes events, the station takes an event"),
+        Property(
+            "latency", "an event that is taken while the station is or becomes empty is offered in the next clock"
+        ),
     )
 
     def elaborate(self, platform: Any) -> Module:

@@ -1,4 +1,4 @@
-"""The SPI slave: what is written is what a whole, unbroken transfer said, what is read is what was there."""
+"""Check the SPI slave: only complete transfers write, and reads return the addressed word."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ class SpiChecker(Checker[ReadoutConfig]):
     properties = (
         Property(
             "aborted_writes_nothing",
-            "a word is written only in the clock of its last bit, in a transfer to write that CS never broke off",
+            "a word is written only with its last bit, in a write transfer that CS did not interrupt",
         ),
-        Property("whole_is_written", "with the last bit of every such word it is written"),
-        Property("written_as_sent", "the word written has the bits that were sent"),
-        Property("address_as_sent", "its address is that of the command, and a word more with every word before it"),
-        Property("read_as_kept", "every bit of MISO is that of the word that was at the address before its first bit"),
-        Property("quiet_otherwise", "MISO is 0 but within the words of a transfer to read"),
+        Property("whole_is_written", "every complete word of a write transfer is written with its last bit"),
+        Property("written_as_sent", "the written word has the sent bits"),
+        Property("address_as_sent", "its address is the command's address plus the number of words before it"),
+        Property("read_as_kept", "MISO sends the word that the address held before the word's first bit"),
+        Property("quiet_otherwise", "MISO is 0 except during the words of a read transfer"),
         Property(
-            "opens_after_two", "a transfer is under way from CS low behind two clocks of high until CS is seen high"
+            "opens_after_two", "a transfer lasts from CS low, after two clocks of CS high, until CS is sampled high"
         ),
     )
 
@@ -70,7 +70,7 @@ class SpiChecker(Checker[ReadoutConfig]):
         return self.finish(m)
 
     def _past(self, m: Module, pin: Value, name: str, clocks: int) -> list[Signal]:
-        """Return a pin as it was one clock before, two, and so on."""
+        """Return the values of a pin one clock ago, two clocks ago, and so on."""
         found: list[Any] = []
         for clock in range(clocks):
             found.append(before(m, found[-1] if found else pin, f"{name}_{clock}"))
@@ -89,6 +89,6 @@ class SpiChecker(Checker[ReadoutConfig]):
 
 
 class NarrowSpiChecker(SpiChecker):
-    """The same with short addresses and words."""
+    """The SPI slave with short addresses and words."""
 
     block = NarrowSlave

@@ -1,4 +1,4 @@
-"""The taxel: when it asks, how its reference moves, and what a mask or a waiting request does to it."""
+"""Check the taxel: its requests, the movement of its reference, masks and waiting requests."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _leaks(config: ReadoutConfig) -> bool:
 
 @dataclass
 class Now:
-    """What a taxel is about to do in a clock, by the specification; references in codes with all their fraction bits.
+    """The next step of a taxel by the specification; references in codes with all fraction bits.
 
     Attributes
     ----------
@@ -54,22 +54,20 @@ class Now:
 
 
 class TaxelChecker(Checker[ReadoutConfig]):
-    """Watches one taxel. Samples, comparator decisions, grants, mask, ticks and settings come as they like."""
+    """Watches one taxel. Leave samples, comparator decisions, grants, mask, ticks and settings free."""
 
     block = Taxel
     properties = (
         Property(
             "decides_exactly",
-            "a free taxel raises a request exactly where x has crossed a threshold and the step stays on the scale",
+            "a free taxel raises a request exactly when x has crossed a threshold and the step stays on the scale",
         ),
         Property("asks_again", "a taxel whose request is taken may raise the next one in that clock: no bubble"),
-        Property(
-            "reference_exact", "the reference moves by its step with every event, and by its leak, and never else"
-        ),
-        Property("never_wraps", "no step and no leak leads off the scale, whatever the comparators say"),
+        Property("reference_exact", "the reference moves only by its step with an event and by its leak"),
+        Property("never_wraps", "no step or leak leaves the scale, whatever the comparators decide"),
         Property(
             "ends_do_nothing",
-            "a decision for a step off the scale gives no event and no step",
+            "a decision for a step beyond the scale causes no event and no step",
             applies=_analog,
         ),
         Property(
@@ -79,17 +77,17 @@ class TaxelChecker(Checker[ReadoutConfig]):
         ),
         Property(
             "polarity_of_step",
-            "a request is ON where its step went up and OFF where it went down",
+            "a request is ON after a step up and OFF after a step down",
             applies=lambda config: config.has_polarity,
         ),
-        Property("waits_unchanged", "while a request waits, request, polarity, reference and window hold still"),
-        Property("disabled_is_silent", "a masked taxel requests nothing, in that very clock"),
-        Property("disabled_is_reset", "in the clock after, reference and window are those of a reset"),
+        Property("waits_unchanged", "while a request waits, request, polarity, reference and window are stable"),
+        Property("disabled_is_silent", "a masked taxel raises no request, from the same clock on"),
+        Property("disabled_is_reset", "one clock after masking, reference and window have their reset values"),
         Property("window_opens", "after an event the window is fully open", applies=lambda config: config.closes),
         Property("leak_is_monotone", "without an event the reference never moves away from zero", applies=_leaks),
         Property(
             "leak_reaches_floor",
-            "a decay tick brings a reference nearer to zero, but for one of less than 2**(k-1) units: its floor",
+            "a decay tick moves the reference towards zero, unless the reference is below 2**(k-1) units",
             applies=_leaks,
         ),
         Property(
@@ -107,7 +105,7 @@ class TaxelChecker(Checker[ReadoutConfig]):
         super().__init__(config)
 
     def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
-        """Let a host set what it likes in any clock, within the ranges of its registers."""
+        """Let a host change any setting in any clock, within the ranges of its registers."""
         if self.config.registers == "none":
             return set()
         coarser = free("coarser", len(self.step))
@@ -120,7 +118,7 @@ class TaxelChecker(Checker[ReadoutConfig]):
         return {"step", *filter(self.has, names)}
 
     def inner(self, config: ReadoutConfig) -> dict[str, Any]:
-        """Return the reference, unless a port shows all of it, and the half-width likewise."""
+        """Return the reference and the half-width, unless ports show all of their bits."""
         if _leaks(config):
             bits = config.sample_bits + config.fraction_bits
             return {"charge": In(signed(bits) if config.has_polarity else bits - 1)}
@@ -147,7 +145,7 @@ class TaxelChecker(Checker[ReadoutConfig]):
         return self.config.reference_reset << self._fraction
 
     def _settings(self, m: Module) -> None:
-        """Name D in codes and the shift of the leak, with those of the clock before."""
+        """Return D in codes and the shift of the leak, now and one clock ago."""
         config = self.config
         if config.registers == "none":
             self._d, self._d_before, self._k, self._k_before = (
@@ -173,7 +171,7 @@ class TaxelChecker(Checker[ReadoutConfig]):
         self.suppose(m, "settings_in_range", holds)
 
     def _shifted(self, value: Any, shift: Any) -> Any:
-        """Return a value shifted right by k, as built or as a host has set it."""
+        """Return a value shifted right by k, with the built or the host's k."""
         if isinstance(shift, int):
             return value >> shift
         found: Any = value >> 1
@@ -216,7 +214,7 @@ class TaxelChecker(Checker[ReadoutConfig]):
         return 1 << (shift - 1) if isinstance(shift, int) else (Const(1) << shift) >> 1
 
     def _comparators(self, m: Module, reference: Signal, half_width: Signal) -> tuple[Any, Any]:
-        """Return what the comparators say; those of the digital front end see every bit of the newest sample."""
+        """Return the comparators' decisions; digital ones see every bit of the newest sample."""
         config = self.config
         if _analog(config):
             return self.above, self.below if config.has_polarity else Const(0)

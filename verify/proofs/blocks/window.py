@@ -13,18 +13,20 @@ from eskin.verify.proofs.checker import Checker, Property, before, implies
 
 
 class WindowChecker(Checker[ReadoutConfig]):
-    """Watches the window of one taxel; the period that a host sets changes at any time."""
+    """Checker of one taxel's window; the host's period may change at any time."""
 
     block = ClosingWindow
     properties = (
         Property("within_bounds", "the half-width is never below one closing step and never above D"),
         Property("opens_fully", "the half-width is D after the signal to open"),
-        Property("says_closed", "it says that it is closed exactly where the half-width is one step"),
+        Property("says_closed", "it reports closed exactly when the half-width is one step"),
         Property(
-            "closes_step_by_step", "otherwise the half-width holds still or loses one closing step, on a sample tick"
+            "closes_step_by_step",
+            "otherwise the half-width is stable, or decreases by one closing step on a sample tick",
         ),
         Property(
-            "closes_on_time", "it loses one with every window_period-th quiet tick, down to one step, and never else"
+            "closes_on_time",
+            "the half-width decreases at every window_period-th quiet tick, down to one step, and at no other time",
         ),
     )
 
@@ -53,7 +55,7 @@ class WindowChecker(Checker[ReadoutConfig]):
         return self.finish(m)
 
     def _built(self, m: Module, levels: int, period: int) -> tuple[Any, Any]:
-        """Return the closing steps that are due, and whether they are all: from the quiet ticks since it was opened."""
+        """Return the due closing steps, and whether these are all, from the quiet ticks since the window opened."""
         quiet = Signal(range(period * levels + 1))
         with m.If(self.open):
             m.d.sync += quiet.eq(0)
@@ -65,7 +67,7 @@ class WindowChecker(Checker[ReadoutConfig]):
         return due, quiet == period * (levels - 1)
 
     def _set(self, m: Module, levels: int) -> tuple[Any, Any]:
-        """Return the same where a host sets the period: quiet ticks are counted from the last closing step on."""
+        """Return the closing steps with a host's period: quiet ticks count from the last closing step."""
         quiet, due = Signal(range(self.config.window_period)), Signal(range(levels))
         closes = (quiet + 1 >= self.period) & (due != levels - 1)
         with m.If(self.open):
