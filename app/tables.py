@@ -30,7 +30,9 @@ def new_table(headings: Iterable[str], title: str = "", left: Iterable[int] = (0
     table = Table(box=box.SIMPLE_HEAD, title=Text(title, style="table.title") if title else None, title_justify="left")
     at_left = set(left)
     for number, heading in enumerate(headings):
-        table.add_column(Text(heading), justify="left" if number in at_left else "right", **columns)
+        table.add_column(
+            Text(heading), justify="left" if number in at_left else "right", **{"overflow": "fold"} | columns
+        )
     return table
 
 

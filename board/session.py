@@ -149,11 +149,12 @@ def foreign_events(config: ReadoutConfig, mapping: AddressMap | None = None) -> 
                 raise InputError("the chip requested ON and OFF at once; check the wires of both requests") from None
             if mapping is not None:
                 raise InputError(
-                    f"the foreign chip sent the address {event.address:#x}, which {mapping.name} does not map; add its line"
+                    f"the foreign chip sent the address {event.address:#x}, which {mapping.name} does not map; "
+                    "add its line"
                 ) from None
             raise InputError(
-                f"the foreign chip sent the address {event.address:#x}, which {config.rows} x {config.columns} taxels of "
-                f"{config.encoding} do not have; give the rows, columns and encoding of the foreign chip"
+                f"the foreign chip sent the address {event.address:#x}, which {config.rows} x {config.columns} "
+                f"taxels of {config.encoding} do not have; give the rows, columns and encoding of the foreign chip"
             ) from None
 
     return to_event

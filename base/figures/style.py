@@ -64,6 +64,15 @@ def dress(panel: Axes, title: str = "") -> None:
     panel.set_title(title, loc="left", fontsize=9.5, fontweight="bold", pad=4)
 
 
+def plain_numbers(panel: Axes) -> None:
+    """Write the numbers of a logarithmic x axis without powers of ten, also between two decades."""
+    from matplotlib.ticker import LogFormatter
+
+    panel.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
+    panel.xaxis.set_minor_formatter(LogFormatter(minor_thresholds=(1, 0.4)))
+    panel.tick_params(axis="x", which="minor", labelsize=8)
+
+
 def save_figure(figure: Figure, path: str | Path) -> None:
     """Write a figure; equal data give equal bytes."""
     import matplotlib

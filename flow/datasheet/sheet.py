@@ -45,7 +45,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Sheet:
-    """What a datasheet says.
+    """The content of a datasheet.
 
     Attributes
     ----------

@@ -237,5 +237,5 @@ def plot_explore(data: Data, path: Path) -> None:
     panel.set_xticks(resolutions)
     panel.set_xlabel("resolution N (bit)", fontsize=8.5)
     panel.set_ylabel("power (W)", fontsize=8.5)
-    panel.legend(fontsize=8, frameon=False)
+    figure.legend(fontsize=8, frameon=False, loc="outside lower left", ncols=3)
     save_figure(figure, path)

@@ -199,8 +199,9 @@ def _draw_signals(panel: Axes, signal: NDArray[Any], config: ReadoutConfig, labe
         panel.plot(time_ms, signal[::stride, taxel], color=colour, lw=0.7, alpha=0.85, rasterized=True)
     panel.set_ylabel("full scale", fontsize=8)
     panel.margins(y=0.08)
-    shown = f"{len(chosen)} of {taxels} taxels" if len(chosen) < taxels else ""
-    _caption(panel, label, shown)
+    shown = f"{len(chosen)} of {taxels} taxels, " if len(chosen) < taxels else ""
+    first, last = chosen[0], chosen[-1]
+    _caption(panel, label, f"{shown}taxel {first} dark to taxel {last} light" if taxels > 1 else "")
 
 
 def _draw_events(panel: Axes, events: Events, config: ReadoutConfig, end_ms: float, mark: NDArray[np.bool_]) -> None:

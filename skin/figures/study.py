@@ -45,5 +45,5 @@ def plot_study(data: dict[str, Any], path: Path) -> None:
     panel.set_xscale("log")
     panel.set_xlabel("data rate (bit/s)", fontsize=8.5)
     panel.set_ylabel("reconstruction SNR (dB)", fontsize=8.5)
-    panel.legend(fontsize=8, frameon=False, loc="upper left")
+    figure.legend(fontsize=8, frameon=False, loc="outside lower left", ncols=3)
     save_figure(figure, path)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from eskin.base.figures.style import GREY, dress, new_figure, save_figure
+from eskin.base.figures.style import GREY, dress, new_figure, plain_numbers, save_figure
 from eskin.snn.figures.networks import label, network_styles
 
 TITLES = {
@@ -17,8 +17,10 @@ TITLES = {
 
 def plot_noise_power(points: Sequence[dict[str, Any]], path: Path) -> None:
     """Draw a panel for each mode; labels along a line give the noise."""
-    figure = new_figure(11, 5.0, "Accuracy over total power of the readout; numbers: AFE noise in mV rms of both")
+    figure = new_figure(11, 5.0, "Accuracy over total power of the readout; numbers beside points: AFE noise (mV rms)")
     axes = figure.subplots(1, len(TITLES), sharey=True)
+    words_of = (str(digit) for point in points for cell in point["answers"] for digit in cell["labels"])
+    classes = {1 + max(map(int, filter(str.isdigit, words_of)), default=-1)} - {0}
     for axis, (mode, title) in zip(axes, TITLES.items(), strict=True):
         dress(axis, f"{mode} mode: {title}")
         for network, style in network_styles(points).items():
@@ -33,12 +35,13 @@ def plot_noise_power(points: Sequence[dict[str, Any]], path: Path) -> None:
                 text = f"{1e3 * point['noise_v']:g}"
                 axis.annotate(text, (x, y), (3, 4), textcoords="offset points", fontsize=6, color=colour)
         axis.set_xscale("log")
-        axis.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
+        plain_numbers(axis)
         axis.set_xlabel("total power (uW)", fontsize=8.5)
         axis.set_ylim(0, 104)
-        axis.axhline(100 / 6, color=GREY, linestyle=":", linewidth=0.8)
+        for guess in {100 / count for count in classes}:
+            axis.axhline(guess, color=GREY, linestyle=":", linewidth=0.8)
     axes[0].set_ylabel("accuracy (%)", fontsize=8.5)
-    words = "bars: 95 % interval over images and seeds; dotted: guessing among six classes"
+    words = "bars: 95 % interval over images and seeds; dotted: guessing"
     legend = figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=6, fontsize=8,
                            frameon=False, title=words, title_fontsize=8, alignment="left", handlelength=3)  # fmt: skip
     legend.get_title().set_color(GREY)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eskin.base.figures.style import GREY, dress, new_figure, save_figure
+from eskin.base.figures.style import GREY, dress, new_figure, plain_numbers, save_figure
 from eskin.snn.figures.networks import MARKERS, family
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def plot_precision(points: Sequence[dict[str, Any]], path: Path) -> None:
             axes[:, column], ("memory of the network (kB)", "additions (millions per second)"), strict=True
         ):
             axis.set_xscale("log")
-            axis.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
+            plain_numbers(axis)
             axis.set_xlabel(text, fontsize=8.5)
             axis.set_ylim(LEAST, 100)
             axis.axhline(90, color=GREY, linestyle=":", linewidth=0.8)

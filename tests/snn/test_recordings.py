@@ -321,7 +321,7 @@ def test_a_bin_is_no_shorter_than_a_sample_of_own_recordings(folder: Path, snn: 
             "point lcs:4: none is not a folder; give one with a folder for each class",
         ),
         ("predict weights.npz", "event folder or file out/replay does not exist; make one with eskin replay"),
-        ("predict weights.npz --data skin", "the network was not trained on your own recordings"),
+        ("predict weights.npz --data skin", "the network was not trained on recordings, so their scale"),
         (
             "predict weights.npz --data skin --check-model",
             "--check-model compares events of the RTL with the model; add",

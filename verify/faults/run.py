@@ -138,7 +138,7 @@ def meet(config: ReadoutConfig) -> Iterator[dict[str, Any]]:
 
 
 def campaign(small: bool, out: Path | None, tell: Callable[[str], None]) -> Done:
-    """Run all trials and meet all surroundings.
+    """Run all upset trials and all hostile surroundings.
 
     Parameters
     ----------

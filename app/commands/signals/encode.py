@@ -168,7 +168,7 @@ def decode(
     names, start_s = names_and_start(recording)
     write_samples(out, signals, config.sample_rate_hz, names, start_s)
     if plot is not None:
-        title = f"{recording.metadata.get('name', source.stem)}: {config.encoding} {config.resolution} b"
+        title = f"{recording.metadata.get('name', source.stem)}: {config.encoder.title} {config.resolution} b"
         plot_signals(recording.events, signals, config, plot, title, "reconstruction", recording.duration_clocks)
     low, high = (float(signals.min()), float(signals.max())) if signals.size else (0.0, 0.0)
     print(printable(f"{out}: {signals.shape[0]} ticks of {signals.shape[1]} taxels at {config.sample_rate_hz:g} Hz"))
