@@ -15,6 +15,7 @@ import typer.core
 from eskin.app.catalogue import ABOUT, ABOUT_DEV, CHECKS, DEV, MODULES, overview, sections, summary
 from eskin.app.leave import leave_quietly
 from eskin.app.options import SHARED, checking_outputs
+from eskin.app.refusals import check_options
 from eskin.base.errors import InputError
 from eskin.base.workers.garbage import collect_seldom
 
@@ -43,6 +44,18 @@ class Command(typer.core.TyperCommand):
             if found[heading]:
                 with formatter.section(heading):
                     formatter.write_dl(found[heading])
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command, unless it would ignore an option or take an absurd number."""
+        self.check(ctx)
+        return super().invoke(ctx)
+
+    def check(self, ctx: Any) -> None:
+        """Refuse options without effect, even with their defaults, and numbers out of range."""
+        options = {word: str(p.name) for p in self.params for word in p.opts if word.startswith("--")}
+        source = {name: ctx.get_parameter_source(name) for name in options.values()}
+        typed = frozenset(name for name, at in source.items() if at is not None and at.name == "COMMANDLINE")
+        check_options(str(self.name), options, ctx.params, typed)
 
 
 class Commands(Mapping[str, typer.core.TyperCommand]):

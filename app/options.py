@@ -17,7 +17,7 @@ import typer
 
 from eskin.base import outputs
 from eskin.base.errors import InputError
-from eskin.model.config import ReadoutConfig, option_of
+from eskin.model.config import NO_LOGIC, ReadoutConfig, option_of
 from eskin.model.encoders import registry
 from eskin.model.frame_config import OWN_FIELDS, SHARED_FIELDS
 
@@ -249,7 +249,23 @@ def option_name(field: str) -> str:
     return option_of(ReadoutConfig.__dataclass_fields__[field])
 
 
-def with_config(command: Command | None = None, *, fields: Sequence[str] | None = None, file: bool = True) -> Any:
+def check_encoder(config: ReadoutConfig, typed: Iterable[str]) -> None:
+    """Refuse options of other encoders than the chosen one."""
+    if idle := [name for name in config.idle_fields if name in typed]:
+        readers = [encoder.name for encoder in registry.ENCODERS if idle[0] in encoder.fields]
+        raise InputError(
+            f"{option_name(idle[0])} has no effect with --encoding {config.encoding}; leave it out, or add --encoding "
+            f"{readers[0]}"
+        )
+
+
+LOGIC = tuple(name for name in ReadoutConfig.__dataclass_fields__ if name not in NO_LOGIC)
+"""Fields that change the gates of a readout."""
+
+
+def with_config(
+    command: Command | None = None, *, fields: Sequence[str] | None = None, file: bool = True, every: bool = False
+) -> Any:
     """Replace the parameter ``config`` of a command by one option per field of ReadoutConfig.
 
     ``--config FILE`` loads a JSON configuration, which explicit options override. With all fields, ``--tau`` chooses
@@ -265,9 +281,11 @@ def with_config(command: Command | None = None, *, fields: Sequence[str] | None 
         The fields that become options, all by default.
     file : bool
         False leaves ``--config`` out.
+    every : bool
+        The command runs all encoders unless the user names one, so that the options of each have an effect.
     """
     if command is None:
-        return lambda function: with_config(function, fields=fields, file=file)
+        return lambda function: with_config(function, fields=fields, file=file, every=every)
     wanted = inspect.signature(command).parameters
     options = [*field_options(ReadoutConfig, fields), *([TAU] if fields is None else []), *([CONFIG_FILE] * file)]
 
@@ -275,7 +293,10 @@ def with_config(command: Command | None = None, *, fields: Sequence[str] | None 
         path, tau = texts.pop("config_file", None), texts.pop("tau", None)
         tau_s = None if tau is None else parse_number("--tau", float, tau)
         stored: dict[str, Any] | None = {} if "stored" in wanted else None
-        config, given = build_config(parse_fields(ReadoutConfig, texts), tau_s, path, stored)
+        typed = parse_fields(ReadoutConfig, texts)
+        config, given = build_config(typed, tau_s, path, stored)
+        if not every or "encoding" in given:
+            check_encoder(config, typed)
         made = {"config": config, "given": given, "stored": stored}
         return {name: value for name, value in made.items() if name in wanted}
 

@@ -98,6 +98,11 @@ def is_stream(path: Path) -> bool:
     return stat.S_ISCHR(mode) or stat.S_ISBLK(mode) or stat.S_ISFIFO(mode)
 
 
+def has_earlier(path: Path | None) -> bool:
+    """Return whether an output file exists whose content can be kept: a device or FIFO has none."""
+    return path is not None and path.exists() and not is_stream(path)
+
+
 def _behind_links(path: Path) -> Path:
     for _ in range(_MOST_LINKS):
         if is_stream(path) or not path.is_symlink():

@@ -41,6 +41,9 @@ MAX_TAU_ERROR = 0.05
 """Relative error of a time constant beyond which ``from_tau`` refuses it."""
 
 
+NO_LOGIC = ("sample_rate_hz", "clocks_per_sample")
+"""Fields of ReadoutConfig that change constraints and time stamps, but no gate."""
+
 SPECIFICATION = "docs/specification.md, section"
 
 
@@ -207,6 +210,11 @@ class ReadoutConfig:
     def encoder(self) -> Encoder:
         """The encoder, of ``eskin.model.encoders``."""
         return registry.named(self.encoding)
+
+    @property
+    def idle_fields(self) -> tuple[str, ...]:
+        """Fields that only other encoders read."""
+        return tuple(n for one in registry.ENCODERS for n in one.fields if n not in self.encoder.fields)
 
     @property
     def taxels(self) -> int:

@@ -31,6 +31,8 @@ def chosen_corrections(mode: str | None, correct: str | None, without: str | Non
         return frozenset(CORRECTIONS if mode == "consistent" else ())
     if mode == "paper":
         raise InputError("mode paper has no corrections; leave out --mode or --correct and --without")
+    if correct is not None and mode is not None:
+        raise InputError(f"--correct lists all corrections to make, so that --mode {mode} has no effect; leave it out")
     named = check_corrections(name.strip() for name in (correct or without or "").split(",") if name.strip())
     return named if correct is not None else frozenset(CORRECTIONS) - named
 

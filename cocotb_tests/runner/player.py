@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 from collections.abc import AsyncIterator, Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -146,7 +147,7 @@ async def _play_scans(bench: Bench, job: Job, config: ReadoutConfig) -> AsyncIte
     from eskin.model.events.recording import Recording
 
     for scan in _scans(job, config):
-        bench.scoreboard.reproduce = f"{job.reproduce} ONLY={scan.name}"
+        bench.scoreboard.reproduce = f"{re.sub(' SEED=[0-9]+', '', job.reproduce)} ONLY={scan.name}"  # no scenarios
         events = await bench.check(f"scan of {scan.name}", scan.stimulus)
         make_folder(Path(job.keep), Path(scan.name).parent)
         Recording(events, config, scan.stimulus.clocks, metadata=scan.metadata).save(scan.keep)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Collection
 
 from eskin.model.config import ReadoutConfig, option_of
 from eskin.model.frame_config import FrameConfig
@@ -14,12 +15,13 @@ def reproduce(config: ReadoutConfig, simulator: str, seed: int) -> str:
     return " ".join(["make sim", *variables(config), f"SIM={simulator}", f"SEED={seed}", "TEXTURES=0", "WAVES=1"])
 
 
-def variables(config: ReadoutConfig | FrameConfig) -> list[str]:
-    """Return make variables for a configuration: its non-default fields."""
+def variables(config: ReadoutConfig | FrameConfig, without: Collection[str] = ()) -> list[str]:
+    """Return make variables for a configuration: its non-default fields, but not those without effect."""
+    idle = {"readout", *without, *(config.idle_fields if isinstance(config, ReadoutConfig) else ())}
     return [
         f"{option_of(field)[2:].replace('-', '_').upper()}={getattr(config, field.name)}"
         for field in dataclasses.fields(config)
-        if field.name != "readout" and getattr(config, field.name) != field.default
+        if field.name not in idle and getattr(config, field.name) != field.default
     ]
 
 

@@ -12,7 +12,7 @@ from eskin.flow.layout import cells
 from eskin.flow.layout.checks import Comparison, Rules
 from eskin.flow.layout.circuit import Circuit
 from eskin.flow.layout.environment import REQUIREMENTS
-from eskin.model.config import ReadoutConfig
+from eskin.model.config import NO_LOGIC, ReadoutConfig
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,8 @@ def name_of(config: ReadoutConfig) -> str:
 
 def command_of(config: ReadoutConfig, compare: bool) -> str:
     """Return the command line of a run: its size and other options that differ from the defaults."""
-    words = {f"ROWS={config.rows}": None, f"COLUMNS={config.columns}": None} | dict.fromkeys(variables(config))
+    size = {f"ROWS={config.rows}": None, f"COLUMNS={config.columns}": None}
+    words = size | dict.fromkeys(variables(config, NO_LOGIC))
     return " ".join(["make layout", *words, *([] if compare else ["COMPARE=0"])])
 
 

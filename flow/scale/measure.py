@@ -11,6 +11,7 @@ from typing import Any
 
 from eskin.base.errors import InputError
 from eskin.base.files import origin, read_json, write_json
+from eskin.base.outputs import has_earlier
 from eskin.base.shapes import misfit
 from eskin.flow.liberty.library import Library
 from eskin.flow.scale.array import Array, build
@@ -179,7 +180,7 @@ def _words(config: ReadoutConfig, wire: Wire, pitch_um: float) -> list[str]:
 
 def _kept(out: Path, fixed: dict[str, Any]) -> dict[tuple[int, ...], dict[str, Any]]:
     """Return the arrays of a file, if made with the same options."""
-    if not out.exists():
+    if not has_earlier(out):
         return {}
     kept = read_json(out, "the estimate", dict)
     if any(kept.get(name) != value for name, value in fixed.items()):

@@ -28,24 +28,37 @@ HUGE = "1" + "0" * 400
         ("power --rates r.json --correct pads", "--rates has no effect on the published rates; add --mode "),
         ("power --noise 1e300", "noise must be in 1e-15..1e+15 volts, not 1e+300"),
         ("power --noise 1e-300", "noise must be in 1e-15..1e+15 volts, not 1e-300"),
-        ("power --tau 1e300", "tau must be in 1e-15..1e+15 seconds, not 1e+300"),
+        ("power --tau 1e300", "--tau must be in 1e-09..1e+09, not 1e+300"),
         ("power --set io_voltage_v=1e300", "io_voltage_v must be in 1e-30..1e+15, not 1e+300"),
         ("explore --noise 1e300", "noise must be in 1e-15..1e+15 volts, not 1e+300"),
         ("explore --bandwidth 1e300", "signal_bandwidth_hz must be in 1e-30..1e+15, not 1e+300"),
         ("explore --event-rate 1e300", "event rate must be a number of events/s from 0, not 1e+300"),
-        (f"explore --rate-resolution {HUGE}", "a number is too large ("),
+        (f"explore --rate-resolution {HUGE}", "--rate-resolution must be in 1..10, not 1000"),
         (f"explore --noise {HUGE}", "noise must be a positive number of volts, not inf"),
         ("encode x.csv -o e.npz --sample-rate 1e308", "sample_rate_hz must be in 1e-09..1e+12 hertz, not 1e+308"),
         ("encode x.csv -o e.npz --sample-rate 1e-300", "sample_rate_hz must be in 1e-09..1e+12 hertz, not 1e-300"),
         ("encode x.csv -o e.npz --sample-rate inf", "--sample-rate takes a finite number, not 'inf'"),
-        ("frames --frame-rate 1e308", "sample_rate_hz must be in 1e-09..1e+12 hertz, not 1e+308"),
+        ("frames --frame-rate 1e308", "--frame-rate must be in 1e-09..1e+12, not 1e+308"),
         (
             "verilog --chip --tiles 4x4 --rows 8 --columns 8 -o v",
-            "--tiles makes a skin of spiking readouts; leave --cl",
+            "--chip has no effect with --tiles; leave one of the two out",
         ),
-        ("verilog --readout frame --encoding nlcs -o v", "--encoding has no effect on a frame readout; leave it out"),
-        ("verilog --readout frame --tau 0.1 --encoding nlcs -o v", "--encoding has no effect on a frame readout"),
-        ("asic --lib x.csv --readout frame --link four_phase", "--link has no effect on a frame readout; leave it out"),
+        ("verilog --readout frame --encoding nlcs -o v", "--encoding has no effect with --readout frame; leave it out"),
+        ("verilog --readout frame --encoding lcs -o v", "--encoding has no effect with --readout frame; leave it out"),
+        (
+            "asic --lib x.csv --readout frame --link four_phase",
+            "--link has no effect with --readout frame; leave it out",
+        ),
+        ("rates --tau 0.2 --dataset embedded", "--tau is the leak of encoding nlcs or nlcs-bipolar, not of lcs; add "),
+        (
+            "counts --tau 0.2 --points lcs:2",
+            "--tau is the leak of nlcs or nlcs-bipolar, and --points has none of these",
+        ),
+        (
+            "power --mode consistent --correct pads",
+            "--correct lists all corrections to make, so that --mode consistent ",
+        ),
+        ("dev formal --block link --small -o bad.json", "the results of proofs bad.json is damaged: properties is no "),
         ("dev crosscheck --texture 99", "--texture must be in 0..47, not 99"),
         ("asic-scale --lib x.csv --ohm inf -o s.json", "--ohm must be from 0 to 1000 for each um, not inf"),
         ("asic-scale --lib x.csv --pitch 1e300 -o s.json", "--pitch must be from 1 to 1000000 um, not 1e+300"),
@@ -59,11 +72,12 @@ HUGE = "1" + "0" * 400
 )
 def test_refused_in_one_sentence(line: str, sentence: str, call: Any, folder: Path) -> None:
     (folder / "x.csv").write_text("0.1,0.2\n")
+    (folder / "bad.json").write_text('{"properties": 3}')
     code, out, err = call(line)
     assert (code, out) == (2, "")
     assert err.startswith(f"error: {sentence}"), err
     assert err.count("\n") == 1
-    assert sorted(path.name for path in folder.iterdir()) == ["x.csv"]
+    assert sorted(path.name for path in folder.iterdir()) == ["bad.json", "x.csv"]
 
 
 @pytest.mark.parametrize("line", ["power --mode consistent --synthesis s.json", "explore --synthesis s.json"])

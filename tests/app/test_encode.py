@@ -94,7 +94,7 @@ def test_short_floats_are_not_rounded_twice(call: Any, folder: Path) -> None:
     halves = waves().astype(np.float16)
     for name, values in (("short", halves), ("long", halves.astype(np.float64))):
         np.save(f"{name}.npy", values)
-        line = f"encode {name}.npy -o {name}.npz {SIZE} --sample-rate 1000 --sample-bits 24 --fraction-bits 7"
+        line = f"encode {name}.npy -o {name}.npz {SIZE} --sample-rate 1000 --sample-bits 24"
         assert call(line)[0] == 0
     assert call("compare short.npz long.npz")[0] == 0
 

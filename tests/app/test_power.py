@@ -114,7 +114,7 @@ def test_power_measures_a_dataset_that_is_given(call):
     [
         ("power --resolution 11", "resolution must be a whole number in 1..10, not 11"),
         ("power --noise -1e-3", "noise must be a positive number of volts, not -0.001"),
-        ("power --tau 0", "tau must be a positive number of seconds, not 0"),
+        ("power --tau 0", "--tau must be in 1e-09..1e+09, not 0.0"),
         ("power --mode fair", "mode must be one of paper, consistent, not 'fair'"),
         ("power --correct magic", f"unknown correction 'magic'; known are {', '.join(CORRECTIONS)}"),
         (

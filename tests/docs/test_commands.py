@@ -12,7 +12,7 @@ import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pytest
@@ -21,7 +21,8 @@ from typer._click.exceptions import MissingParameter
 
 from eskin.app import make
 from eskin.app.catalogue import DEV, MODULES, words_of
-from eskin.app.cli import Commands
+from eskin.app.cli import Command, Commands
+from eskin.base.errors import InputError
 
 ROOT = Path(__file__).parents[2]
 PAGES = [
@@ -72,8 +73,8 @@ def typed(block: str) -> list[str]:
 
 
 @cache
-def command(name: str) -> typer.core.TyperCommand:
-    return Commands(MODULES)[name]
+def command(name: str) -> Command:
+    return cast(Command, Commands(MODULES)[name])
 
 
 def words_behind(text: str) -> list[str]:
@@ -93,11 +94,14 @@ def problem_of(words: list[str], whole: bool) -> str:
         given = {word.partition("=")[0] for word in words[1:] if word.startswith("--")} - {"--", "--help"}
         return ", ".join(sorted(given - known))
     try:
-        command(words[0]).make_context(words[0], words[1:])
+        found = command(words[0])
+        found.check(found.make_context(words[0], words[1:]))
     except MissingParameter as error:
         return "" if len(words) == 1 else error.format_message()  # a name alone is a name
     except typer.TyperException as error:
         return str(error.format_message())
+    except InputError as error:
+        return str(error)
     return ""
 
 

@@ -299,7 +299,7 @@ def test_frames_prints_a_line_for_each_readout(call: Call) -> None:
     [
         ("frames --resolution 11", "error: resolution must be in 1..sample_bits - 2 = 10, not 11"),
         ("frames --word-bits 4", "error: word_bits must be in resolution = 6..64, not 4"),
-        ("frames --frame-rate 0", "error: --frame-rate must be a positive number of hertz, not 0.0"),
+        ("frames --frame-rate 0", "error: --frame-rate must be in 1e-09..1e+12, not 0.0"),
         ("frames --preset dream", "error: preset must be"),
         ("frames --dataset nowhere", "error: "),
     ],
@@ -318,7 +318,7 @@ def test_bad_input_to_frames_is_one_sentence(call: Call, line: str, sentence: st
         (["--word-bits", "8"], "error: --word-bits is for the frame readout; add --readout frame"),
         (
             ["--tiles", "1x2", "--report", "report.json"],
-            "error: --report is for a readout, spiking or frame; leave it out",
+            "error: --report has no effect with --tiles; leave one of the two out",
         ),
         (["--readout", "frame", "--word-bits", "4"], "error: word_bits must be in resolution = 6..64, not 4"),
     ],

@@ -16,7 +16,6 @@ from PIL import Image
 
 from eskin.app.cli import app
 from eskin.app.cli import run as run_app
-from eskin.app.options import LEAKY
 from eskin.base.errors import InputError
 from eskin.base.workers.pool import Local
 from eskin.model.config import ReadoutConfig
@@ -196,17 +195,6 @@ def test_json_is_one_object_and_nothing_else():
     assert report.items() >= (expected | {"scans": 3, "clipped_samples": 0, "published_rate_hz": None}).items()
     assert report["tau_s"] == pytest.approx(0.05, rel=0.01)
     assert report["scan_s"] == pytest.approx(0.1764)
-
-
-def test_tau_is_ignored_where_nothing_leaks():
-    options = ["--preset", "paper", "--encoding", "lcs", "--resolution", "6", "--dataset", "embedded", "--limit", "2"]
-    plain, given = (run(*options, *tau, "--json") for tau in ([], ["--tau", "0.2"]))
-    assert (given.returncode, given.stderr) == (0, "")
-    assert given.stdout == plain.stdout
-    assert json.loads(given.stdout)["tau_s"] is None
-    table = run(*options, "--tau", "0.2")
-    assert table.returncode == 0
-    assert table.stderr == f"--tau is ignored: only encoding {' and '.join(LEAKY)} leaks, not lcs\n"
 
 
 def test_table_names_the_rate_and_follows_options(tmp_path, monkeypatch):

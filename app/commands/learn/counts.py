@@ -11,7 +11,7 @@ import typer
 from eskin.app.cli import printable
 from eskin.app.commands.learn.options import BinSeconds, DatasetName, Preset, Tau
 from eskin.app.commands.learn.sweep import command_line
-from eskin.app.options import WRITES_FILE
+from eskin.app.options import LEAKY, WRITES_FILE
 from eskin.base.errors import InputError
 from eskin.base.files import origin, write_json
 from eskin.base.progress import bar
@@ -39,6 +39,8 @@ def counts(
     chosen = parse_points(points)
     if unfit := [readout for readout, _ in chosen if readout not in registry.NAMES]:
         raise InputError(f"--points takes event encoders ({', '.join(registry.NAMES)}), not {unfit[0]}")
+    if tau is not None and not {readout for readout, _ in chosen} & set(LEAKY):
+        raise InputError(f"--tau is the leak of {' or '.join(LEAKY)}, and --points has none of these; leave it out")
     bins = BinConfig() if bin_s is None else BinConfig(bin_s=bin_s)
     found = {}
     for readout, bits in chosen:

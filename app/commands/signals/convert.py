@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from eskin.app.cli import printable
-from eskin.app.options import WRITES_FILE, with_config
+from eskin.app.options import WRITES_FILE, option_name, with_config
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
@@ -66,7 +66,7 @@ def convert(
         check_picture_path(plot)
     foreign = {"--map": address_map, "--fields": fields, "--time-unit": time_unit, "--start": start, "--wrap": wrap}
     foreign |= {"--sort": sort or None, "--drop-unmapped": drop_unmapped or None}
-    foreign |= {f"--{name.replace('_', '-')}": True for name in sorted(given)}
+    foreign |= {option_name(name): True for name in sorted(given)}
     if is_foreign(source):
         recording = _taken(source, config, given, foreign, out)
     else:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from typing import Annotated, Any
 
 import typer
@@ -11,7 +10,6 @@ import typer
 from eskin.app.options import LEAKY, with_config, with_fields
 from eskin.app.tables import new_table, show
 from eskin.app.worker_options import Scheduler, Workers, open_pool
-from eskin.base.errors import InputError
 from eskin.base.progress import bar
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
@@ -22,7 +20,7 @@ from eskin.skin.textures.rates import PAPER_TAU_S
 from eskin.skin.textures.traffic import compare_traffic
 
 
-@with_config(fields=("resolution", "rows", "columns"))
+@with_config(fields=("resolution", "rows", "columns"), every=True)
 @with_fields(FrameConfig, ("word_bits",), "own")
 def frames(
     config: ReadoutConfig,
@@ -49,8 +47,6 @@ def frames(
 ) -> None:
     """Compare events and frames on the same scans: bits per second and activity."""
     scan = preset(preset_name)
-    if frame_rate is not None and not (math.isfinite(frame_rate) and frame_rate > 0):
-        raise InputError(f"--frame-rate must be a positive number of hertz, not {frame_rate!r}")
     readout = config if frame_rate is None else config.replace(sample_rate_hz=frame_rate)
     frame = FrameConfig(readout=readout, **(stored | own))
     if tau is None and not given & {"leak_shift", "leak_period"}:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-import sys
 from typing import Annotated, Any
 
 import typer
 
-from eskin.app.options import LEAKY, with_config
+from eskin.app.options import LEAKY, check_leaks, with_config
 from eskin.app.tables import show_facts
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.progress import bar
@@ -27,7 +26,7 @@ def rates(
     ] = "paper",
     tau: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", help=f"{', '.join(LEAKY)}: time constant [{PAPER_TAU_S}], else ignored"),
+        typer.Option(metavar="SECONDS", help=f"{', '.join(LEAKY)}: time constant [{PAPER_TAU_S}]"),
     ] = None,
     dataset: Annotated[
         str | None,
@@ -43,11 +42,8 @@ def rates(
 ) -> None:
     """Measure the mean event rate of the whole array over a dataset."""
     scan = preset(preset_name)
-    if tau is not None and not config.encoder.leaks and not as_json:  # the JSON says so by its tau_s
-        print(
-            f"--tau is ignored: only encoding {' and '.join(LEAKY)} leaks, not {config.encoding}",
-            file=sys.stderr,
-        )
+    if tau is not None:
+        check_leaks(config)
     if tau is None and not given & {"leak_shift", "leak_period"}:
         tau = PAPER_TAU_S
     config = scan.configure(config, tau)

@@ -8,12 +8,12 @@ from typing import Annotated
 import typer
 
 from eskin.app.commands.outcome import check_name, conclude
-from eskin.app.options import WRITES_FOLDER, with_config
+from eskin.app.options import LOGIC, WRITES_FOLDER, with_config
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 
 
-@with_config
+@with_config(fields=LOGIC)
 def layout(
     config: ReadoutConfig,
     name: Annotated[str, typer.Option(help="name of the run and its folder [from the configuration]")] = "",

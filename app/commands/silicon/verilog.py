@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eskin.app.options import WRITES_FOLDER, check_frame, with_config, with_fields
+from eskin.app.options import LOGIC, WRITES_FOLDER, check_frame, option_name, with_config, with_fields
 from eskin.app.tables import new_table, show
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
@@ -60,28 +60,17 @@ def verilog(
 
     With --registers spi also eskin_registers.h and eskin_registers.md; of all but a chip a datasheet.
     """
-    if report is not None and (tiles is not None or classifier is not None):
-        raise InputError("--report is for a readout, spiking or frame; leave it out")
-    if clock_gates and (tiles is not None or classifier is not None):
-        raise InputError("--clock-gates is for a readout, spiking or frame; leave it out")
-    if merge and tiles is None:
-        raise InputError("--merge needs to know how many tiles there are; add --tiles RxC")
-    if relays and (merge or tiles is None):
-        raise InputError("--relays is for the lines of a whole skin; add --tiles RxC without --merge, or leave it out")
     if tiles is not None:
-        if classifier is not None or chip or readout != "spiking" or own:
-            raise InputError("--tiles makes a skin of spiking readouts; leave --classifier, --chip, --readout out")
+        if stored:
+            raise InputError(f"{next(iter(stored))} of the configuration has no effect with --tiles; leave it out")
         skin = skin_of(config, tiles, relays)
         _deliver(MergeConfig(skin) if merge else skin, out, prove)
         return
-    if chip and classifier is None:
-        raise InputError("--chip needs the classifier's weights; add --classifier INTEGER.npz")
     if classifier is not None:
         from eskin.model.classifier.chip_config import ChipConfig
         from eskin.model.classifier.file import IntegerWeights
 
-        useless = {*own} if chip else {*given, *own} - {"reset"}
-        if idle := sorted(useless) or ["readout"] * (readout != "spiking"):
+        if idle := sorted({*own, *stored} if chip else {*given, *own, *stored} - {"reset"}):
             hint = "" if chip else " alone: add --chip, or"
             raise InputError(
                 f"--{idle[0].replace('_', '-')} has no effect with --classifier{hint or ':'} leave one of the two out"
@@ -116,7 +105,7 @@ def _deliver(config: Config, out: Path, prove: bool, report: Path | None = None,
         print(path)
 
 
-@with_config
+@with_config(fields=[name for name in LOGIC if name != "encoding"], every=True)
 def gates(
     config: ReadoutConfig,
     given: frozenset[str],
@@ -135,9 +124,7 @@ def gates(
 
     if classifier is not None:
         if given:
-            raise InputError(
-                f"--{min(given).replace('_', '-')} has no effect with --classifier: leave one of the two out"
-            )
+            raise InputError(f"{option_name(min(given))} has no effect with --classifier: leave one of the two out")
         _count_classifier(classifier, liberty, as_json)
         return
     designs: dict[str, ReadoutConfig | FrameConfig] = {

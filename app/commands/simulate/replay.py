@@ -14,7 +14,7 @@ from eskin.app.commands.signals.recordings import OwnData, check_alone, own_reco
 from eskin.app.options import WRITES_FILE, WRITES_FOLDER, with_config
 from eskin.app.worker_options import Scheduler, Workers, open_pool
 from eskin.base.files import origin, write_json
-from eskin.base.outputs import is_stream
+from eskin.base.outputs import has_earlier
 from eskin.base.progress import bars, reported
 from eskin.base.shapes import read_shaped
 from eskin.model.config import ReadoutConfig
@@ -111,7 +111,7 @@ def _conclude(plan: Plan, played: int, now: dict[str, Any], keep: Path | None) -
     summary["configuration"] = plan.config.to_dict()
     write_json(plan.folder / "summary.json", summary)
     if keep is not None:
-        kept = read_shaped(keep, "the kept sums", KEPT)["runs"] if keep.exists() and not is_stream(keep) else []
+        kept = read_shaped(keep, "the kept sums", KEPT)["runs"] if has_earlier(keep) else []
         runs = {run["configuration"]["encoding"]: run for run in [*kept, origin(asked_for()) | summary]}
         write_json(keep, {"runs": list(runs.values())})
     print(printable(f"events per {noun[:-1]}: {plan.events}; played now: {played} {noun} in {now['seconds']:.0f} s"))

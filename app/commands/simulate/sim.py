@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from eskin.cocotb_tests.runner.process import Tally
 
 
-@with_config
+@with_config(every=True)
 @with_preparation
 def sim(
     config: ReadoutConfig,

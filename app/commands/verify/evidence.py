@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from eskin.app.options import WRITES_FILE, WRITES_FOLDER, with_config
+from eskin.app.options import LOGIC, WRITES_FILE, WRITES_FOLDER, with_config
 from eskin.base.errors import InputError
 from eskin.base.files import Pieces, atomic_write, pieces_of
 from eskin.model.config import ReadoutConfig
@@ -35,10 +35,12 @@ def formal(
     results of other blocks.
     """
     from eskin.verify.proofs.engine import solve
-    from eskin.verify.proofs.report import YOSYS, write
+    from eskin.verify.proofs.report import YOSYS, earlier, write
     from eskin.verify.proofs.run import Hunt, closing_line, hunts, judge, mutants_line, outcomes
 
     chosen, verdicts = _chosen(block, small), []
+    if block:
+        earlier(out)  # damaged results are refused before the proofs
     for proof in chosen:
         verdicts.append((proof, solve(proof.checker(proof.config), proof.depth, limit)))
         said = verdicts[-1][1]
@@ -115,7 +117,7 @@ def coverage(
         raise typer.Exit(1)
 
 
-@with_config
+@with_config(fields=LOGIC)
 def properties(
     config: ReadoutConfig,
     out: Annotated[Path, typer.Option("-o", "--out", help="output folder, created if missing"), WRITES_FOLDER],

@@ -1,0 +1,137 @@
+"""What every command refuses before its work: options without effect, and numbers out of range."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig, option_of
+from eskin.model.frame_config import SHARED_FIELDS
+
+FRAME_OPTIONS = "--word-bits --settle-clocks --conversion-clocks"
+SPIKING_OPTIONS = " ".join(
+    option_of(field) for name, field in ReadoutConfig.__dataclass_fields__.items() if name not in SHARED_FIELDS
+)
+SCANNED = "--sample-rate --decide-every --reference-reset"
+"""Fields of the readout that the paper's scan sets itself."""
+
+IDLE: dict[str, dict[str, str]] = {
+    "encode sim replay train crossval sweep": {"not --baseline=highpass": "--highpass"},
+    "encode replay": {"--preset=paper": f"{SCANNED} --start-row"},
+    "rates": {"--preset=paper": "--start-row"},
+    "sim gatesim": {"--only": "--seed --textures"},
+    "sim": {"--data": "--seed"},
+    "replay touch": {"--only": "--limit"},
+    "play": {"--samples": "--only"},
+    "train": {"--test": "--fold --folds"},
+    "predict": {"no --check-model": "--dataset"},
+    "sweep": {"--events": "--points"},
+    "quantise": {"--in-bits & --rec-bits & --out-bits": "--bits"},
+    "verilog": {
+        "--merge": "--relays",
+        "no --tiles": "--merge --relays",
+        "--tiles": f"--classifier --chip --readout --report --clock-gates {FRAME_OPTIONS}",
+        "no --classifier": "--chip",
+        "--classifier": "--readout --report --clock-gates",
+    },
+    "verilog asic": {"--readout=frame": f"{SPIKING_OPTIONS} --tau"},
+    "asic-scale": {"no --tiles": "--relays"},
+    "gatepower": {"--three": "--encoding --frontend"},
+    "fpga": {"--alone": "--board"},
+    "power": {
+        "--parameters": "--mode --resolution --noise --tau --correct --without --crossover --synthesis --dataset "
+        "--preset --rates",
+        "--crossover": "--resolution --noise --tau",
+    },
+    "explore": {"no --event-rate": "--rate-resolution", "--event-rate": "--preset"},
+    "soak": {"--only": "--seed --hours --keep --out", "no --only": "--set --run"},
+    "mutants": {"--judge=False": "--workers --scheduler --again"},
+}
+"""Options without effect by command: the options behind each condition mean nothing while it holds.
+
+A condition is ``--x`` (the user gave it), ``no --x`` (without it), ``--x=value``, which may be the default, or ``not``
+before that.
+"""
+
+SECONDS, BITS, MANY, SEED = (1e-9, 1e9), (2, 8), (1, 10**9), (0, 10**18)
+RANGES: dict[str, tuple[float, float]] = {
+    "baud": (1, 10**8), "bias_bits": (2, 16), "bin_s": SECONDS, "checkpoint_every": MANY, "clock": (1e3, 1e12),
+    "clocks": (1, 10**15), "decay_bits": (2, 16), "disturbed": MANY, "epochs": MANY, "fold": (0, 10**9), "folds": MANY,
+    "frame_rate": (1e-9, 1e12), "hours": (0, 1e4), "in_bits": BITS, "lanes": (1, 4096), "limit": MANY,
+    "membrane_bits": (2, 64), "only": SEED, "out_bits": BITS, "page": (0, 65535), "patience": (0.1, 1e6),
+    "rate_resolution": (1, 10), "rec_bits": BITS, "relays": (0, 4096), "run": (0, 10**9), "seconds": (0, 1e9),
+    "seed": SEED, "seeds": MANY, "share": (0, 1), "speed": (1e-4, 1e6), "start": (-(2.0**63), 2.0**63),
+    "start_row": (0, 1e6), "start_rows": MANY, "step": SECONDS, "tau": SECONDS, "textures": (0, 10**9),
+    "threads": (1, 4096), "threshold_bits": (2, 16), "ticks": (1, 10**12), "workers": (1, 4096), "wrap": (1, 64),
+}  # fmt: skip
+"""Least and largest value of a number that an option takes, by parameter.
+
+The other numbers are fields of a class, or are checked before the work with what else they depend on.
+"""
+
+
+def check_options(command: str, options: Mapping[str, str], values: Mapping[str, Any], typed: frozenset[str]) -> None:
+    """Refuse options without effect, and numbers out of range.
+
+    Parameters
+    ----------
+    command : str
+    options : mapping of str to str
+        Parameter of each option, such as ``--start-row``.
+    values : mapping of str to object
+        Values by parameter, typed or default.
+    typed : frozenset of str
+        Parameters that the user typed, even if with the default.
+    """
+    for option, parameter in options.items():
+        found = values.get(parameter)
+        for value in (found if isinstance(found, list | tuple) else [found]) if parameter in typed else ():
+            if isinstance(value, int | float) and parameter in RANGES:
+                _check_range(option, value, *RANGES[parameter])
+    for condition, idle in _rules(command):
+        if (words := _holding(condition, options, values, typed)) is None:
+            continue
+        for option in idle.split():
+            if options.get(option) in typed:
+                raise InputError(f"{option} has no effect {words}")
+
+
+def _check_range(option: str, value: float, low: float, high: float) -> None:
+    if isinstance(value, float) and not math.isfinite(value):
+        raise InputError(f"{option} takes a finite number, not {value}")
+    if not low <= value <= high:
+        raise InputError(f"{option} must be in {low:g}..{high:g}, not {value}")
+
+
+def _rules(command: str) -> Iterator[tuple[str, str]]:
+    """Yield the conditions of a command and the options that mean nothing under each."""
+    for commands, rules in IDLE.items():
+        if command in commands.split():
+            yield from rules.items()
+
+
+def _holding(
+    condition: str, options: Mapping[str, str], values: Mapping[str, Any], typed: frozenset[str]
+) -> str | None:
+    """Return how an error ends if a condition holds; None if it does not."""
+    if condition.startswith("no "):
+        option = condition.removeprefix("no ")
+        return f"without {option}; add {option}, or leave it out" if _absent(values[options[option]]) else None
+    option, given, value = condition.removeprefix("not ").partition("=")
+    if condition.startswith("not "):
+        other = str(values[options[option]]) != value
+        return f"without {option} {value}; add that, or leave it out" if other else None
+    if given:
+        said = f"--no-{option[2:]}" if value == "False" else f"{option} {value}"
+        return f"with {said}; leave it out" if str(values[options[option]]) == value else None
+    names = condition.split(" & ")
+    if not all(options[name] in typed and not _absent(values[options[name]]) for name in names):
+        return None
+    return f"with {' and '.join(names)}; leave one of {'them' if len(names) > 1 else 'the two'} out"
+
+
+def _absent(value: object) -> bool:
+    """Return whether an option was not given, or a flag is off; 0 is a number."""
+    return value is False or value in (None, "", [])

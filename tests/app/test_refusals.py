@@ -1,0 +1,125 @@
+"""Every option of every command has an effect or is refused, and every number has a range."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from pathlib import Path
+from typing import Any, cast, get_args
+
+import pytest
+import typer
+
+from eskin.app.catalogue import MODULES, words_of
+from eskin.app.cli import Command, Commands
+from eskin.app.options import option_name
+from eskin.app.refusals import IDLE, RANGES
+from eskin.base.errors import InputError
+from eskin.model.config import ReadoutConfig
+from eskin.model.encoders import registry
+from tests.app.test_outputs import line_of
+
+
+@cache
+def command(name: str) -> Command:
+    """Return a command of ``eskin``, made once."""
+    return cast(Command, Commands(MODULES)[name])
+
+
+@cache
+def needed(name: str) -> list[str]:
+    """Return the arguments and options without which a command does not run."""
+    return line_of(name, {}).split()[len(words_of(name)) :]
+
+
+NUMBERS = ("nan", "inf", "1e300", "-" + "9" * 30)
+
+
+def options_of(name: str) -> dict[str, Any]:
+    """Return the options of a command by their long names."""
+    found = [p for p in command(name).params if p.param_type_name == "option"]
+    return {word: p for p in found for word in (*p.opts, *p.secondary_opts) if word.startswith("--")}
+
+
+def is_number(parameter: Any) -> bool:
+    """Return whether an option is parsed as a number."""
+    hint = parameter.type_descriptor.annotation
+    return bool({int, float} & {hint, *get_args(hint)})
+
+
+def words_for(name: str, option: str) -> list[str]:
+    """Return an option as a user types it, with its default where it has one."""
+    parameter = options_of(name)[option]
+    if parameter.is_flag:
+        return [option]
+    field = ReadoutConfig.__dataclass_fields__.get(str(parameter.name))
+    default = parameter.default if field is None else field.default
+    least = RANGES.get(str(parameter.name), (parameter.min or 1,))[0] if is_number(parameter) else "x"
+    return [option, str(least if default in (None, "") else default)]
+
+
+def fulfilled(name: str, condition: str) -> list[str]:
+    """Return the options with which a condition of ``IDLE`` holds."""
+    if condition.startswith(("no ", "not ")):
+        return []
+    if "=" in condition:
+        option, value = condition.split("=")
+        return [f"--no-{option[2:]}"] if value == "False" else [option, value]
+    return [word for option in condition.split(" & ") for word in words_for(name, option)]
+
+
+RULES = [
+    (name, condition, option)
+    for commands, rules in IDLE.items()
+    for name in commands.split()
+    for condition, options in rules.items()
+    for option in options.split()
+]
+
+
+def test_an_option_without_effect_is_refused_even_with_its_default() -> None:
+    for name, condition, option in RULES:
+        words = [*needed(name), *fulfilled(name, condition), *words_for(name, option)]
+        with pytest.raises(InputError, match=f"^{option} has no effect with"):
+            command(name).check(command(name).make_context(name, words))
+
+
+@pytest.mark.parametrize("encoder", registry.ENCODERS, ids=registry.NAMES)
+def test_a_setting_of_another_encoder_is_refused(encoder: Any, folder: Path) -> None:
+    idle = ReadoutConfig(encoding=encoder.name).idle_fields
+    assert idle
+    for name in ("encode", "verilog", "sim"):
+        for field in idle:
+            option = option_name(field)
+            words = [*needed(name), "--encoding", encoder.name, *words_for(name, option)]
+            with (
+                pytest.raises(InputError, match=f"^{option} has no effect with --encoding {encoder.name}; "),
+                command(name).make_context(name, words) as context,
+            ):
+                command(name).invoke(context)
+
+
+def numbers_of(name: str) -> dict[str, Any]:
+    """Return the options of a command that take a number; those of the readout, alike everywhere, of one command."""
+    found = {}
+    for option, parameter in options_of(name).items():
+        if parameter.name in ReadoutConfig.__dataclass_fields__ and name != "encode" and parameter.default is None:
+            continue
+        if is_number(parameter) or parameter.metavar in ("N", "NUMBER", "HZ", "V", "CODES"):
+            found[option] = parameter
+    return found
+
+
+@pytest.mark.parametrize("name", [name for name in MODULES if numbers_of(name)])
+def test_every_number_has_a_range(name: str, folder: Path) -> None:
+    for option in numbers_of(name):
+        for number in NUMBERS:
+            with (
+                pytest.raises((InputError, typer.TyperException)) as refused,
+                command(name).make_context(name, [*needed(name), f"{option}={number}"]) as context,
+            ):
+                command(name).invoke(context)
+            error = refused.value
+            said = error.format_message() if isinstance(error, typer.TyperException) else str(error)
+            assert option[2:] in re.sub("[_ ]", "-", said), (number, said)
+    assert not list(folder.iterdir())
