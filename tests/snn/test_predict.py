@@ -106,6 +106,32 @@ def test_foreign_events_get_the_class_of_ours(tmp_path: Path, replayed: Path, ca
     assert len(theirs) == 6
 
 
+def test_a_folder_of_foreign_events_is_learned_and_its_files_are_classified(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: Call
+) -> None:
+    """Tables of two classes, stamped with the time of day, whose files alone do not show the size of the array."""
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(6)
+    for number in range(12):
+        begin = 1_700_000_000_000_000 + int(rng.integers(1_000_000_000))
+        times, x = np.sort(rng.integers(0, 300_000, 200)), rng.integers(0, 2, 200) + 2 * (number % 2)
+        lines = ["t,x,y,p", *(f"{begin + t},{column},0,1" for t, column in zip(times.tolist(), x, strict=True))]
+        file = tmp_path / "theirs" / "ab"[number % 2] / f"{number}.csv"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text("\n".join(lines))
+    train = ["train", "--events", "ours", "--folds", "3", "--bin", "0.01", "--epochs", "12", "--set", "hidden=16"]
+    for arguments in (["convert", "theirs", "-o", "ours"], [*train, "--set", "batch=4", "--out", "trained"]):
+        with pytest.raises(SystemExit) as left:
+            run(snn_app, "eskin", arguments)
+        assert left.value.code == 0, arguments
+    assert {Recording.load(path).config.columns for path in Path("ours").rglob("*.npz")} == {4}
+    code, output, error = call("--events", "ours", weights=Path("trained/weights.npz"))
+    assert code == 0, output + error
+    found = images_in(tmp_path)
+    assert len(found) == 12
+    assert [image["class"] for image in found] == [image["predicted"] for image in found]
+
+
 @pytest.mark.skipif(shutil.which("g++") is None or shutil.which("perl") is None, reason="no simulator: g++ and perl")
 def test_predictions_from_rtl_spikes_are_those_from_model_spikes(tmp_path: Path, trained: Path, call: Call) -> None:
     size = ["--rows", "1", "--columns", "4"]

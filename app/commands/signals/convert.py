@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from eskin.app.cli import printable
-from eskin.app.options import WRITES_FILE, option_name, with_config
+from eskin.app.options import WRITES_FILE, Writes, option_name, with_config
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 from eskin.model.events.recording import Recording
@@ -22,12 +22,17 @@ def convert(
     config: ReadoutConfig,
     given: frozenset[str],
     source: Annotated[
-        Path, typer.Argument(metavar="EVENTS", help="event file .npz, AEDAT 4, NIRData, or a table or array of events")
+        Path,
+        typer.Argument(
+            metavar="EVENTS", help="event file .npz, AEDAT 4, NIRData, table or array of events, or a folder of such"
+        ),
     ],
     out: Annotated[
         Path,
-        typer.Option("-o", "--out", metavar="FILE", help="event file .npz, or .aedat4, .nir, .npy, .csv"),
-        WRITES_FILE,
+        typer.Option(
+            "-o", "--out", metavar="FILE", help="event file .npz, .aedat4, .nir, .npy, .csv; folder: a folder"
+        ),
+        Writes(folder=lambda given: given["source"].is_dir()),
     ],
     address_map: Annotated[
         Path | None, typer.Option("--map", metavar="FILE", help="foreign events: taxel of each address, a .csv")
@@ -39,7 +44,8 @@ def convert(
         str | None, typer.Option("--time-unit", metavar="s|ms|us|ns|clocks", help="table: unit of its times")
     ] = None,
     start: Annotated[
-        float | None, typer.Option(help="foreign events: time that becomes clock 0 [0]", metavar="TIME")
+        float | None,
+        typer.Option(help="foreign events: time that becomes clock 0 [0; folder: the first event]", metavar="TIME"),
     ] = None,
     wrap: Annotated[
         int | None, typer.Option(metavar="BITS", help="foreign events: bits of a time counter that wraps")
@@ -56,10 +62,16 @@ def convert(
         str | None, typer.Option(metavar="us|clocks", help="to .npy or .csv: unit of the times [us]")
     ] = None,
 ) -> None:
-    """Convert events from and to other programs: AEDAT 4, NIRData, tables, arrays."""
+    """Convert events from and to other programs: AEDAT 4, NIRData, tables, arrays.
+
+    A folder of foreign events becomes a folder of event files of one readout, for train --events.
+    """
     from eskin.skin.foreign.files import is_foreign
 
-    _check_output(out, bin_s, unit)
+    if not source.is_dir():
+        _check_output(out, bin_s, unit)
+    elif plot or bin_s or unit:
+        raise InputError("--plot, --bin and --unit are for a single file; leave them out for a folder")
     if plot is not None:
         from eskin.base.figures.style import check_picture_path
 
@@ -67,8 +79,13 @@ def convert(
     foreign = {"--map": address_map, "--fields": fields, "--time-unit": time_unit, "--start": start, "--wrap": wrap}
     foreign |= {"--sort": sort or None, "--drop-unmapped": drop_unmapped or None}
     foreign |= {option_name(name): True for name in sorted(given)}
+    if source.is_dir():
+        _convert_folder(source, config, given, foreign, out)
+        return
     if is_foreign(source):
-        recording = _taken(source, config, given, foreign, out)
+        (recording,) = _taken([source], config, given, foreign)
+        if not len(recording.events):
+            raise InputError(f"{source} has no event; nothing was written to {out}")
     else:
         if unused := [option for option, value in foreign.items() if value is not None]:
             raise InputError(
@@ -100,10 +117,41 @@ def _check_output(out: Path, bin_s: float | None, unit: str | None) -> None:
         raise InputError(f"--unit must be us or clocks, not {unit!r}")
 
 
-def _taken(
+def _convert_folder(
     source: Path, config: ReadoutConfig, given: frozenset[str], options: Mapping[str, object], out: Path
-) -> Recording:
-    """Return the recording of another program's events; print the assumptions and losses."""
+) -> None:
+    """Write an event file for every foreign file below a folder."""
+    from eskin.base.inputs import find_files
+    from eskin.skin.foreign.files import SUFFIXES, is_foreign
+
+    inside, others = find_files(source, (*SUFFIXES, ".npz"))
+    files = [file for file in inside if is_foreign(file)]
+    if others or not files:
+        raise InputError(others[0] if others else f"{source} holds no events of other programs ({', '.join(SUFFIXES)})")
+    places = [out / file.relative_to(source).with_suffix(".npz") for file in files]
+    if len(set(places)) < len(places):
+        twice = next(place for place in places if places.count(place) > 1)
+        raise InputError(f"two files of {source} would become {twice}; rename one of them")
+    recordings = _taken(files, config, given, options, own_start=True)
+    for place, recording in zip(places, recordings, strict=True):
+        place.parent.mkdir(parents=True, exist_ok=True)
+        recording.save(place)
+    count, array = sum(len(one.events) for one in recordings), recordings[0].config
+    size = f"{array.rows} x {array.columns} taxels"
+    print(printable(f"{out}: {len(files)} event files, {count} events, {size}; train on them with --events {out}"))
+
+
+def _taken(
+    sources: Sequence[Path],
+    config: ReadoutConfig,
+    given: frozenset[str],
+    options: Mapping[str, object],
+    own_start: bool = False,
+) -> list[Recording]:
+    """Return recordings of one readout with the events of foreign files; print the assumptions and losses.
+
+    With ``own_start`` clock 0 is the first event of each file, unless the options say another time.
+    """
     from eskin.skin.foreign.address_map import AddressMap
     from eskin.skin.foreign.events import configuration, in_order, take, unwrapped
     from eskin.skin.foreign.files import read_foreign
@@ -113,19 +161,29 @@ def _taken(
     if options["--drop-unmapped"] and mapping is None:
         raise InputError("--drop-unmapped leaves out addresses that a map lacks; add --map FILE")
     unit = options["--time-unit"]
-    events = read_foreign(source, str(columns).split(",") if columns else (), str(unit) if unit else None)
-    if isinstance(wrap, int):
-        events = unwrapped(events, wrap)
-    if options["--sort"]:
-        events = in_order(events)
-    chosen = configuration(events, config, given, mapping)
-    metadata = {"name": source.stem, "source": source.name}
-    taken = take(events, chosen, mapping, bool(options["--drop-unmapped"]), _number(start), metadata)
-    for line in (*events.notes, *taken.said()):
-        print(printable(line))
-    if not len(taken.recording.events):
-        raise InputError(f"{source} has no event; nothing was written to {out}")
-    return taken.recording
+    read = []
+    for source in sources:
+        events = read_foreign(source, str(columns).split(",") if columns else (), str(unit) if unit else None)
+        if isinstance(wrap, int):
+            events = unwrapped(events, wrap)
+        read.append(in_order(events) if options["--sort"] else events)
+    found = [configuration(events, config, given, mapping) for events in read]
+    chosen = found[0].replace(rows=max(one.rows for one in found), columns=max(one.columns for one in found))
+    recordings, said = [], dict[str, int]()
+    for source, events in zip(sources, read, strict=True):
+        begin = events.time[0].item() if own_start and start is None and len(events.time) else _number(start)
+        metadata = {"name": source.stem, "source": source.name}
+        try:
+            taken = take(events, chosen, mapping, bool(options["--drop-unmapped"]), begin, metadata)
+        except InputError as error:
+            raise (InputError(f"{source}: {error}") if own_start else error) from None
+        lines = taken.said()[1:] if own_start and start is None and taken.start else taken.said()
+        for line in (*events.notes, *lines):
+            said[line] = said.get(line, 0) + 1
+        recordings.append(taken.recording)
+    for line, times in said.items():
+        print(printable(line if len(sources) == 1 else f"{times} of {len(sources)} files: {line}"))
+    return recordings
 
 
 def _number(start: object) -> float | None:
