@@ -54,7 +54,14 @@ def accuracy_frames() -> None:
     table("network | published | last epoch | selected epoch", frame_points().values(), cells)
 
 
-NETWORKS = {"leaky": "leaky spiking", "convolutions": "convolutions", "paper": "the paper's"}
+LCS_LEAKY = "physical/leaky-2ms/lcs:2/12x16:across:12"
+FRAMES_LEAKY = "physical/leaky-2ms/frame-onoff:500:3:2/12x16:across:6"
+LCS_CONVOLUTIONS = "physical/convolutions/lcs:2/12x16:across:12"
+FRAMES_CONVOLUTIONS = "physical/convolutions/frame-diff:250:6/12x16:across:6"
+"""Points of the frontier in the README."""
+
+WORDS = {"leaky": "a leaky network", "leaky-2ms": "a leaky network", "convolutions": "convolutions"}
+NETWORKS = {"leaky": "leaky", "leaky-2ms": "leaky, 2 ms", "convolutions": "convolutions", "paper": "the paper's"}
 
 
 def frontier_points(preset: str) -> list[dict[str, Any]]:
@@ -74,11 +81,29 @@ def frontier(preset: str) -> None:
         for p in sorted(frontier_points(preset), key=lambda p: (p["network"], p["bits_per_s"]))
     ]
     table(
-        "network | readout | taxels | events/s | kb/s (coded) | power, uW | accuracy | seeds",
+        "network | readout | taxels | events/s | kb/s (coded) | power, uW | accuracy | seeds | trivial",
         rows,
         "{of} | `{readout}` | `{choice}` ({count}) | {rate} | {bits_per_s:1e-3*#3} ({coded_bits_per_s:1e-3*#3})"
-        " | {power_w:1e6*#3} | {accuracy:100*.1f} % ({interval[0]:100*.1f} to {interval[1]:100*.1f}) | {seeds}",
+        " | {power_w:1e6*#3} | {accuracy:100*.1f} % ({interval[0]:100*.1f} to {interval[1]:100*.1f}) | {seeds}"
+        " | {?trivial:100*.1f}",
     )
+
+
+def frontier_inner() -> None:
+    """Print the candidates that inner validation judged."""
+    rows = [
+        one | dict(zip("snrt", one["name"].split("/"), strict=True)) for one in read("docs/data/frontier.json")["inner"]
+    ]
+    table(
+        "network | readout | taxels | kb/s | inner validation",
+        [row | {"of": NETWORKS[row["n"]]} for row in rows],
+        "{of} | `{r}` | `{t}` | {bits_per_s:1e-3*#3} | {accuracy:100*.1f} %",
+    )
+
+
+def at(name: str) -> dict[str, Any]:
+    """Return a point of the frontier by its name."""
+    return only(read("docs/data/frontier.json")["points"], name=name)
 
 
 def frontier_pairs() -> None:
@@ -258,6 +283,7 @@ def touch() -> None:
             "sent": report["events"] / seconds * bits,
             "adds": report["additions"] / seconds,
             "late": report["latency_clocks"] * seconds / report["clocks"],
+            "waiting": report["stalls"] / report["clocks"],
         }
     )
     lines = """\
@@ -265,7 +291,8 @@ samples | {taxels} x {sample_bits} b at {sample_rate_hz:1e-3*g} kHz | {sampled:1
 address events | {rate:,.0f} a second of {bits} b | {sent:1e-3*.0f} kb/s
 network | {classifier_hidden} neurons, weights of {classifier_rec_bits} b | {adds:1e-6*.1f} M additions/s
 class | every {classifier_bin_s:1e3*g} ms | at most {late:1e6*.0f} us after the end of the bin
-right | {right} of {labelled} in the RTL | {right_float} of {labelled} before rounding"""
+right | {right} of {labelled} in the RTL, one network a fold | {right_float} of {labelled} before rounding
+stalls | the classifier stalls the readout in {waiting:.0%} of the clocks | """
     table("from touch to class |  | ", [filled(line, values) for line in lines.splitlines()])
     source(report, ": {images} images, {clocks:,} clocks, {events:,} events, {mismatches} mismatches")
 
@@ -280,9 +307,21 @@ def headline() -> None:
         filled("accuracy: the paper's network, LCS 6 b | {published:100*.2f} % | {last:%}", paper),
         filled("accuracy: a leaky network, LCS 3 b, {normalised_rate:r} times 640 kb/s |  | {last:%}", best),
     ]
-    for kind, text in (("rnn", "the paper's ReLU network"), ("cnn", "a convolutional network")):
-        point = frame_points()[kind]
-        rows.append([f"accuracy: {text} on frames, 5 times 640 kb/s", point["theirs"], filled("{last:%}", point)])
+    kind = frame_points()["rnn"]
+    rows.append(
+        ["accuracy: the paper's ReLU network on frames, 5 times 640 kb/s", kind["theirs"], filled("{last:%}", kind)]
+    )
+    few = "accuracy: {of}, {count} taxels, {words} ({bits_per_s:1e-3*.1f} kb/s) | {?theirs} | {accuracy:100*.1f} %"
+    few += " ({interval[0]:100*.1f} to {interval[1]:100*.1f})"
+    for name, words, theirs in (
+        (LCS_LEAKY, "LCS 2 b, {rate_hz:,.0f} events/s", "97.15 % at 2,200 events/s (INTUITIVE chip)"),
+        (FRAMES_LEAKY, "frames", ""),
+        (LCS_CONVOLUTIONS, "LCS 2 b, {rate_hz:,.0f} events/s", ""),
+        (FRAMES_CONVOLUTIONS, "frames", ""),
+    ):
+        point = at(name)
+        more = {"of": WORDS[point["network"]], "count": len(point["taxels"]), "theirs": theirs}
+        rows.append(filled(few, point | more | {"words": filled(words, point)}))
     rows.append(filled("textures classified by the RTL, weights of {classifier_rec_bits} b", chip["chip"]) + " |  | ")
     waiting = {"waiting": chip["stalls"] / chip["clocks"]}
     rows[-1] += filled("{right} of {labelled} right, {mismatches} mismatches with the model; ", chip)

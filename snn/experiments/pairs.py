@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -76,9 +77,14 @@ def pair(first: PointSummary, second: PointSummary, reading: str) -> Pair:
     """
     if first.labels != second.labels or first.class_names != second.class_names:
         raise InputError(f"{first.name} and {second.name} have different images or classes and cannot be compared")
-    of_first, of_second = _correct(first, reading), _correct(second, reading)
-    seeds = min(len(of_first), len(of_second))
-    of_first, of_second = of_first[:seeds], of_second[:seeds]
+    assert first.labels is not None
+    return compare(first.labels, first.result(reading).predictions or (), second.result(reading).predictions or ())
+
+
+def compare(labels: str, first: Sequence[str], second: Sequence[str]) -> Pair:
+    """Return the comparison over the common seeds of two lists of predictions, one word per seed."""
+    seeds = min(len(first), len(second))
+    of_first, of_second = right_of(labels, first[:seeds]), right_of(labels, second[:seeds])
     only_first = (of_first & ~of_second).sum(1).tolist()
     only_second = (of_second & ~of_first).sum(1).tolist()
     gains = of_second.astype(float) - of_first
@@ -102,8 +108,6 @@ def mcnemar(only_first: int, only_second: int) -> float:
     return float(binomtest(only_first, parted).pvalue) if parted else 1.0
 
 
-def _correct(point: PointSummary, reading: str) -> NDArray[np.bool_]:
-    """Return whether the network of each seed classifies each image correctly, shape (seeds, images)."""
-    assert point.labels is not None
-    labels, predictions = point.labels, point.result(reading).predictions or ()
-    return np.array([[a == b for a, b in zip(word, labels, strict=True)] for word in predictions], bool)
+def right_of(labels: str, words: Sequence[str]) -> NDArray[np.bool_]:
+    """Return whether every seed classifies every image correctly, shape (seeds, images)."""
+    return np.array([[a == b for a, b in zip(word, labels, strict=True)] for word in words], bool)

@@ -14,7 +14,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-NETWORKS = {"leaky": "leaky spiking network", "convolutions": "1-D convolutions", "paper": "the paper's network"}
+NETWORKS = {
+    "leaky": "128 leaky neurons",
+    "leaky-2ms": "128 leaky neurons, bins of 2 ms",
+    "convolutions": "1-D convolutions",
+    "paper": "the paper's network",
+}
 """Networks of the frontier in words."""
 
 AXES = {"bits_per_s": "bits/s", "power_w": "power (W), seven corrections, 1 mV of noise"}

@@ -7,6 +7,7 @@ validation, which trains on 160 of the 200 training images and is judged on the 
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 import re
@@ -16,7 +17,6 @@ from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eskin.base.errors import InputError
 from eskin.base.files import Pieces, plain
@@ -30,10 +30,11 @@ from eskin.snn.data.scans import ScanData, Split
 from eskin.snn.experiments.coded import coded_bps
 from eskin.snn.experiments.experiment import Experiment
 from eskin.snn.experiments.intervals import bootstrap
-from eskin.snn.experiments.pairs import mcnemar
+from eskin.snn.experiments.pairs import compare, right_of
 from eskin.snn.experiments.points import Sweep, as_word
 from eskin.snn.experiments.settings import experiment_of
 from eskin.snn.experiments.sweep import SweepPoint
+from eskin.snn.reference import LEAST_RATE, logistic_classes
 from eskin.snn.studies.noise import Rates, power_of
 
 FOLDS = 6
@@ -47,6 +48,15 @@ NOISE_V = 1e-3
 NETWORKS: dict[str, dict[str, dict[str, Any]]] = {
     "physical": {
         "leaky": {"recipe": "tuned", "hidden": 128, "learning_rate": 3e-3},
+        "leaky-2ms": {
+            "recipe": "tuned",
+            "hidden": 128,
+            "learning_rate": 3e-3,
+            "bin_s": 0.002,
+            "shift_steps": 20,
+            "decay": 0.9,
+            "output_decay": 0.975,
+        },
         "convolutions": {"recipe": "cnn", "hidden": 128, "learning_rate": 3e-3},
         "paper": {"recipe": "paper"},
     },
@@ -152,7 +162,7 @@ class Point:
             settings.pop("recipe"),
             settings,
             SCANS[self.preset]["epochs"],
-            BinConfig(),
+            BinConfig(bin_s=settings.pop("bin_s", BinConfig().bin_s)),
             frames or None,
             dataset=dataset,
             preset=self.preset,
@@ -193,6 +203,12 @@ class Frontier:
             lambda: _rates(experiment, self._data(experiment).rate_hz, coded_bps(experiment)),
         )
 
+    def trivial(self, point: Point) -> dict[str, Any]:
+        """Return the ``accuracy`` of a classifier without time: logistic regression on the mean of every channel."""
+        experiment = point.experiment(self._dataset)
+        fields = experiment.to_dict() | {"network": None, "train": None}
+        return self._pieces.of(f"trivial/{_digest(fields)}", lambda: {"accuracy": _trivial(self._data(experiment))})
+
     def _data(self, experiment: Experiment) -> ScanData:
         """Return the scans of a point; the last ones stay in memory."""
         key = _digest(experiment.to_dict() | {"network": None, "train": None})
@@ -223,7 +239,8 @@ class Frontier:
             labels = as_word(np.concatenate([cell["labels"] for cell in cells])[order])
             words.append(as_word(np.concatenate([cell["predicted"] for cell in cells])[order]))
         rates = {name: value for name, value in self.readout(point).items() if name not in ("name", "code")}
-        return _named(point, point.experiment(self._dataset)) | rates | _result(labels, words)
+        trivial = {"trivial": self.trivial(point)["accuracy"]}
+        return _named(point, point.experiment(self._dataset)) | rates | trivial | _result(labels, words)
 
 
 def frontier_data(points: Sequence[dict[str, Any]], inner: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
@@ -269,26 +286,10 @@ def pairs_of(points: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
                 first["bits_per_s"], second["bits_per_s"]
             )
             if same and near and events and not frames:
-                found.append(compare(first, second))
+                names = {"first": first["name"], "second": second["name"]}
+                result = compare(first["labels"], first["predictions"], second["predictions"])
+                found.append(names | dataclasses.asdict(result))
     return found
-
-
-def compare(first: dict[str, Any], second: dict[str, Any]) -> dict[str, Any]:
-    """Return two points compared image by image over their common seeds, second minus first."""
-    seeds = min(first["seeds"], second["seeds"])
-    a, b = (_right(point["labels"], point["predictions"][:seeds]) for point in (first, second))
-    only = (a & ~b).sum(1).tolist(), (b & ~a).sum(1).tolist()
-    gains = b.astype(float) - a
-    return {
-        "first": first["name"],
-        "second": second["name"],
-        "seeds": seeds,
-        "difference": float(gains.mean()),
-        "interval": bootstrap(gains.T),
-        "only_first": only[0],
-        "only_second": only[1],
-        "p": [mcnemar(x, y) for x, y in zip(*only, strict=True)],
-    }
 
 
 def _train(experiment: Experiment, data: ScanData, fold: int, seed: int, inner: bool) -> dict[str, Any]:
@@ -308,6 +309,17 @@ def _train(experiment: Experiment, data: ScanData, fold: int, seed: int, inner: 
         "predicted": predicted_classes(found.network, data, judged).tolist(),
         "train_accuracy": found.history[-1].accuracy,
     }
+
+
+def _trivial(data: ScanData) -> float:
+    """Return the accuracy over all folds of a logistic regression on the mean absolute value of every channel."""
+    labels, scans = data.image_labels, data.first_scans(range(len(data.names)))
+    columns = np.log(np.abs(data.values[scans].astype(np.float64)).mean(1) + LEAST_RATE)
+    right = [
+        logistic_classes(columns, labels, np.setdiff1d(np.arange(len(labels)), test), test) == labels[test]
+        for test in stratified_folds(labels, FOLDS, 0)
+    ]
+    return float(np.concatenate(right).mean())
 
 
 def _named(point: Point, experiment: Experiment) -> dict[str, Any]:
@@ -340,7 +352,7 @@ def _rates(experiment: Experiment, rate_hz: float, coded: dict[str, float]) -> d
 
 def _result(labels: str, words: list[str]) -> dict[str, Any]:
     """Return the accuracy of some seeds with its interval, and every prediction."""
-    right = _right(labels, words).astype(float)
+    right = right_of(labels, words).astype(float)
     return {
         "seeds": len(words),
         "accuracy": float(right.mean()),
@@ -349,11 +361,6 @@ def _result(labels: str, words: list[str]) -> dict[str, Any]:
         "labels": labels,
         "predictions": words,
     }
-
-
-def _right(labels: str, words: Sequence[str]) -> NDArray[np.bool_]:
-    """Return whether every seed classifies every image correctly, shape (seeds, images)."""
-    return np.array([[a == b for a, b in zip(word, labels, strict=True)] for word in words], bool)
 
 
 def _digest(fields: dict[str, Any]) -> str:
