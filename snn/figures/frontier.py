@@ -1,4 +1,4 @@
-"""Draw the frontier: accuracy against data rate and power, one column of panels per scan and network."""
+"""Draw the frontier: accuracy against data rate, one panel per scan and network."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ NETWORKS = {
 }
 """Networks of the frontier in words."""
 
-AXES = {"bits_per_s": "bits/s", "power_w": "power (W), seven corrections, 1 mV of noise"}
-"""Fields of a point on the axes of both rows, with their labels."""
+COLUMNS = 3
+"""Panels side by side."""
 
-LEGEND = "bars: 95 % interval over images and seeds; thin line to the left: the rate after lossless coding"
+LEGEND = "bars: 95 % interval over images and seeds; thin line: to the rate after lossless coding (events: with times)"
 
 
 def kind_of(point: Data) -> str:
@@ -45,24 +45,32 @@ def words_of(point: Data) -> str:
 
 
 def plot_frontier(data: Data, path: Path) -> None:
-    """Draw accuracy against data rate and power; see :func:`draw_frontier`."""
+    """Draw accuracy against data rate; see :func:`draw_frontier`."""
     save_figure(draw_frontier(data), path)
 
 
 def draw_frontier(data: Data) -> Figure:
-    """Return accuracy against data rate and power, one column for each scan and network."""
+    """Return accuracy against data rate, one panel for each scan and network."""
     from matplotlib.lines import Line2D
 
-    columns = list(dict.fromkeys((point["preset"], point["network"]) for point in data["points"]))
-    figure = new_figure(2.0 + 4.2 * len(columns), 8.6, "Accuracy, data rate and power of chosen taxels")
-    panels = figure.subplots(len(AXES), len(columns), sharey=True, squeeze=False)
-    for row, label in zip(panels, AXES.values(), strict=True):
-        row[0].set_ylabel("accuracy (%)", fontsize=8.5)
-        for panel, (preset, network) in zip(row, columns, strict=True):
-            dress(panel, f"{preset} scan, {NETWORKS[network]}")
-            panel.set_xscale("log")
-            panel.set_xlabel(label, fontsize=8.5)
-    panels[0][0].set_ylim(40, 102)
+    of_panels: dict[tuple[str, str], list[Data]] = {}
+    for point in data["points"]:
+        of_panels.setdefault((point["preset"], point["network"]), []).append(point)
+    rows, columns = -(-len(of_panels) // COLUMNS), min(COLUMNS, len(of_panels))
+    figure = new_figure(2.0 + 4.2 * columns, 0.8 + 3.9 * rows, "Readouts of chosen taxels: accuracy against data rate")
+    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    for empty in grid.ravel()[len(of_panels) :]:
+        empty.set_axis_off()
+    panels = dict(zip(of_panels, grid.ravel(), strict=False))
+    for (preset, network), panel in panels.items():
+        dress(panel, f"{preset} scan, {NETWORKS[network]}")
+        panel.set_xscale("log")
+        panel.set_xlabel("bits/s", fontsize=8.5)
+        panel.set_ylabel("accuracy (%)", fontsize=8.5)
+        panel.tick_params(labelbottom=True)
+    rates = [point[name] for point in data["points"] for name in ("bits_per_s", "coded_bits_per_s")]
+    grid[0][0].set_xlim(0.8 * min(rates), 2 * max(rates))
+    grid[0][0].set_ylim(40, 102)
     there = {kind_of(point) for point in data["points"]}
     keys = [
         Line2D([], [], color=look(r).colour, marker=look(r).marker, ls="", label=NAMES[r]) for r in NAMES if r in there
@@ -70,43 +78,29 @@ def draw_frontier(data: Data) -> Figure:
     legend = figure.legend(handles=keys, loc="outside lower left", ncols=len(keys), title=f"last epoch; {LEGEND}",
                            title_fontsize=8, fontsize=8, frameon=False, alignment="left")  # fmt: skip
     legend.get_title().set_color(GREY)
-    shown = [
-        (panel, axis, [p for p in data["points"] if (p["preset"], p["network"]) == column and p[axis]])
-        for row, axis in zip(panels, AXES, strict=True)
-        for panel, column in zip(row, columns, strict=True)
-    ]
-    for panel, axis, points in shown:
-        for point in points:
-            _draw_point(panel, point, axis)
-        panel.margins(x=0.2)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
-    for panel, axis, points in shown:
-        _label_points(panel, points, axis)
+    for key, panel in panels.items():
+        _draw_points(panel, of_panels[key])
     return figure
 
 
-def _draw_point(panel: Axes, point: Data, axis: str) -> None:
-    """Draw the mark of a point with its interval and its coded rate."""
-    style: dict[str, Any] = {"color": look(kind_of(point)).colour, "lw": 1}
-    at, middle = point[axis], 100 * point["accuracy"]
-    panel.plot(at, middle, marker=look(kind_of(point)).marker, ms=7, ls="", color=style["color"])
-    panel.plot([at, at], [100 * end for end in point["interval"]], marker="_", ms=5, alpha=0.75, zorder=1.5, **style)
-    if axis == "bits_per_s":
-        panel.plot([point["coded_bits_per_s"], at], [middle, middle], marker="|", ms=6, alpha=0.75, zorder=1.5, **style)
-
-
-def _label_points(panel: Axes, points: list[Data], axis: str) -> None:
-    """Write the words of every point beside its mark."""
+def _draw_points(panel: Axes, points: list[Data]) -> None:
+    """Draw marks with intervals and coded rates, then the words beside them."""
     taken, boxes = Taken(), []
     for point in points:
-        x, y = on_page(panel, point[axis], 100 * point["accuracy"])
-        ends = [on_page(panel, point[axis], 100 * end)[1] for end in point["interval"]]
-        box = Box(x - 3.5, min(ends[0], y - 3.5), x + 3.5, max(ends[1], y + 3.5))
-        taken.boxes.append(box)
+        at, middle, coded = point["bits_per_s"], 100 * point["accuracy"], point["coded_bits_per_s"]
+        low, high = (100 * end for end in point["interval"])
+        style: dict[str, Any] = {"color": look(kind_of(point)).colour, "alpha": 0.75, "zorder": 1.5, "lw": 1}
+        panel.plot(at, middle, marker=look(kind_of(point)).marker, ms=7, ls="", color=style["color"])
+        panel.plot([at, at], [low, high], marker="_", ms=5, **style)
+        panel.plot([coded, at], [middle, middle], marker="|", ms=6, **style)
+        (x, y), (bottom, top) = on_page(panel, at, middle), (on_page(panel, at, end)[1] for end in (low, high))
+        ends = sorted((x, on_page(panel, coded, middle)[0]))
+        box = Box(x - 3.5, min(bottom, y - 3.5), x + 3.5, max(top, y + 3.5))
+        taken.boxes += [box, Box(ends[0] - 1, y - 3, ends[1] + 1, y + 3)]
         boxes.append((point, box))
     for point, box in boxes:
-        place, colour = (point[axis], 100 * point["accuracy"]), look(kind_of(point)).colour
-        label = panel.annotate(words_of(point), place, xytext=(0, 0), textcoords="offset points", fontsize=7,
-                               color=colour)  # fmt: skip
+        label = panel.annotate(words_of(point), (point["bits_per_s"], 100 * point["accuracy"]), xytext=(0, 0),
+                               textcoords="offset points", fontsize=7, color=look(kind_of(point)).colour)  # fmt: skip
         place_label(panel, label, box, taken, "right above below left")

@@ -73,10 +73,33 @@ SCANS: dict[str, dict[str, Any]] = {
 SWEEPS = {"rates-cnn": "convolutions", "rates-paper": "paper"}
 """Networks of the sweeps of the project whose points belong to the frontier: all taxels, ``paper`` scans."""
 
-PLAN: dict[str, int] = {}
+PLAN: dict[str, int] = {
+    "physical/leaky/lcs:2/across:8": 1,
+    "physical/leaky/nlcs-bipolar:2/across:8": 1,
+    "physical/leaky/nlcs:5/across:8": 1,
+    "physical/leaky/lcs:2/12x16:across:12": 3,
+    "physical/leaky/frame-onoff:250:3:2/12x16:across:12": 3,
+    "physical/leaky-2ms/lcs:2/12x16:across:12": 3,
+    "physical/leaky-2ms/frame-onoff:250:3:2/12x16:across:12": 3,
+    "physical/convolutions/lcs:2/12x16:across:12": 1,
+    "physical/convolutions/frame-diff:250:6/12x16:across:6": 1,
+}
 """Seeds of every point that is trained for docs/results/frontier.md."""
 
-CANDIDATES: dict[str, int] = {}
+CANDIDATES: dict[str, int] = {
+    "physical/leaky/lcs:3/across:4": 1,
+    "physical/leaky/lcs:2/across:8": 1,
+    "physical/leaky/lcs:2/along:8": 1,
+    "physical/leaky/lcs:2/12x16:across:12": 1,
+    "physical/leaky/frame-onoff:125:6:4/12x16:across:12": 1,
+    "physical/leaky/frame-onoff:125:6:3/12x16:across:12": 1,
+    "physical/leaky/frame-onoff:250:3:2/12x16:across:12": 1,
+    "physical/leaky/frame-onoff:250:6:4/12x16:across:6": 1,
+    "physical/leaky-2ms/frame-onoff:250:3:2/12x16:across:12": 1,
+    "physical/leaky-2ms/frame-onoff:500:3:2/12x16:across:6": 1,
+    "physical/convolutions/frame-diff:250:3/12x16:across:12": 1,
+    "physical/convolutions/frame-diff:250:6/12x16:across:6": 1,
+}
 """Folds of inner validation of the readouts among which those of PLAN were chosen."""
 
 AS_EQUAL = 1.6
@@ -244,7 +267,7 @@ class Frontier:
 
 
 def frontier_data(points: Sequence[dict[str, Any]], inner: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
-    """Return the content of ``frontier.json``: points, pairs of events and frames, and inner validations."""
+    """Return the content of ``frontier.json``: points, pairs of LCS and others, and inner validations."""
     order = sorted(points, key=lambda point: (point["preset"] != "physical", point["network"], point["bits_per_s"]))
     return {
         "noise_v": NOISE_V,
@@ -276,16 +299,16 @@ def points_of(sweep: Sweep, network: str) -> list[dict[str, Any]]:
 
 
 def pairs_of(points: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return comparisons of events and frames with the same scan and network and about the same data rate."""
+    """Return comparisons of LCS with frames and other encoders of one scan, network and (about) data rate."""
     found = []
     for first in points:
         for second in points:
             same = all(first[name] == second[name] for name in ("preset", "network", "labels"))
-            events, frames = ("frame" not in point["readout"] for point in (first, second))
+            kinds = [point["readout"].partition(":")[0] for point in (first, second)]
             near = max(first["bits_per_s"], second["bits_per_s"]) < AS_EQUAL * min(
                 first["bits_per_s"], second["bits_per_s"]
             )
-            if same and near and events and not frames:
+            if same and near and kinds[0] == "lcs" != kinds[1]:
                 names = {"first": first["name"], "second": second["name"]}
                 result = compare(first["labels"], first["predictions"], second["predictions"])
                 found.append(names | dataclasses.asdict(result))

@@ -10,7 +10,6 @@ import typer
 from eskin.app.cli import asked_for, printable
 from eskin.app.commands.learn.options import DatasetName, Seeds, check_device
 from eskin.app.options import WRITES_FOLDER
-from eskin.app.tables import new_table, show
 from eskin.base.errors import InputError
 from eskin.base.figures.files import write_results
 from eskin.base.progress import bar
@@ -78,20 +77,17 @@ def frontier(
     for name, network in ({} if points else SWEEPS).items():
         made += points_of(load_sweep(KEPT / f"{name}.json"), network)
     data = frontier_data(made, validated)
-    _print(data)
+    _print(data["points"])
     print(printable(write_results(out, "frontier", data, plot_frontier, command=asked_for())))
 
 
-def _print(data: dict[str, Any]) -> None:
-    table = new_table(("point", "events/s", "bits/s", "accuracy", "95 % interval", "seeds"), "last epoch", left=(0,))
-    for point in data["points"]:
-        low, high = point["interval"]
-        table.add_row(
-            printable(point["name"]),
-            f"{point['rate_hz']:,.0f}",
-            f"{point['bits_per_s']:,.0f}",
-            f"{100 * point['accuracy']:.1f}",
-            f"{100 * low:.1f} to {100 * high:.1f}",
-            str(point["seeds"]),
+def _print(points: list[dict[str, Any]]) -> None:
+    """Print one line for each point."""
+    for point in points:
+        low, high = (100 * end for end in point["interval"])
+        print(
+            printable(
+                f"{point['name']}: {100 * point['accuracy']:.1f} % ({low:.1f} to {high:.1f}), seeds: {point['seeds']}; "
+                f"{point['rate_hz']:,.0f} events or values/s, {point['bits_per_s']:,.0f} bits/s"
+            )
         )
-    show(table)
