@@ -110,7 +110,7 @@ def less(first: str, second: str) -> dict[str, Any]:
     """Return by how many points the second point of a pair is less accurate, with interval, and its share of power."""
     pair = only(read("docs/data/frontier.json")["pairs"], first=first, second=second)
     power = {"ratio": at(second)["power_w"] / at(first)["power_w"]} if at(second)["power_w"] else {}
-    low, high = sorted(-bound for bound in pair["interval"])
+    low, high = sorted(0.0 - bound for bound in pair["interval"])
     return {"lead": -pair["difference"], "low": low, "high": high, "a": at(first), "b": at(second)} | power
 
 
