@@ -12,6 +12,9 @@ EVENTS = "{?energy_per_event_j:1e12*.2f} | {?energy_per_lone_event_j:1e12*.2f}"
 ON_TEXTURE = EVENTS + " | {?energy_per_texture_event_j:1e12*.2f}"
 EVENT_TITLES = "pJ per event: one in every clock | alone | on a texture"
 
+CLOCKS_AN_EVENT = 7
+"""Of the four-phase link, with a receiver that answers at once."""
+
 
 def reports(folder: str, pattern: str = "*.json") -> dict[str, dict[str, Any]]:
     """Return the reports of a folder of ``docs/data``, by name."""
@@ -64,6 +67,19 @@ def asic_netlists() -> None:
         " | {flops:,} ({gated_flops:,}) | {structure[clock_gates]} | {mhz} | {timing[typical][logic_depth]}"
         " | {equivalence[proved]:,} of {equivalence[of]:,} | {commit}",
     )
+
+
+def intuitive() -> None:
+    """Print our netlists of the array of the INTUITIVE chip, which is analog, beside that chip."""
+    print("| | process | contains | idle, nW a taxel | um2 a taxel | pJ an event, busy | ns an event at least |")
+    print("|---|---|---|---|---|---|---|")
+    print("| INTUITIVE | 180 nm | taxels with their analog parts, arbiter, bus | 12.33 | 40,000 | | 600 |")
+    for report in netlists().values():
+        if report["rows"] == 12 and report["frontend"] == "analog":
+            report["fastest_ns"] = CLOCKS_AN_EVENT / report["fmax_hz"]["typical"] * 1e9
+            line = "| {name} | {cells} | digital logic alone, no wires | {idle_w_per_taxel:1e9*.2f}"
+            line += " | {area_um2_per_taxel:,.0f} | {energy_per_event_j:1e12*.2f} | {fastest_ns:.0f} |"
+            print(filled(line, report))
 
 
 def asic_power() -> None:
