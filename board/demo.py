@@ -95,7 +95,7 @@ class DemoResult:
 def show_of(
     source: Path | None, weights: Path | None, only: str | None = None, readout: Mapping[str, Any] | None = None
 ) -> Show:
-    """Return what a demo plays.
+    """Return the inputs of a demo.
 
     Parameters
     ----------
@@ -237,7 +237,7 @@ def picture_of(image: NDArray[Any], scan: PhysicalScan, config: ReadoutConfig) -
 
 
 def new_view(show: Show) -> View:
-    """Return what shows a demo."""
+    """Return the live view of a demo."""
     chip = show.chip
     if chip is None:
         return View(show.config, SerialConfig().clock_hz, 1.0)

@@ -152,7 +152,7 @@ class Link:
         self._until(lambda: not self._waiting, seconds)
 
     def waited_s(self) -> float:
-        """Return how long the bytes that are handed on now have been on this machine."""
+        """Return the age of the current bytes on this machine."""
         return time.monotonic() - self.arrived
 
     def _until(self, done: Callable[[], bool], seconds: float) -> None:

@@ -28,8 +28,8 @@ class Readout(Block[ReadoutConfig]):
     taxel_enable : In(rows * columns)
         Mask: 0 silences a taxel.
     sample, sample_valid : In(rows * columns * W), In(1)
-        Codes of all taxels, taken together (digital front end). With the analog one ``sample_valid`` alone stays where
-        the encoder needs time: it is the sample tick.
+        Codes of all taxels, taken together (digital front end). The analog front end has only ``sample_valid``, the
+        sample tick, if the encoder needs it.
     above, below, reference_code, half_width
         Comparator decisions in, references and half-widths out (analog front end), see ``Taxel``.
     event_valid, event_ready, event_row, event_col, event_polarity

@@ -40,7 +40,7 @@ class Aim:
 
 
 def clock_aim(built: Built) -> Aim:
-    """Return how the clock does."""
+    """Return the clock against its target."""
     return Aim(
         "clock, routed, MHz (at least)", round(built.clock_hz / 1e6, 1), LEAST_HZ / 1e6, built.clock_hz >= LEAST_HZ
     )

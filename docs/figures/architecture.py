@@ -6,8 +6,8 @@ between rooms are the imports. networkx comes with scikit-image.
 
 from __future__ import annotations
 
-import ast
 import itertools
+import re
 import textwrap
 from collections.abc import Collection
 from pathlib import Path
@@ -105,16 +105,11 @@ def house() -> nx.DiGraph:
     """Return the rooms, with an edge from each to every room that it imports."""
     rooms = {path.parent.name for path in ROOT.glob("*/__init__.py")} - NO_ROOMS
     graph = nx.DiGraph()
-    graph.add_nodes_from(rooms)
-    for room in rooms:
-        for node in (node for path in (ROOT / room).rglob("*.py") for node in ast.walk(ast.parse(path.read_text()))):
-            start = f"{node.module}." if isinstance(node, ast.ImportFrom) else ""
-            imports = isinstance(node, (ast.Import, ast.ImportFrom))
-            names = [start + alias.name for alias in node.names] if imports else []
-            graph.add_edges_from(
-                (room, other)
-                for other in {name.split(".")[1] for name in names if name.startswith("eskin.")} & rooms - {room}
-            )
+    graph.add_nodes_from(sorted(rooms))
+    for room in sorted(rooms):
+        texts = (path.read_text() for path in (ROOT / room).rglob("*.py"))
+        found = {name for text in texts for name in re.findall(r"^\s*(?:from|import) eskin\.(\w+)", text, re.MULTILINE)}
+        graph.add_edges_from((room, other) for other in sorted(found & rooms - {room}))
     return graph
 
 
@@ -130,7 +125,7 @@ def places_of(graph: nx.DiGraph) -> dict[str, tuple[float, float]]:
             for room, column in zip(rooms, slots, strict=True)
         }
         over, length = 0, 0.0
-        for upper, lower in graph.edges:
+        for upper, lower in sorted(graph.edges):
             (x, y), (to_x, to_y) = places[upper], places[lower]
             length += abs(x - to_x)
             for other, floor in places.values():
@@ -148,8 +143,8 @@ def draw_house() -> None:
     figure, axis = plane("Rooms and their imports", width + 2.5, height + 1)
     for room, (x, y) in places.items():
         folders = ", ".join(sorted(path.parent.name for path in (ROOT / room).glob("*/__init__.py")))
-        box(axis, x - 2.3, y - 0.75, 4.6, 1.5, f"{room}/\n\n{textwrap.fill(folders, 32)}")
-    for upper, lower in graph.edges:
+        box(axis, x - 2.3, y - 0.75, 4.6, 1.5, f"{room}/\n{textwrap.fill(folders, 32)}")
+    for upper, lower in sorted(graph.edges):
         (x, y), (to_x, to_y) = places[upper], places[lower]
         arrow(axis, (x, y - 0.75), (to_x, to_y + 0.75), color="#555555")
     save_figure(figure, HERE / "house.png")

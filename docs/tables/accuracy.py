@@ -190,7 +190,7 @@ def nlcs_epochs() -> None:
 
 
 def precision() -> None:
-    """Print accuracies of networks in whole numbers by bits of their weights."""
+    """Print accuracies of integer networks by bits of their weights."""
     report = read(f"{TEXTURES}precision.json")
     points: dict[str, dict[str, Any]] = {}
     for point in report["points"]:
@@ -265,7 +265,7 @@ def merits_rest() -> None:
 
 
 def merits_timing() -> None:
-    """Print how well the time of a crossing is known, from events and from frames."""
+    """Print the timing error of a crossing, for events and frames."""
     rows = read(f"{TEXTURES}merits.json")["timing"]
     table(
         "known from | normalised rate | crossings found | median error, us | 95 % below, us",

@@ -131,7 +131,7 @@ def asic_targets() -> None:
 
 
 def parity() -> None:
-    """Print how much of a taxel a single flop is, in netlists of real cells."""
+    """Print the area of one flop as a share of a taxel, in netlists of real cells."""
     rows = []
     for name in ("lcs-digital", "lcs-analog", "nlcs-digital"):
         netlist = netlists()[f"{name}-8x8-ihp"]

@@ -75,13 +75,13 @@ def proofs() -> None:
 
 
 def proof_mutants() -> dict[str, int]:
-    """Return how many mutants of the blocks were generated, and how many a property kills."""
+    """Return the number of generated mutants of the blocks, and the number killed by a property."""
     failed = [failed for one in evidence("formal")["hunts"] for failed in one["mutants"].values()]
     return {"generated": len(failed), "killed": sum(map(bool, failed))}
 
 
 def stages() -> None:
-    """Print how far every block is."""
+    """Print the state of every block."""
     faults_of = evidence("faults")["blocks"]
     rows = []
     for block, found in groupby(evidence("formal")["properties"], key=lambda row: row["block"]):
@@ -188,7 +188,7 @@ def hostile() -> None:
 
 
 def soak() -> None:
-    """Print what was soaked."""
+    """Print the totals of the soak."""
     report = evidence("soak")
     table(
         "clocks | events | configurations | runs | taxels, at most | hours | mismatches",

@@ -39,7 +39,7 @@ class Latencies:
 
     @classmethod
     def of(cls, config: ReadoutConfig) -> Latencies:
-        """Return those of a configuration."""
+        """Return the latencies of a configuration."""
         config = from_zero(config)
         first = played(config)
         first.ready[:] = 1

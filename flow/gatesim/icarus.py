@@ -13,7 +13,7 @@ NO_PROGRAM = "iverilog not found; install with: apt-get install iverilog"
 
 
 def run(texts: Sequence[str], top: str, folder: Path) -> str:
-    """Return what a program prints.
+    """Return the output of a program.
 
     Parameters
     ----------

@@ -155,6 +155,6 @@ def compare(gds: Path, top: str, spice: str, ports: Sequence[str], deck: str, fo
 
 
 def read_comparison(counts: Path) -> Comparison:
-    """Return what ``compare`` left."""
+    """Return the results that ``compare`` stored."""
     said = json.loads(counts.read_text())
     return Comparison(bool(said["equal"]), said["nets"], said["devices"], said["ports"], tuple(said["differ"]))

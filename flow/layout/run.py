@@ -163,7 +163,7 @@ class Layout:
         return Try(margin, problem, said["width_um"], said["height_um"], rules)
 
     def compare(self, placed: Path | None) -> Comparison | None:
-        """Return how the netlist in a layout compares with the circuit."""
+        """Return the comparison of the layout's netlist with the circuit."""
         if placed is None:
             return None
         gds, text = placed / f"{self.top}.gds", self.circuit.spice(self.known, self.top)

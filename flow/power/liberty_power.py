@@ -174,7 +174,7 @@ class LibertyPower:
         return total / share if share > 0.999 else total + (1 - share) * kind.leakage_w
 
     def _spent(self, cell: Cell, pin: str, bits: dict[str, Bits], output: bool) -> list[tuple[str, int, Energy, float]]:
-        """Return which energies the changes of a pin cost inside the cell, and how often."""
+        """Return the internal energies of a pin's changes, and their numbers."""
         kind = self.kinds[cell.kind]
         clocks = kind.clock_pins
         after, before = bits[pin][1:], bits[pin][:-1]
@@ -205,7 +205,7 @@ class LibertyPower:
 
 
 def _counts(groups: list[Energy], seen: tuple[Bits, dict[str, Bits], dict[str, Bits], bool]) -> list[float]:
-    """Return how often each group is spent in all rises or falls of a pin.
+    """Return the number of times each group applies to a pin's rises or falls.
 
     A change costs the mean of those that fit it; where none does, the mean of those without a condition.
     """

@@ -226,12 +226,12 @@ class SkinPlacement(Placement):
         return [self._spot(spot) for spot in self.spots]
 
     def _corner(self, tile: int) -> tuple[float, float]:
-        """Return where a tile begins."""
+        """Return the position of a tile."""
         down, across = divmod(tile, self.skin.tile_columns)
         return across * self.tile.columns * self.pitch_um, down * self.tile.rows * self.pitch_um
 
     def _spot(self, spot: Spot) -> tuple[float, float]:
-        """Return where a cell stands."""
+        """Return the position of a cell."""
         middle = self.columns * self.pitch_um / 2, self.rows * self.pitch_um / 2
         if spot.tile == MERGE:
             return middle

@@ -236,7 +236,7 @@ class Timing:
         return kind_of, place_of
 
     def _driven_by_cells(self) -> NDArray[np.bool_]:
-        """Return which nets wait for a cell that is no flop."""
+        """Return the nets that are driven by a cell other than a flop."""
         driven = np.zeros(self.nets, bool)
         for group in self.groups.values():
             for pin in () if group.kind.launch else group.kind.outputs:

@@ -290,7 +290,7 @@ class Classifier(Block[ClassifierConfig]):
         ]
 
     def _potentials(self, m: Module, rest: Value, platform: Any) -> None:
-        """Write what reset leaves of a potential, and read and leak that of the neuron two numbers later."""
+        """Write a potential after its reset; read and leak the potential of the neuron two numbers later."""
         config = self.config
         potentials = PotentialMemory(config)
         potentials.place(m, "potentials", platform)

@@ -35,7 +35,7 @@ def fire(
 
 
 def leak(m: Module, v: Value, leaks: Leak) -> Value:
-    """Return what a leak leaves of v, which needs no more bits than v; all of it for a shift of 0."""
+    """Return v after a leak, in no more bits than v; a shift of 0 means no leak."""
     if not leaks.shift:
         return v
     lost = v

@@ -24,7 +24,7 @@ FRAMES = {"onoff": "ON/OFF of differences", "diff": "differences"}
 
 
 def label(name: str) -> str:
-    """Return what a readout or network of the project is called in figures; other names stay as a user gave them.
+    """Return the label of a readout or network in figures; names from a user stay unchanged.
 
     Examples
     --------

@@ -271,4 +271,4 @@ def test_a_foreign_chip_is_recorded_into_our_files(hosts: Hosts, tmp_path: Path)
     assert len(Recording.load(tmp_path / "both.npz").events) == 3
     one = Recording.load(tmp_path / "mapped.npz").events
     assert [(e["x"], e["y"], bool(e["p"])) for e in one] == [(0, 1, True), (0, 0, False)]
-    assert "has the address 0x3, which" in said["mapped"]["err"]
+    assert "sent the address 0x3, which" in said["mapped"]["err"]

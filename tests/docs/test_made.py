@@ -67,3 +67,12 @@ def test_every_file_that_the_documents_name_is_there() -> None:
     for page in [*PAGES, ROOT / "CONTRIBUTING.md"]:
         for name in named.findall(page.read_text()):
             assert (ROOT / name).exists(), f"{page.name} names {name}"
+
+
+def test_the_rooms_in_the_picture_are_those_of_the_imports() -> None:
+    from docs.figures.architecture import house
+
+    graph = house()
+    assert {("rtl", "model"), ("app", "snn")} <= set(graph.edges)
+    assert ("model", "rtl") not in graph.edges
+    assert set(graph.nodes) >= {"base", "model", "rtl", "skin", "snn", "board", "flow", "verify", "app"}

@@ -187,7 +187,7 @@ def test_without_the_result_of_the_training_nothing_is_said_about_folds(
     code, output, _ = call("--events", replayed, weights=tmp_path / "weights.npz")
     assert code == 0
     assert "all images: accuracy" in output
-    assert "not known: there is no result.json of the training beside weights.npz" in output
+    assert "learned some of them: there is no result.json of the training beside weights.npz" in output
     assert {image["part"] for image in images_in(tmp_path)} == {None}
 
 

@@ -55,7 +55,7 @@ class Counts:
 
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Counts:
-        """Return what ``to_dict`` gave."""
+        """Return the object that ``to_dict`` stored."""
         counts = {Construct(*fields): count for *fields, count in content["constructs"]}
         return cls(counts, {(name, own): content["texts"][at] for name, own, at in content["modules"]})
 

@@ -109,19 +109,19 @@ READOUT = [*field_options(ReadoutConfig, ENCODER, _IN_HELP), CONFIG_FILE]
 
 
 def _options(
-    preset: Preset = None,
-    tau: Tau = None,
+    data: OwnData = None,
     dataset: DatasetName = None,
     events: EventFolder = None,
-    data: OwnData = None,
-    frames: Frames = None,
-    start_rows: StartRows = None,
-    disturbed: Disturbed = None,
-    taxels: Taxels = None,
-    bin_s: BinSeconds = None,
-    start: Start = None,
+    preset: Preset = None,
     recipe: Recipe = None,
     epochs: Epochs = 60,
+    bin_s: BinSeconds = None,
+    frames: Frames = None,
+    taxels: Taxels = None,
+    tau: Tau = None,
+    start: Start = None,
+    start_rows: StartRows = None,
+    disturbed: Disturbed = None,
     settings: Settings = None,
     grid: Grid = None,
 ) -> None:

@@ -56,7 +56,7 @@ def _settings_that_differ(first: Recording, second: Recording, labels: tuple[str
 
 
 def _print_counts(first: Recording, second: Recording, labels: tuple[str, str]) -> None:
-    """Print the numbers of events of the taxels in which they differ."""
+    """Print the event counts of taxels that differ in both files."""
     config = covering_config(first.config, second.config)
     counts = [count_per_taxel(recording.events, config) for recording in (first, second)]
     print(f"\n{labels[0]} has {len(first.events)} events, {labels[1]} {len(second.events)}")

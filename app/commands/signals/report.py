@@ -26,7 +26,7 @@ def report(
     ] = Path("out/report.html"),
     sim: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="runs of make sim: runs of make sim: event files of RTL and model [out/sim]"),
+        typer.Option(metavar="DIR", help="runs of make sim: event files of RTL and model [out/sim]"),
     ] = None,
     replay: Annotated[Path | None, typer.Option(metavar="DIR", help="results of make replay [out/replay]")] = None,
     benchmarks: Annotated[

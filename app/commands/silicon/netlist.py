@@ -32,9 +32,7 @@ def gatesim(
         Path, typer.Option("-o", "--out", help="folder for netlist, pictures, events"), WRITES_FOLDER
     ] = Path("out/gates"),
 ) -> None:
-    """Compare a clock-gated netlist with the model, as make sim does the RTL; exit code 1 on a difference or X after
-    reset.
-    """
+    """Compare a clock-gated netlist with the model; exit code 1 on a difference, or on X after reset."""
     from eskin.cocotb_tests.runner import sim as session
     from eskin.cocotb_tests.runner.process import MismatchFound
     from eskin.flow.gatesim.sim import play, prepare
