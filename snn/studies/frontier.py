@@ -81,8 +81,8 @@ PLAN: dict[str, int] = {
     "physical/leaky/frame-onoff:250:3:2/12x16:across:12": 3,
     "physical/leaky-2ms/lcs:2/12x16:across:12": 3,
     "physical/leaky-2ms/frame-onoff:250:3:2/12x16:across:12": 3,
-    "physical/convolutions/lcs:2/12x16:across:12": 1,
-    "physical/convolutions/frame-diff:250:6/12x16:across:6": 1,
+    "physical/convolutions/lcs:2/12x16:across:12": 2,
+    "physical/convolutions/frame-diff:250:6/12x16:across:6": 2,
 }
 """Seeds of every point that is trained for docs/results/frontier.md."""
 
