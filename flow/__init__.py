@@ -1,1 +1,1 @@
-"""Design flow of the readout: its proofs."""
+"""Run the flow behind the RTL: netlists, gate simulation, timing, power, layout, datasheets, tapeout."""

@@ -107,7 +107,7 @@ async def frames(host: Host) -> None:
 
 
 def with_crc(body: bytes) -> bytes:
-    """Return a frame's inside with its CRC, stuffed."""
+    """Return the escaped bytes of a frame with its CRC."""
     whole = body + zlib.crc32(body).to_bytes(4, "little")
     stuffed = (bytes([ESCAPE, byte ^ 0x20]) if byte in (FLAG, ESCAPE) else bytes([byte]) for byte in whole)
     return b"".join(stuffed)
