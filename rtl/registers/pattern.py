@@ -15,7 +15,7 @@ REGISTER = "test"
 
 
 def fields(config: ReadoutConfig) -> dict[str, int]:
-    """Return the fields of the register of the pattern that are not always 0, and their bits."""
+    """Return the used fields of the test pattern register, and their bits."""
     (register,) = (register for register in registers(config) if register.name == REGISTER)
     return {field.name: field.bits for field in register.fields if field.bits}
 

@@ -23,7 +23,7 @@ class PatternChecker(Checker[ReadoutConfig]):
         Property("one_request", "at most one taxel requests, and none while the pattern is off or restarts"),
         Property("waits_for_grant", "a request stays unchanged until its row is granted"),
         Property("starts_there", "the first request comes from the taxel in the register"),
-        Property("in_turn", "after a taxel's request follows its own next request, or the next taxel's"),
+        Property("in_turn", "the next request comes from the same taxel, or from the next one"),
         Property(
             "at_its_pace",
             "a request rises 2**interval clocks after the previous one, or as soon as the previous one is taken",
