@@ -52,7 +52,11 @@ class Upset:
     ticks : int
         Sample ticks from the upset to the last that others answer by other events; -1 where they never do.
     lost, added : int
-        Events of others that are missing, and that are too many; a wrong address is both.
+        Events of others that are missing, and that are too many; a wrong address is both. Under load they count what
+        other taxels did later or earlier, too.
+    off : int
+        Steps by which the signals of other taxels are wrong for good where a receiver adds events up; -1 for encoders
+        whose reference depends on the way there.
     may_stay : bool
         Whether what was turned is a setting, or a transfer of one: then it may stay until it is written anew.
     """
@@ -65,6 +69,7 @@ class Upset:
     ticks: int
     lost: int
     added: int
+    off: int = -1
     may_stay: bool = False
 
     @property
@@ -137,18 +142,28 @@ def _judged(
     assert answer.reshape(config.taxels, 2).sum(axis=1).all(), "the last swing is not answered by every taxel"
     lasting = np.abs(counted(config, runs[played.answer :]) - answer)
     never = lasting.max(axis=0) > slack(config)
+    net = counted(config, runs) - counted(config, good)
+    wrong = np.abs(net[1::2] - net[::2])
+    kept = np.all(played.stimulus.enable, axis=0, keepdims=True).T  # a mask puts a reference back
+    counts = kept & (np.arange(config.taxels)[:, None] != own)
+    off = (wrong * counts).sum(axis=0) if adds_up(config) else np.full(len(part), -1)
     for lane, (name, (clock, _)) in enumerate(zip(names, part, strict=True)):
         lost, added = int(-others[:, lane].clip(max=0).sum()), int(others[:, lane].clip(min=0).sum())
         own_differ = OWN if own_last[lane] >= 0 else NOTHING
         outcome = NEVER if never[lane] else CHANGED if lost or added else MOVED if other_last[lane] >= 0 else own_differ
         own_clocks, other_clocks = (max(int(last[lane]) - clock, -1) for last in (own_last, other_last))
-        yield Upset(name, clock, outcome, own_clocks, other_clocks, int(ticks[lane]), lost, added)
+        yield Upset(name, clock, outcome, own_clocks, other_clocks, int(ticks[lane]), lost, added, int(off[lane]))
 
 
 def _answers(config: ReadoutConfig, codes: NDArray[np.int16], played: Course) -> NDArray[np.int64]:
     """Return how many events of each taxel and polarity follow each sample tick, shape (2 * taxels, ticks, runs)."""
     codes = codes[: played.last]
     return np.stack([np.add.reduceat(codes == kind, played.ticks, axis=0) for kind in range(2 * config.taxels)])
+
+
+def adds_up(config: ReadoutConfig) -> bool:
+    """Return whether ON events less OFF events are the way of the reference, in steps of one size."""
+    return config.has_polarity and not config.encoder.leaks and not config.closes
 
 
 def slack(config: ReadoutConfig) -> int:

@@ -150,6 +150,15 @@ def most_changed(config: Config, block: str) -> int:
     )
 
 
+def most_off(config: ReadoutConfig, block: str) -> int:
+    """Return by how many steps an upset may leave the signals of other taxels wrong, whatever the load.
+
+    The array may lose a burst of the arbiter and add another one, or lose an event of the link and add another one. An
+    upset anywhere else changes when events leave, and how a signal is followed, but not where it ends.
+    """
+    return 2 * {"arbiter": config.columns, "link": 1}.get(block, 0)
+
+
 def most_ticks(block: str) -> int | None:
     """Return the number of sample ticks until all other taxels answer normally in a calm array; None if more.
 

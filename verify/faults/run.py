@@ -19,7 +19,7 @@ from eskin.verify.faults import classifier, host, merge, plan
 from eskin.verify.faults import frame_readout as frames
 from eskin.verify.faults.cases import cases
 from eskin.verify.faults.outcomes import CLASSES, NEVER, WRITTEN, Upset, upsets
-from eskin.verify.faults.plan import Trial, most_changed, most_ticks
+from eskin.verify.faults.plan import Trial, most_changed, most_off, most_ticks
 
 CODE = Needs(packages=("base", "model", "rtl", "verify.faults"))
 """What results depend on."""
@@ -33,7 +33,7 @@ class Tally:
     ----------
     outcomes : Counter of str
     flops : set of str
-    own_clocks, other_clocks, ticks, lost, added : int
+    own_clocks, other_clocks, ticks, lost, added, off : int
         The most of any upset, see ``Upset``.
     """
 
@@ -44,12 +44,13 @@ class Tally:
     ticks: int = -1
     lost: int = 0
     added: int = 0
+    off: int = -1
 
     def add(self, upset: Upset) -> None:
         """Count an upset."""
         self.outcomes[upset.outcome] += 1
         self.flops.add(upset.flop)
-        for name in ("own_clocks", "other_clocks", "ticks", "lost", "added"):
+        for name in ("own_clocks", "other_clocks", "ticks", "lost", "added", "off"):
             setattr(self, name, max(getattr(self, name), getattr(upset, name)))
 
 
@@ -78,6 +79,8 @@ def problems_of(trial: Trial, upset: Upset) -> str:
         return "never recovers"
     if upset.outcome == WRITTEN and not upset.may_stay:
         return "stays until the host writes anew, which only a setting may"
+    if isinstance(trial.config, ReadoutConfig) and upset.off > (off := most_off(trial.config, upset.block)):
+        return f"signals of others are {upset.off} steps off for good, {off} stated"
     if not trial.calm:
         return ""
     most = most_changed(trial.config, upset.block)
@@ -126,6 +129,7 @@ def _line(trial: Trial, block: str, tally: Tally) -> dict[str, Any]:
         "ticks": tally.ticks,
         "lost": tally.lost,
         "added": tally.added,
+        "off": tally.off,
     }
 
 
