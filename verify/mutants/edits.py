@@ -126,12 +126,12 @@ def sample(file: str, text: str, share: float, fewest: int, seed: int) -> tuple[
 
 
 def mutated(file: str, text: str, place: Place) -> Mutant | None:
-    """Return the mutant of a place; None if the program does not change."""
-    new = mutate_code(text, _operators(file.startswith("rtl/"))[place.operator], place.occurrence)
+    """Return the mutant of a place; None if the edit changes nothing that the program does."""
     try:
+        new = mutate_code(text, _operators(file.startswith("rtl/"))[place.operator], place.occurrence)
         if new is None or _meaning(new) == _meaning(text):
             return None
-    except SyntaxError:
+    except (SyntaxError, AttributeError):  # ExceptionReplacer knows no exception with a dot in its name
         return None
     before, after = text.splitlines(), new.splitlines()
     line = next(n for n, pair in enumerate(zip(before, after, strict=False)) if pair[0] != pair[1])

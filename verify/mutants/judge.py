@@ -28,10 +28,6 @@ class Asked:
     checkout : Path
         Copy of the checkout without a mutant.
     questions : Questions
-    skipped : tuple of str
-        Tests that fail without a mutant.
-    limit_s : float
-        Seconds that the tests may take.
     seed : int
         Of the configurations in which equivalence is proved.
     designs : int
@@ -40,41 +36,38 @@ class Asked:
 
     checkout: Path
     questions: Questions
-    skipped: tuple[str, ...]
-    limit_s: float
     seed: int
     designs: int = COUNT
 
 
-def ask_quick_check(mutant: Mutant, asked: Asked) -> dict[str, Any]:
-    """Return ``verdict``: stillborn (the generator refuses it), killed, with ``by`` and ``quick``, or open."""
+def judge(mutant: Mutant, asked: Asked) -> dict[str, Any]:
+    """Return ``verdict``: stillborn (the generator refuses it), killed, with ``by`` and ``quick``, equivalent or left.
+
+    The cheap questions come first: the tests of ``make check``, the comparison with the original, the properties of the
+    block, the other tests of the file.
+    """
+    tests, differs = asked.questions.tests, ""
     with mutated(asked.checkout, mutant.file, mutant.text) as place:
         if mutant.of_rtl and not _made(place, mutant.file, asked.seed, place / "few.json", FEW):
             return {"verdict": "stillborn"}
-        by = first_failed(place, asked.questions.tests, asked.skipped, asked.limit_s, quick=True)
-        return {"verdict": "killed", "by": by, "quick": True} if by else {"verdict": "open"}
-
-
-def conclude(mutant: Mutant, asked: Asked) -> dict[str, Any]:
-    """Return ``verdict`` of a mutant that passes the quick check: killed, with ``by``, equivalent, alive, or left."""
-    with mutated(asked.checkout, mutant.file, mutant.text) as place:
-        if by := first_failed(place, asked.questions.tests, asked.skipped, asked.limit_s, quick=False):
-            return {"verdict": "killed", "by": by}
-        if not mutant.of_rtl:
-            return {"verdict": "alive"}
-        differs = _difference(place, mutant.file, asked)
-        if not differs:
+        if by := first_failed(place, tests, asked.checkout, quick=True):
+            return {"verdict": "killed", "by": by, "quick": True}
+        if mutant.of_rtl and not (differs := _difference(place, mutant.file, asked)):
             return {"verdict": "equivalent"}
-        for block in asked.questions.proofs:
+        if by := first_failed(place, tests[:1], asked.checkout, quick=False):
+            return {"verdict": "killed", "by": by}
+        for block in asked.questions.proofs if mutant.of_rtl else ():
             if by := failed_property(place, block, PROVE_S):
                 return {"verdict": "killed", "by": f"property {by}"}
-        return {"verdict": "left", "differs": differs}
+        if by := first_failed(place, tests[1:], asked.checkout, quick=False):
+            return {"verdict": "killed", "by": by}
+    return {"verdict": "left", "differs": differs} if mutant.of_rtl else {"verdict": "alive"}
 
 
 def ask_all_cosimulations(mutant: Mutant, asked: Asked) -> dict[str, Any]:
     """Return ``verdict`` of a mutant of the RTL that is left: killed, with ``by``, or alive."""
     with mutated(asked.checkout, mutant.file, mutant.text) as place:
-        if by := first_failed(place, asked.questions.tests, asked.skipped, asked.limit_s, quick=False):
+        if by := first_failed(place, asked.questions.tests, asked.checkout, quick=False):
             return {"verdict": "killed", "by": by}
         return {"verdict": "alive"}
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -13,8 +14,8 @@ from eskin.verify.proofs.plan import proofs
 MOST = 6
 """Test files beyond those with the name of a file: where more would come, its own say enough."""
 
-NO_RESULTS = {"__init__", "__main__", "cli", "commands", "figures", "report", "board", "text", "datasheet", "studies"}
-"""Folders and files that parse, print, draw or write texts: their mutants spoil no result."""
+NO_RESULTS = {"__init__", "__main__", "figures", "board", "text", "datasheet"}
+"""Folders and files that draw or write texts: their mutants spoil no result."""
 
 NO_LOGIC = {"block", "yosys", "verilog", "delivery", "gates", "ports"}
 """Files of ``rtl/`` that describe no hardware."""
@@ -74,7 +75,24 @@ def _own(file: str, root: Path) -> list[str]:
     near = [path for path in tests if path.startswith((f"tests/{package}/", "cocotb_tests/"))]
     named = [path for path in near if Path(path).stem in {f"test_{name}" for name in (package, *names)}]
     importing = [path for path in tests if _module(file) in imports[path] and path not in named]
+    if (
+        package == "app"
+        and len(called := [path for path in tests if _calls(root, path) & _commands(root, file)]) <= MOST
+    ):
+        importing = list(dict.fromkeys([*importing, *(path for path in called if path not in named)]))
     return named + importing if len(importing) <= MOST else named or importing
+
+
+@cache
+def _commands(root: Path, file: str) -> set[str]:
+    """Return the names of the commands that may be in a file: of its functions."""
+    return set(re.findall(r"^def ([a-z][\w-]*)\(", (root / file).read_text().replace("_", "-"), re.MULTILINE))
+
+
+@cache
+def _calls(root: Path, test: str) -> set[str]:
+    """Return the words that may be names of commands in a test file."""
+    return set(re.findall(r'"([a-z][a-z0-9-]+)"', (root / test).read_text()))
 
 
 @cache

@@ -22,6 +22,9 @@ def mutants(
         float | None, typer.Option(min=0.0, max=1.0, help="share of the places to mutate [0.3, with --model 0.07]")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="seed of the random edits")] = 1,
+    apart_from: Annotated[
+        int | None, typer.Option(min=0, help="leave out the mutants that this seed draws from the same share")
+    ] = None,
     again: Annotated[bool, typer.Option(help="judge survivors again, after new tests")] = False,
     limit: Annotated[int | None, typer.Option(min=1, help="largest number of mutants [all]")] = None,
     judging: Annotated[
@@ -34,7 +37,7 @@ def mutants(
     ),
 ) -> None:
     """Mutate the source, and report which mutants the tests and proofs kill; continues a stopped run."""
-    from eskin.verify.mutants.campaign import MODEL, NEEDS, OF_MODEL, RTL, Plan, closing_line, run, write
+    from eskin.verify.mutants.campaign import MODEL, NEEDS, RTL, Plan, closing_line, run, write
     from eskin.verify.mutants.questions import mutated_files
 
     packages = MODEL if model else RTL
@@ -47,10 +50,11 @@ def mutants(
         print(f"{finding.verdict:<11}{finding.name}{f' by {finding.by}' if finding.by else ''}", flush=True)
 
     with open_pool(workers, scheduler, NEEDS) as pool:
-        done = run(Plan(packages, share, seed, block, limit), out, pool if judging else None, again, tell)
-    options = [f"{name}={value}" for name, value in (("MODEL", 1 if model else ""), ("BLOCK", block)) if value]
-    command = " ".join(["make mutants", *options, f"SHARE={share:g}", f"SEED={seed}"])
-    write(out / "mutants.json", command, done, OF_MODEL if model else "")
+        done = run(Plan(packages, share, seed, block, limit, apart_from), out, pool if judging else None, again, tell)
+    options = {"MODEL": 1 if model else "", "BLOCK": block, "SHARE": f"{share:g}", "SEED": str(seed)}
+    options |= {"APART_FROM": "" if apart_from is None else str(apart_from), "LIMIT": limit or ""}
+    command = " ".join(["make mutants", *(f"{name}={value}" for name, value in options.items() if value)])
+    write(out / "mutants.json", command, done, "model" if model else "rtl")
     for test in sorted(done.skipped):
         print(f"fails without a mutant: {test}")
     print(closing_line(done))
