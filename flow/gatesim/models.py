@@ -1,4 +1,4 @@
-"""Make functional Verilog models of library cells, without delays, from their Liberty description."""
+"""Functional Verilog of library cells, made from what the liberty says they do; each may take a fixed time."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from eskin.flow.liberty.boolean import verilog_of
 from eskin.flow.liberty.library import Cell, Library, Memory
 
 
-def models(library: Library, kinds: set[str]) -> str:
+def models(library: Library, kinds: set[str], delay_ns: float = 0.0) -> str:
     """Return the Verilog of some cells.
 
     A flop whose clock turns unknown loses its state, unless it would keep it: a netlist that only a simulator's
@@ -18,29 +18,34 @@ def models(library: Library, kinds: set[str]) -> str:
     library : Library
     kinds : set of str
         Names of the cells.
+    delay_ns : float
+        From every input to every output, in steps of 0.1 ns; clock gates take no time, as in a balanced clock tree.
 
     Raises
     ------
     InputError
         If the library has no such cell, or does not say what it does.
     """
-    return "`timescale 1ns / 1ns\n" + "\n".join(map(model_of, library.used(kinds)))
+    precision = "100ps" if delay_ns else "1ns"
+    cells = (model_of(cell, delay_ns) for cell in library.used(kinds))
+    return f"`timescale 1ns / {precision}\n" + "\n".join(cells)
 
 
-def model_of(cell: Cell) -> str:
+def model_of(cell: Cell, delay_ns: float = 0.0) -> str:
     """Return the Verilog module of a cell."""
     if cell.gate_kind:
         body = _clock_gate(cell)
     else:
         body = _memory(cell.memory) if cell.memory else []
-        body += _outputs(cell)
+        body += _outputs(cell, delay_ns)
     ports = [f"input {pin}" for pin in cell.inputs] + [f"output {pin}" for pin in cell.outputs]
     return "\n".join([f"module {cell.name} ({', '.join(ports)});", *(f"  {line}" for line in body), "endmodule", ""])
 
 
-def _outputs(cell: Cell) -> list[str]:
+def _outputs(cell: Cell, delay_ns: float) -> list[str]:
     """Return the assignments of the outputs, by their functions."""
     lines = []
+    after = f"#{delay_ns:.1f} " if delay_ns else ""
     for name in cell.outputs:
         pin = cell.pins[name]
         if not pin.function:
@@ -48,7 +53,7 @@ def _outputs(cell: Cell) -> list[str]:
                 f"the cell library does not define the function of {cell.name} at {name}; keep the cell out of netlists"
             )
         off = f"{verilog_of(pin.three_state)} ? 1'bz : " if pin.three_state else ""
-        lines.append(f"assign {name} = {off}{verilog_of(pin.function)};")
+        lines.append(f"assign {after}{name} = {off}{verilog_of(pin.function)};")
     return lines
 
 

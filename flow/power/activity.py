@@ -26,8 +26,9 @@ class Activity:
     Attributes
     ----------
     clocks : int
-    values : dict of str to ndarray of bool, shape (1 + 2 * clocks,)
-        Before the first edge and after every one; a net that never changes has a shape of one.
+    values : dict of str to ndarray of bool, shape (1 + 2 * parts * clocks,)
+        Before the first edge and after every one, or at ``parts`` times in every half of a clock; a net that never
+        changes has a shape of one.
     """
 
     clocks: int
@@ -42,7 +43,7 @@ class Activity:
         return self._toggles[net] / self.clocks
 
 
-def read_dump(path: Path, lead: int, clocks: int, nets: Iterable[str]) -> Activity:
+def read_dump(path: Path, lead: int, clocks: int, nets: Iterable[str], parts: int = 1) -> Activity:
     """Return the activity of nets in a window of a value change dump.
 
     Parameters
@@ -55,6 +56,8 @@ def read_dump(path: Path, lead: int, clocks: int, nets: Iterable[str]) -> Activi
         Length of the window.
     nets : iterable of str
         Their names, ``n12`` or ``sample[3]``.
+    parts : int
+        Times in every half of a clock; with more than one the dump is in units of a part, else of 1 ns.
 
     Raises
     ------
@@ -62,7 +65,9 @@ def read_dump(path: Path, lead: int, clocks: int, nets: Iterable[str]) -> Activi
         If a net is unknown in the window, or missing in the dump.
     """
     variables, times, words = _changes(path)
-    edges = times[0] + lead + HALF_NS * np.arange(-1, 2 * clocks)
+    unit = HALF_NS if parts == 1 else 1
+    first = lead * parts // HALF_NS if parts > 1 else lead
+    edges = times[0] + first + unit * np.arange(-1, 2 * parts * clocks)
     values: dict[str, NDArray[np.bool_]] = {}
     waves: dict[str, NDArray[np.uint8]] = {}
     for net in nets:
@@ -72,7 +77,7 @@ def read_dump(path: Path, lead: int, clocks: int, nets: Iterable[str]) -> Activi
         variable = variables[name]
         code, width = variable.id_code, variable.size
         if code not in waves:
-            waves[code] = _sampled(words.get(code, []), edges, width)
+            waves[code] = _sampled(words.get(code, []), edges + unit - 1, width)
         lowest = variable.bit_index[-1] if isinstance(variable.bit_index, tuple) else variable.bit_index or 0
         column = waves[code][:, width - 1 - (int(bit[:-1]) - lowest if bit else 0)]
         if (column > 1).any():
@@ -100,12 +105,12 @@ def _changes(path: Path) -> tuple[dict[str, VarDecl], list[int], dict[str, list[
 
 
 def _sampled(changes: list[tuple[int, str]], edges: NDArray[np.int64], width: int) -> NDArray[np.uint8]:
-    """Return the bits of a variable just after each given time, most significant first; 2 means unknown."""
+    """Return the bits of a variable at each of some times, highest first; 2 where unknown."""
     if not changes:
         return np.full((1, width), 2, np.uint8)
     times = np.array([time for time, _ in changes])
     words = [value.rjust(width, value[0] if value[0] in "xz" else "0") for _, value in changes]
     bits = np.frombuffer("".join(words).encode(), np.uint8).reshape(len(words), width)
     levels = np.where(bits == ord("1"), 1, np.where(bits == ord("0"), 0, 2)).astype(np.uint8)
-    place = np.searchsorted(times, edges + HALF_NS - 1, side="right") - 1
+    place = np.searchsorted(times, edges, side="right") - 1
     return np.where(place[:, None] >= 0, levels[np.maximum(place, 0)], 2).astype(np.uint8)

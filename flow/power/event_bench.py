@@ -46,7 +46,7 @@ class Mismatch(Exception):  # the outcome that is looked for, not a defect of th
 
 
 def play(
-    scenario: Scenario, config: ReadoutConfig, netlist: FlatNetlist, cells: str, folder: Path
+    scenario: Scenario, config: ReadoutConfig, netlist: FlatNetlist, cells: str, folder: Path, parts: int = 1
 ) -> tuple[Activity, int]:
     """Play a scenario; return the activity of all nets in its window, and the number of events.
 
@@ -59,6 +59,8 @@ def play(
         Verilog of its cells.
     folder : Path
         Where the simulation runs.
+    parts : int
+        Times in every half of a clock at which the nets are looked at, see ``read_dump``.
 
     Raises
     ------
@@ -79,7 +81,7 @@ def play(
     errors = int(icarus.run(texts, "play", folder).split()[-1])
     events = EventMonitor(config, folder).read()
     _hold_to_model(scenario, events, errors)
-    return read_dump(folder / DUMP, HALF_NS + 1, scenario.clocks, netlist.nets), scenario.inside(events)
+    return read_dump(folder / DUMP, HALF_NS + 1, scenario.clocks, netlist.nets, parts), scenario.inside(events)
 
 
 def _defined(macros: dict[str, str], netlist: FlatNetlist) -> str:

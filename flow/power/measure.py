@@ -224,3 +224,31 @@ def _closing(config: ReadoutConfig, found: dict[str, ScenarioPower]) -> dict[str
         "closing_w_per_taxel": closing,
         "energy_per_closed_window_j": more * closing_ticks(config) / config.sample_rate_hz,
     }
+
+
+GLITCH_DELAY_NS, GLITCH_PARTS = 0.1, 40
+"""Delay of every cell, and the times in half a clock at which the nets are then looked at: one in each delay."""
+
+
+def glitches(config: ReadoutConfig, text: str, library: Library) -> dict[str, dict[str, float]]:
+    """Return what an event costs, in joules, with cells that take no time and with cells that take 0.1 ns each.
+
+    The energies are those of the library's tables, without wires, of each scenario with events; ``idle_w`` is the power
+    of the idle readout. The difference is what glitches cost, if every cell is as fast as every other.
+    """
+    flat = flatten(text, "eskin_readout", library.content)
+    kinds = {cell.kind for cell in flat.cells}
+    tables = LibertyPower(flat, library, Wires(config.rows, config.columns, 0.0).capacitance_f(flat))
+    found: dict[str, dict[str, float]] = {}
+    for name, delay, parts in (("no_delay", 0.0, 1), ("delay", GLITCH_DELAY_NS, GLITCH_PARTS)):
+        powers: dict[str, float] = {}
+        for scenario in scenarios(config):
+            with tempfile.TemporaryDirectory() as folder:
+                activity, events = play(scenario, config, flat, models(library, kinds, delay), Path(folder), parts)
+            spent = sum(map(sum, tables.power_w(activity, config.clock_hz).values()))
+            powers[scenario.name] = float(spent) + tables.inputs_w(activity, config.clock_hz)
+            if events:
+                more = powers[scenario.name] - powers[CLOSING if scenario.name == LONE and CLOSING in powers else IDLE]
+                found.setdefault(name, {})[scenario.name] = more * scenario.clocks / config.clock_hz / events
+        found[name]["idle_w"] = powers[IDLE]
+    return found

@@ -12,7 +12,7 @@ from eskin.base.files import write_json
 from eskin.flow.asic.synthesis import synthesise
 from eskin.flow.gatesim.icarus import NO_PROGRAM
 from eskin.flow.liberty.library import read
-from eskin.flow.power.measure import APART, Disagreement, measure
+from eskin.flow.power.measure import APART, GLITCH_DELAY_NS, Disagreement, glitches, measure
 from eskin.flow.power.scenarios import scenarios
 from eskin.flow.wire import PITCH_UM
 from eskin.model.config import ReadoutConfig
@@ -107,3 +107,17 @@ def write(
             write_json(paths[-1], origin | result)
             on_result(result)
     return paths
+
+
+def write_glitches(config: ReadoutConfig, library: Path, folder: Path, origin: dict[str, str]) -> dict[str, float]:
+    """Measure what glitches cost, write a file, and return what they add to an event, by scenario; see ``write``."""
+    whole = read(library)
+    found = glitches(config, synthesise(config, whole).text, whole)
+    shares = {name: found["delay"][name] / energy - 1 for name, energy in found["no_delay"].items() if name != "idle_w"}
+    about = {"readout": config.encoding, "frontend": config.frontend, "rows": config.rows, "columns": config.columns}
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"glitches-{config.encoding}-{config.frontend}-{config.rows}x{config.columns}-{whole.name}.json"
+    write_json(
+        path, origin | about | {"process": whole.name, "cell_delay_ns": GLITCH_DELAY_NS, "added": shares} | found
+    )
+    return shares

@@ -145,6 +145,9 @@ def gatepower(
     three: Annotated[
         bool, typer.Option("--three", help="measure analog LCS, analog N-LCS and frames of this array")
     ] = False,
+    glitching: Annotated[
+        bool, typer.Option("--glitches", help="measure what events cost with and without a delay of each cell")
+    ] = False,
     out: Annotated[Path, typer.Option("-o", "--out", help="folder for the results, JSON"), WRITES_FOLDER] = Path(
         "out/gatepower"
     ),
@@ -155,16 +158,28 @@ def gatepower(
     from eskin.cocotb_tests.runner.reproduce import variables
     from eskin.flow.power.event_bench import Mismatch
     from eskin.flow.power.measure import Disagreement
-    from eskin.flow.power.results import designs, write
+    from eskin.flow.power.results import designs, write, write_glitches
 
+    if three and glitching:
+        raise InputError("--glitches measures one readout, and --three three; give one of them")
     chosen: dict[str, ReadoutConfig | FrameConfig] = {str(config.encoding): config}
     if three:
         chosen = designs(config)
-    words = [*(f"LIB={path.name}" for path in lib), *variables(config), *["THREE=1"] * three]
+    words = [
+        *(f"LIB={path.name}" for path in lib),
+        *variables(config),
+        *["THREE=1"] * three,
+        *["GLITCHES=1"] * glitching,
+    ]
     heads = ("readout", "library", "wires", "idle nW", "leakage nW", "pJ an event", "lone", "texture", "OpenSTA/tables")
     table = new_table(heads, "Power of the logic: per taxel, and per event beside that")
     said = origin(" ".join(["make gatepower", *words]))
     try:
+        for path in lib if glitching else ():
+            for name, share in write_glitches(config, path, out, said).items():
+                print(f"{path.name}: glitches add {100 * share:.1f} % to an event ({name})")
+        if glitching:
+            return
         for path in lib:
             write(chosen, path, out, said, lambda result: table.add_row(*_power_row(result)))
     except (Disagreement, Mismatch) as wrong:
