@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from eskin.base.errors import InputError
-from eskin.verify.proofs.bench import TOP, design, exposing, netlist
+from eskin.verify.proofs.bench import TOP, cutting, design, exposing, netlist
 from eskin.verify.proofs.checker import Checker
 from eskin.verify.proofs.engine import Verdict
 
@@ -31,6 +31,7 @@ smtbmc z3
 
 [script]
 read_rtlil readout.il
+delete t:$meminit_v2
 {expose}
 hierarchy -check -top {top}
 cd {top}
@@ -78,7 +79,7 @@ def search(checker: Checker[Any], depth: int, blocks: Callable[[Checker[Any]], s
     started = time.monotonic()
     text, bench = design(checker, blocks)
     covers = "\n".join(COVER.format(name=output.name) for output in [*bench.bad.values(), *bench.seen.values()])
-    expose = exposing(checker).replace("; ", "\n")
+    expose = (cutting(checker) + exposing(checker)).replace("; ", "\n")
     said = _ask(text, JOB.format(depth=depth, expose=expose, top=TOP, covers=covers))
     found = {(kind, name): int(clock or 0) if there else None for there, kind, name, clock in FOUND.findall(said)}
     if len(found) != 2 * len(bench.bad):

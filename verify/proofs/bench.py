@@ -112,3 +112,8 @@ def exposing(checker: Checker[Any]) -> str:
     return "".join(
         f"expose {name}/w:{register}; " for register in inputs(checker) if register in checker.inner(checker.config)
     )
+
+
+def cutting(checker: Checker[Any]) -> str:
+    """Return the command of Yosys that leaves open what some modules give."""
+    return "".join(f"delete {module}/c:* {module}/p:*; " for module in checker.cut)

@@ -56,6 +56,10 @@ class Checker(Block[Config]):
     block: ClassVar[type[Any]]
     properties: ClassVar[tuple[Property, ...]]
     assumptions: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    cut: ClassVar[tuple[str, ...]] = ()
+    """Modules within the block whose outputs are anything in any clock."""
+    together: ClassVar[bool] = False
+    """Whether the properties are proved as one, since each needs the others."""
 
     def __init__(self, config: Config) -> None:
         self.module_name = f"{self.block.module_name}_properties"

@@ -12,11 +12,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from eskin.rtl import yosys
-from eskin.verify.proofs.bench import TOP, design, exposing, netlist
+from eskin.verify.proofs.bench import TOP, cutting, design, exposing, netlist
 from eskin.verify.proofs.checker import Checker
 
 TO_GATES = (
-    "read_rtlil readout.il; {expose}hierarchy -check -top {top}; proc; flatten; opt_clean; async2sync; "
+    "read_rtlil readout.il; {cut}{expose}delete t:$meminit_v2; hierarchy -check -top {top}; proc; flatten; opt_clean; "
+    "memory -nomap; memory_map; async2sync; "
     "formalff -clk2ff -ff2anyinit; setundef -undriven -anyseq; opt -full; "
     "techmap; opt -fast; simplemap; dffunmap; aigmap; opt_clean; "
     "write_aiger -I -zinit -no-startoffset search.aig; "
@@ -31,6 +32,9 @@ ECHO = re.compile(r"\+ write_blif .*\n")
 ASSERTED = re.compile(r"Output\s+(\d+) was asserted in frame\s+(\d+) \(solved")
 """In these words bounded search alone gives the number of a clock; the proof's is a number of its own."""
 CONVERGED = re.compile(r"Proved output\s+(\d+) in frame")
+EACH, TOGETHER = "scorr; dretime -b; strash; pdr -a -T {}", "orpos; scorr; pdr -T {}"
+"""How the properties of a block are proved: one by one, or as one. Retiming gives the latter wrong initial values."""
+ALL_PROVED = "Property proved"
 MAPPED_GATE = b".model netlist\n.inputs a b\n.outputs y\n.names a b y\n11 1\n.end\n"
 
 
@@ -77,15 +81,18 @@ def solve(
     started = time.monotonic()
     text, bench = design(checker, blocks)
     names = [("bad", name) for name in bench.bad] + [("seen", name) for name in bench.seen]
-    commands = ["set abcout said.txt", "read_aiger search.aig", "strash", f"bmc3 -a -F {depth}"]
+    shrink, ways = (["scorr"], TOGETHER) if checker.together else ([], EACH)
+    commands = ["set abcout said.txt", "read_aiger search.aig", "strash", *shrink, f"bmc3 -a -F {depth}"]
     if limit_s:
-        commands += ["read_aiger proof.aig", "strash", "scorr", "dretime -b", "strash", f"pdr -a -T {limit_s}"]
+        commands += ["read_aiger proof.aig", "strash", ways.format(limit_s)]
     commands += ["read_blif gate.blif", "strash"]
     files = {"one_gate.v": ONE_GATE, "gate.blif": MAPPED_GATE, "solve.abc": "\n".join(commands).encode() + b"\n"}
-    script = TO_GATES.format(top=TOP, expose=exposing(checker)) + RUN_ABC
+    script = TO_GATES.format(top=TOP, cut=cutting(checker), expose=exposing(checker)) + RUN_ABC
     said = ECHO.sub("", yosys.run(script, text, "said.txt", files))
     found = {names[int(n)]: int(clock) for n, clock in ASSERTED.findall(said)}
     certain = {names[int(n)] for n in CONVERGED.findall(said)}
+    if checker.together and ALL_PROVED in said:
+        certain = {("bad", name) for name in bench.bad}
     return Verdict(
         proved=frozenset(name for kind, name in certain if kind == "bad"),
         failed={name: clock for (kind, name), clock in found.items() if kind == "bad"},

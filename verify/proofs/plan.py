@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
 from eskin.model.frame_config import FrameConfig
 from eskin.model.tiles.config import TilesConfig
 from eskin.verify.proofs.blocks.arbiter import ArbiterChecker
+from eskin.verify.proofs.blocks.classifier import ScheduleChecker, SumsChecker
 from eskin.verify.proofs.blocks.decay import DecayChecker, SettableDecayChecker
 from eskin.verify.proofs.blocks.frame import FrameChecker
 from eskin.verify.proofs.blocks.link import LinkChecker
@@ -32,7 +34,7 @@ class Proof:
     ----------
     checker : type of Checker
         Block and properties.
-    config : ReadoutConfig or FrameConfig
+    config : ReadoutConfig, FrameConfig, TilesConfig or ClassifierConfig
     depth : int
         Clocks of the search for failures, and for what the properties speak of.
     small : bool
@@ -70,6 +72,8 @@ class Proof:
             return f"{config.rows} x {config.columns} {config.encoding}"
         if self.block == "decay":
             return f"{config.rows} rows, {config.leak_period} ticks{' at most' if config.registers != 'none' else ''}"
+        if self.block == "classifier":
+            return f"{config.inputs}-{config.hidden}-{config.classes}, {config.lanes} lanes, {config.readout}"
         if self.block == "readout":
             return f"{config.rows} x {config.columns} {config.link}"
         what = f"{config.encoding} {config.frontend} {config.sample_bits} bits"
@@ -194,6 +198,46 @@ def relays() -> list[Proof]:
     return [Proof(RelayChecker, TilesConfig.of(t, 1, 1, 1), 8, t.rows == 2, t.rows == 2) for t in tiles]
 
 
+def classifiers() -> list[Proof]:
+    """Return the proofs of the classifier: one neuron, rows of one word and of two, with leaks, floors and neither."""
+    few = ClassifierConfig(
+        inputs=1,
+        hidden=1,
+        classes=1,
+        lanes=1,
+        clocks_per_bin=2,
+        in_bits=2,
+        rec_bits=2,
+        out_bits=2,
+        bias_bits=2,
+        membrane_bits=5,
+        output_bits=4,
+        evidence_bits=4,
+        threshold=1,
+        floor=0,
+        out_threshold=1,
+        out_floor=0,
+    )
+    more = few.replace(inputs=2, hidden=2, classes=2, lanes=2)
+    other = more.replace(
+        lanes=1,
+        clocks_per_bin=4,
+        readout="membrane",
+        leak_shift=1,
+        out_leak_shift=1,
+        floor=None,
+        neuron_reset="subtract",
+        in_shift=1,
+        membrane_bits=8,
+        output_bits=6,
+    )
+    return [
+        Proof(ScheduleChecker, few, 16, True, True),
+        *(Proof(ScheduleChecker, config, 24) for config in (more, other)),
+        Proof(SumsChecker, few, 16, True, True),
+    ]
+
+
 def proofs() -> list[Proof]:
     """Return all proofs, in the order in which they run."""
-    return [*arbiters(), *links(), *merges(), *relays(), *leaks(), *taxels(), *readouts(), *hosts()]
+    return [*arbiters(), *links(), *merges(), *relays(), *leaks(), *taxels(), *readouts(), *hosts(), *classifiers()]

@@ -21,7 +21,7 @@ def formal(
         str,
         typer.Option(
             help="only this block: arbiter, link, merge, relay, window, taxel, frame_readout, readout, spi, registers, "
-            "pattern"
+            "pattern, classifier"
         ),
     ] = "",
     small: Annotated[bool, typer.Option(help="only one small configuration of each block")] = False,

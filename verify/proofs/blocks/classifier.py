@@ -1,0 +1,423 @@
+"""The classifier: every event is added once, no sum leaves its bits, every bin is answered in time or reported.
+
+Two checkers share the work. ``ScheduleChecker`` looks at when something is added, with any potentials; ``SumsChecker``
+looks at what is added, and takes from the other how much there is of it in a bin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+from amaranth.hdl import Array, Cat, Const, Module, Mux, Signal, Value, signed
+from amaranth.lib.wiring import In
+
+from eskin.model.classifier.config import ClassifierConfig, highest, lowest
+from eskin.rtl.classifier.core import STALL_BITS, Classifier, State
+from eskin.verify.proofs.checker import Checker, Property, before, implies
+
+SPARE_BITS = 3
+"""Bits of a sum of a checker beyond those of the classifier: a sum that leaves its bits is seen."""
+
+MEMORIES = ("eskin_weights", "eskin_neuron_weights")
+
+
+class _ClassifierChecker(Checker[ClassifierConfig]):
+    """Watches the whole classifier. The words of both memories are any words, another in every clock.
+
+    Attributes
+    ----------
+    watch : In(bits)
+        A row of weights, any, for good; below ``hidden`` also the neuron of that number.
+    rival : In(bits)
+        A class, any, for good; its lowest bits also number a word of a row.
+    """
+
+    block = Classifier
+    cut: ClassVar[tuple[str, ...]] = MEMORIES
+    together = True
+    assumptions = {"events_fit": "at most clocks_per_bin / groups events are taken in a bin"}
+
+    def observed(self, config: ClassifierConfig) -> dict[str, Any]:
+        rows, classes = config.hidden + config.inputs, max(config.classes, config.groups)
+        bits = {"watch": rows, "rival": classes}
+        return super().observed(config) | {name: In(max((n - 1).bit_length(), 1)) for name, n in bits.items()}
+
+    def inner(self, config: ClassifierConfig) -> dict[str, Any]:
+        lanes = {f"lane_{number}_weight": In(signed(config.weight_bits)) for number in range(config.lanes)}
+        return lanes | {
+            **{f"lane_{number}_set_valid": In(1) for number in range(config.lanes)},
+            "weights_read_address": In(max((config.weight_words - 1).bit_length(), 1)),
+            "neurons_read_address": In(max((config.neuron_words - 1).bit_length(), 1)),
+            "neurons_read_data": In(config.neuron_bits),
+            "lane_0_add_valid": In(1),
+            "held_bias": In(signed(config.bias_bits)),
+            "state": In(3),
+            "spikes": In(config.hidden),
+            "ring": In(config.classes * config.output_bits),
+        }
+
+    def drive(self, m: Module, free: Callable[[str, int], Signal]) -> set[str]:
+        count = Signal(range(self.config.events_per_bin + 1), name="events_of_bin")
+        full = count == self.config.events_per_bin
+        m.d.comb += self.event_valid.eq(free("event_valid", 1) & ~full)
+        with m.If(self.bin_end | self.scan_start):
+            m.d.sync += count.eq(0)
+        with m.Elif(self.event_valid & self.event_ready):
+            m.d.sync += count.eq(count + 1)
+        return {"event_valid"}
+
+    def _look(self, m: Module) -> None:
+        """Name what both checkers look at."""
+        config = self.config
+        clears = config.hidden + config.classes + 2
+        self.taken = self.event_valid & self.event_ready
+        events = Signal(range(config.events_per_bin + 2))
+        with m.If(self.bin_end | self.scan_start):
+            m.d.sync += events.eq(0)
+        with m.Elif(self.taken & (events <= config.events_per_bin)):
+            m.d.sync += events.eq(events + 1)
+        self.suppose(m, "events_fit", events <= config.events_per_bin)
+        self.left = Signal(range(clears + 1), init=clears)
+        m.d.sync += self.left.eq(Mux(self.scan_start, clears, self.left - (self.left != 0)))
+        self.read = before(m, self.weights_read_address, "row_read")
+        self.recurrent = (self.read >> config.row_bits) < config.hidden
+        self.sets = Cat(getattr(self, f"lane_{number}_set_valid") for number in range(config.lanes)).any()
+        word = before(m, self.neurons_read_address, "word_read")
+        self.word, self.number = word, word[: config.neuron_row_bits]
+        self.spike = before(m, (self.state == State.SPIKES.value) & self.spikes[0] & ~self.scan_start, "spike")
+        self.clears = before(m, (self.left != 0) & (self.left <= config.classes) & ~self.scan_start, "clears")
+        self.output = self.output_valid | self.clears
+        turns = self.spike | self.output
+        self.turn = Signal(range(max(config.classes, 2)))
+        with m.If(self.scan_start):
+            m.d.sync += self.turn.eq(0)
+        with m.Elif(turns):
+            m.d.sync += self.turn.eq(Mux(self.turn == config.classes - 1, 0, self.turn + 1))
+
+    def _added(self, m: Module, neuron: Any, name: str) -> tuple[Value, Value, Signal, Signal]:
+        """Return whether a neuron gets a weight, whether it is set, and how many rows and events it got in this bin."""
+        config = self.config
+        place = config.lanes.bit_length() - 1
+        adds = self.lane_0_add_valid & (self.read[: config.row_bits] == neuron >> place)
+        sets = self.sets & (self.hidden_index == neuron)
+        rows = self._count(m, adds & self.recurrent, sets, config.hidden, f"rows_added{name}")
+        events = self._count(m, adds & ~self.recurrent, sets, config.events_per_bin, f"events_added{name}")
+        return adds, sets, rows, events
+
+    def _weights(self, m: Module, number: Any, name: str) -> Signal:
+        """Return how many weights an output got in this bin."""
+        own = self.turn == number
+        return self._count(m, self.spike & own, self.output & own, self.config.hidden, f"weights_added{name}")
+
+    def _count(self, m: Module, more: Value, ends: Value, most: int, name: str) -> Signal:
+        """Return how often something was added in a bin, up to one more than it may be."""
+        count = Signal(range(most + 2), name=name)
+        with m.If(ends | self.scan_start):
+            m.d.sync += count.eq(0)
+        with m.Elif(more & (count <= most)):
+            m.d.sync += count.eq(count + 1)
+        return count
+
+
+class ScheduleChecker(_ClassifierChecker):
+    """Looks at addresses and clocks; the potentials of the lanes are any."""
+
+    cut = (*MEMORIES, "eskin_lane")
+    properties = (
+        Property("added_when_owed", "a word of weights is added only for an event taken or a spike of the bin before"),
+        Property("none_left_out", "what an event or a spike brings is added before its bin's neurons are compared"),
+        Property("spike_counted", "the output weights of every neuron that fires are added once, and of no other"),
+        Property("rows_fit", "to a neuron no more is added in a bin than its events and a row of each neuron"),
+        Property("outputs_in_turn", "weights and outputs pass in the order of the classes, and all of them"),
+        Property("class_per_bin", "a class follows a bin's end, and nothing else"),
+        Property("class_in_time", "until overrun rises a class follows every bin_end within the longest work"),
+        Property("overrun_exact", "overrun rises exactly with a bin_end before the work of the bin before is done"),
+        Property("ready_in_time", "an event waits for no longer than a row, the work of two bins and clearing"),
+        Property("stalls_counted", "stall_count is the number of clocks in which an event waited, up to its end"),
+    )
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        self._look(m)
+        self.compared = self.hidden_valid & (self.hidden_index == self.watch)
+        self._rows(m)
+        self._outputs(m)
+        self._bins(m)
+        self._waits(m)
+        return self.finish(m)
+
+    def _rows(self, m: Module) -> None:
+        """Follow the watched word of weights: how often it is owed to the potentials."""
+        config = self.config
+        group = self.rival[: config.row_bits]
+        real = (group < config.groups) & (self.watch < config.hidden + config.inputs)
+        adds = self.lane_0_add_valid & (self.read == Cat(group, self.watch)) & real
+        channel = self.event_channel if config.channel_bits else Const(0)
+        arrives = self.taken & (channel + config.hidden == self.watch) & real
+        owed = Signal(3)
+        with m.If(self.scan_start):
+            m.d.sync += owed.eq(0)
+        with m.Elif(self.compared):
+            m.d.sync += owed.eq(self.hidden_spike & real)
+        with m.Else():
+            m.d.sync += owed.eq(owed + arrives - adds)
+        judged = self.hidden_valid & ((self.watch >= config.hidden) | (self.hidden_index == self.watch)) & real
+        had = Signal()
+        with m.If(adds | judged):
+            m.d.sync += had.eq(adds)
+        self.promise(m, "added_when_owed", implies(adds, owed != 0), adds)
+        self.promise(m, "none_left_out", implies(judged, owed == 0), judged & had)
+        _, _, rows, events = self._added(m, self.watch, "")
+        fits = (rows <= config.hidden) & (events <= config.events_per_bin)
+        self.promise(m, "rows_fit", fits | (self.watch >= config.hidden), events == config.events_per_bin)
+
+    def _outputs(self, m: Module) -> None:
+        """Follow the output weight of the watched neuron to the watched class, and the order of the classes."""
+        config = self.config
+        address = Cat(_wide(self.rival, config.neuron_row_bits), self.watch)
+        adds = self.spike & (self.word == address) & (self.watch < config.hidden)
+        shown = self.output_valid & (self.output_index == self.rival)
+        owed = Signal(name="output_owed")
+        with m.If(self.scan_start):
+            m.d.sync += owed.eq(0)
+        with m.Elif(self.compared):
+            m.d.sync += owed.eq(self.hidden_spike & (self.rival < config.classes))
+        with m.Elif(adds):
+            m.d.sync += owed.eq(0)
+        self.promise(m, "spike_counted", implies(adds, owed) & implies(shown, ~owed), adds)
+        ordered = implies(self.output, self.output_index == self.turn) & implies(self.spike, self.number == self.turn)
+        aligned = implies(self.class_valid, self.turn == 0)
+        fits = self._weights(m, self.rival, "") <= config.hidden
+        self.promise(m, "outputs_in_turn", ordered & aligned & fits, self.spike & (self.turn == config.classes - 1))
+
+    def _bins(self, m: Module) -> None:
+        """Count bins that are not answered, and the clocks in which the oldest of them waits."""
+        longest = self._longest
+        bins, more = Signal(3), Signal(4)
+        m.d.comb += more.eq(bins + self.bin_end - (self.class_valid & (bins != 0)))
+        m.d.sync += bins.eq(Mux(self.scan_start, 0, Mux(more > 7, 7, more)))
+        self.promise(m, "class_per_bin", implies(self.class_valid, bins != 0), self.class_valid)
+        age = Signal(range(longest + 2))
+        m.d.sync += age.eq(Mux(self.class_valid | self.scan_start | (bins == 0), 0, age + (age <= longest)))
+        late = implies(~self.overrun, (age <= longest) & (bins <= 2))
+        self.promise(m, "class_in_time", late, self.class_valid & ~self.overrun)
+        waiting = before(m, bins, "bins") - before(m, self.class_valid, "answered") - self.class_valid
+        busy = before(m, self.left != 0, "clearing") | (waiting > 0)
+        rises = before(m, self.bin_end, "bin_end") & busy
+        begun = Signal()
+        m.d.sync += begun.eq(1)
+        old = before(m, self.overrun, "overrun")
+        reset = before(m, self.scan_start, "scan_start")
+        exact = self.overrun == (~reset & (old | rises))
+        self.promise(m, "overrun_exact", implies(begun, exact), rises & ~reset & ~old)
+
+    @property
+    def _longest(self) -> int:
+        """Clocks from a bin's end to its class at most: every neuron has fired, in the bin before and in this one."""
+        config = self.config
+        hidden, classes, groups = config.hidden, config.classes, config.groups
+        return groups + 1 + hidden * groups + hidden + 2 + hidden * classes + classes + 2
+
+    def _waits(self, m: Module) -> None:
+        """Count the clocks in which no event is taken."""
+        config = self.config
+        most = config.groups + 2 * self._longest + config.hidden + config.classes + 2
+        waits = Signal(range(most + 2))
+        with m.If(self.event_ready | self.bin_end | self.scan_start):
+            m.d.sync += waits.eq(0)
+        with m.Elif(waits <= most):
+            m.d.sync += waits.eq(waits + 1)
+        self.promise(m, "ready_in_time", waits <= most, self.event_ready & (waits > config.hidden))
+        stalls = Signal(STALL_BITS)
+        with m.If(self.scan_start):
+            m.d.sync += stalls.eq(0)
+        with m.Elif(self.event_valid & ~self.event_ready & ~stalls.all()):
+            m.d.sync += stalls.eq(stalls + 1)
+        self.promise(m, "stalls_counted", self.stall_count == stalls, stalls != 0)
+
+
+class SumsChecker(_ClassifierChecker):
+    """Adds along with the classifier; ``rows_fit`` and ``outputs_in_turn`` say how often something is added."""
+
+    properties = (
+        Property("neuron_exact", "a neuron is compared with the sum of all that was added to it: its bits suffice"),
+        Property("output_exact", "an output is compared with the sum of all that was added to it: its bits suffice"),
+        Property(
+            "evidence_exact", "the evidence of a class is the sum of what its output brought since the scan began"
+        ),
+        Property("first_of_most", "the class is the first of those with the most evidence, and held"),
+    )
+
+    def inner(self, config: ClassifierConfig) -> dict[str, Any]:
+        return super().inner(config) | {"most": In(signed(config.evidence_bits)), "best": In(config.class_bits)}
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        config = self.config
+        self._look(m)
+        now = implies(self.output, self.output_index == self.turn) & implies(self.spike, self.number == self.turn)
+        now &= implies(self.class_valid, self.turn == 0)
+        added = [self._added(m, number, f"_{number}") for number in range(config.hidden)]
+        weights = [self._weights(m, number, f"_{number}") for number in range(config.classes)]
+        for _, _, rows, events in added:
+            now &= (rows <= config.hidden) & (events <= config.events_per_bin)
+        for count in weights:
+            now &= count <= config.hidden
+        fitted = Signal(init=1)
+        self.fits = now & fitted
+        m.d.sync += fitted.eq(self.fits)
+        self._neurons(m, added)
+        self._class(m, self._outputs(m, weights))
+        return self.finish(m)
+
+    def _begun(self, m: Module, begins: Value, name: str) -> Signal:
+        """Return whether something has happened since the scan began."""
+        begun = Signal(name=f"{name}_begun")
+        with m.If(self.scan_start):
+            m.d.sync += begun.eq(0)
+        with m.Elif(begins):
+            m.d.sync += begun.eq(1)
+        return begun
+
+    def _neurons(self, m: Module, added: list[tuple[Value, Value, Signal, Signal]]) -> None:
+        config = self.config
+        bits = config.membrane_bits
+        least, most = config.hidden_range or (0, 0)
+        good: Value = Const(1)
+        fires: Value = Const(0)
+        for number, (adds, sets, rows, events) in enumerate(added):
+            total = Signal(signed(bits), name=f"potential_{number}")
+            held, spike, rest = self._fired(
+                m, total, config.threshold, config.floor, config.neuron_reset, config.leak_shift, f"neuron_{number}"
+            )
+            weight = getattr(self, f"lane_{number % config.lanes}_weight")
+            plus = Mux(self.recurrent, weight << config.rec_shift, weight << config.in_shift)
+            kept = Mux(self.hidden_valid, rest, 0)
+            exact = Signal(signed(bits + SPARE_BITS), name=f"sum_{number}")
+            m.d.comb += exact.eq(Mux(sets, kept + (self.held_bias << config.bias_shift), total + plus))
+            value, fit = _limited(exact, bits, config.saturates)
+            with m.If(sets | adds):
+                m.d.sync += total.eq(value)
+            begun = self._begun(m, sets, f"neuron_{number}")
+            shown = self.hidden_valid & (self.hidden_index == number)
+            good &= implies(shown, (self.hidden_potential == held) & (self.hidden_spike == spike) & begun)
+            good &= implies(sets | (adds & begun), fit)
+            fires |= shown & spike
+            if not config.saturates:
+                coming, left = config.events_per_bin - events, config.hidden - rows
+                low = coming * lowest(config.in_bits, config.in_shift) + left * lowest(
+                    config.rec_bits, config.rec_shift
+                )
+                high = coming * highest(config.in_bits, config.in_shift)
+                high += left * highest(config.rec_bits, config.rec_shift)
+                good &= implies(begun, (total + low >= least) & (total + high <= most))
+        self.promise(m, "neuron_exact", implies(self.fits, good), fires)
+
+    def _outputs(self, m: Module, weights: list[Signal]) -> list[Signal]:
+        """Follow the outputs; return the evidence of each."""
+        config = self.config
+        bits, fires = config.output_bits, config.readout == "spikes"
+        threshold, floor = (config.out_threshold, config.out_floor) if fires else (None, None)
+        least, most = config.output_range or (0, 0)
+        bias = self.neurons_read_data[: config.bias_bits].as_signed() << config.out_bias_shift
+        weight = self.neurons_read_data[: config.out_bits].as_signed() << config.out_shift
+        good: Value = Const(1)
+        good_evidence: Value = Const(1)
+        moved: Value = Const(0)
+        found = []
+        passed = Signal.like(self.turn)  # the evidence turns with the outputs alone, not with spikes
+        with m.If(self.scan_start):
+            m.d.sync += passed.eq(0)
+        with m.Elif(self.output):
+            m.d.sync += passed.eq(Mux(passed == config.classes - 1, 0, passed + 1))
+        for number, count in enumerate(weights):
+            own = self.turn == number
+            total = Signal(signed(bits), name=f"output_{number}")
+            held, fired, rest = self._fired(
+                m, total, threshold, floor, config.neuron_reset, config.out_leak_shift, f"output_{number}"
+            )
+            exact = Signal(signed(bits + SPARE_BITS), name=f"output_sum_{number}")
+            m.d.comb += exact.eq(Mux(self.output, Mux(self.clears, 0, rest) + bias, total + weight))
+            value, fit = _limited(exact, bits, config.output_saturates)
+            with m.If(own & (self.output | self.spike)):
+                m.d.sync += total.eq(value)
+            begun = self._begun(m, self.output & own, f"output_{number}")
+            shown = self.output_valid & own
+            good &= implies(shown, (self.output_potential == held) & begun)
+            good &= implies(own & (self.output | (self.spike & begun)), fit)
+            if fires:
+                good &= implies(shown, self.output_spike == fired)
+            good &= implies(begun, self._in_turn(self.ring, bits, number, self.turn) == total)
+            if not config.output_saturates:
+                low = (config.hidden - count) * lowest(config.out_bits, config.out_shift)
+                high = (config.hidden - count) * highest(config.out_bits, config.out_shift)
+                good &= implies(begun, (total + low >= least) & (total + high <= most))
+
+            gained: Value = Cat(fired, Const(0, 1)).as_signed() if fires else held
+            evidence = Signal(signed(config.evidence_bits), name=f"evidence_{number}")
+            more, _ = _limited(evidence + gained, config.evidence_bits, True)
+            with m.If(self.scan_start):
+                m.d.sync += evidence.eq(0)
+            with m.Elif(shown):
+                m.d.sync += evidence.eq(more)
+            good_evidence &= implies(
+                begun, self._in_turn(self.evidence, config.evidence_bits, number, passed) == evidence
+            )
+            moved |= evidence != 0
+            found.append(evidence)
+        self.promise(m, "output_exact", implies(self.fits, good), self.output_valid & (self.output_potential != 0))
+        self.promise(m, "evidence_exact", implies(self.fits, good_evidence), self.class_valid & moved)
+        return found
+
+    def _in_turn(self, ring: Value, bits: int, number: int, turn: Signal) -> Value:
+        """Return the word of a class in a ring that has turned some times."""
+        count = self.config.classes
+        words = [ring.word_select((number - turned) % count, bits) for turned in range(count)]
+        return Array([*words, *words[:1] * ((1 << len(turn)) - count)])[turn].as_signed()
+
+    def _class(self, m: Module, evidence: list[Signal]) -> None:
+        """Look at the class when it is there and until the next one, and at the best one while outputs pass."""
+        config = self.config
+
+        def first(index: Value, most: Value, passed: Any) -> Value:
+            good: Value = Const(1)
+            for number, value in enumerate(evidence):
+                best = Mux(number == index, value == most, Mux(number < index, value < most, value <= most))
+                good &= implies(number < passed, best)
+            return good & (index < passed)
+
+        passing = self._begun(m, Const(0), "no_class")
+        with m.If(self.output & ~self.scan_start):
+            m.d.sync += passing.eq(self.turn != config.classes - 1)
+        chosen = Array(evidence)[self.class_index]
+        found = self._begun(m, self.class_valid, "class")
+        held = implies(found & ~self.class_valid, self.class_index == before(m, self.class_index, "class"))
+        good = implies(self.class_valid, first(self.class_index, chosen, config.classes)) & held
+        good &= implies(passing, first(self.best, self.most, self.turn))
+        changes = self.class_valid & (self.class_index == config.classes - 1)
+        self.promise(m, "first_of_most", implies(self.fits, good), changes)
+
+    def _fired(
+        self, m: Module, v: Signal, threshold: int | None, floor: int | None, reset: str, leak_shift: int, name: str
+    ) -> tuple[Value, Value, Value]:
+        """Return a potential as it is compared, whether it fires, and what is left after reset and leak."""
+        held = Signal(v.shape(), name=f"{name}_held")
+        rest = Signal(v.shape(), name=f"{name}_rest")
+        m.d.comb += held.eq(v if floor is None else Mux(v < floor, floor, v))
+        spike: Value = held > threshold if threshold is not None else Const(0)
+        m.d.comb += rest.eq(Mux(spike, held - (threshold or 0) if reset == "subtract" else 0, held))
+        return held, spike, rest - (rest >> leak_shift) if leak_shift else rest
+
+
+def _wide(value: Value, bits: int) -> Value:
+    """Return the lowest bits of an unsigned value, with zeros in front where it has fewer."""
+    return Cat(value, Const(0, bits))[:bits] if bits else Cat()
+
+
+def _limited(value: Value, bits: int, saturates: bool) -> tuple[Value, Value]:
+    """Return a signed value in some bits, where it stops at their end or loses the others, and whether it is right."""
+    low, high = -(1 << bits - 1), (1 << bits - 1) - 1
+    if saturates:
+        return Mux(value < low, low, Mux(value > high, high, value)), Const(1)
+    return value[:bits].as_signed(), (value >= low) & (value <= high)
