@@ -148,6 +148,40 @@ def model_mutants() -> None:
     source(report)
 
 
+def fresh_mutants() -> None:
+    """Print what became of mutants for which no test was written, before and after tests for the survivors."""
+    rows = []
+    for part, name in (("rtl", "RTL"), ("model", "model, network, commands")):
+        report = evidence(f"mutants_fresh/{part}")
+        first = report["first_pass"]
+        rest = first["killed"] + first["alive"]
+        left = {
+            "left": report["planned"] - first["total"] - report["stillborn"],
+            "rest": rest,
+            "first": first["killed"],
+        }
+        rows.append(
+            report | left | {"name": name, "share": first["killed"] / rest, "quick": first["killed_quick"] / rest}
+        )
+    table(
+        "mutants of | drawn | not judged | proved equivalent | argued | others | killed at first | by quick check | "
+        "killed with new tests | alive",
+        rows,
+        "{name} | {planned} | {left} | {equivalent} | {argued} | {rest} | {first} ({share:.1%}) | {quick:.1%} | "
+        "{killed} | {alive}",
+    )
+    for part in ("rtl", "model"):
+        source(evidence(f"mutants_fresh/{part}"))
+
+
+def fresh_survivors() -> None:
+    """Print every fresh mutant that survived at first, and what kills it now."""
+    parts = [evidence("mutants_fresh/rtl"), evidence("mutants_fresh/model")]
+    found = [one for part in parts for one in part["mutants"] if one["verdict"] == "alive" or "first" in one]
+    rows = [[f"`{one['edit']}`", f"`{one['by']}`" if one["by"] else one["verdict"]] for one in found]
+    table("mutant | killed now by, or alive", [[cell.replace("|", "\\|") for cell in row] for row in rows])
+
+
 def survivors() -> None:
     """Print the surviving mutants, and the mutants excluded by an argument."""
     parts = [evidence("mutants"), evidence("mutants/model_and_snn")]
@@ -171,8 +205,10 @@ def faults() -> None:
         shares = [f"{sum(line.get(name, 0) for line in lines) / total:.1%}" for name in outcomes]
         worst = ", ".join(str(max(line[name] for line in lines)) for name in ("lost", "added"))
         counted = course in ("calm", "loaded")  # other courses compare events and do not count them
-        rows.append([block.replace("_", " "), course, f"{total:,}", *shares, worst if counted else "", str(never)])
-    table(["upset in", "course", "upsets", *outcomes, "most lost, added", "never recovers"], rows)
+        off = max((line.get("off", -1) for line in lines), default=-1)
+        more = [worst if counted else "", str(off) if off >= 0 else ""]
+        rows.append([block.replace("_", " "), course, f"{total:,}", *shares, *more, str(never)])
+    table(["upset in", "course", "upsets", *outcomes, "most lost, added", "steps off for good", "never recovers"], rows)
     source(report)
 
 

@@ -235,6 +235,7 @@ def classifiers() -> list[Proof]:
         Proof(ScheduleChecker, few, 16, True, True),
         *(Proof(ScheduleChecker, config, 24) for config in (more, other)),
         Proof(SumsChecker, few, 16, True, True),
+        Proof(SumsChecker, few.replace(classes=2), 18, False, True),
     ]
 
 

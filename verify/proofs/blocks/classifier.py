@@ -6,7 +6,7 @@ looks at what is added, and takes from the other how much there is of it in a bi
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
 from amaranth.hdl import Array, Cat, Const, Module, Mux, Signal, Value, signed
@@ -36,7 +36,9 @@ class _ClassifierChecker(Checker[ClassifierConfig]):
     block = Classifier
     cut: ClassVar[tuple[str, ...]] = MEMORIES
     together = True
-    assumptions = {"events_fit": "at most clocks_per_bin / groups events are taken in a bin"}
+    assumptions: ClassVar[Mapping[str, str]] = {
+        "events_fit": "at most clocks_per_bin / groups events are taken in a bin"
+    }
 
     def observed(self, config: ClassifierConfig) -> dict[str, Any]:
         rows, classes = config.hidden + config.inputs, max(config.classes, config.groups)
