@@ -10,6 +10,7 @@ from eskin.skin.figures.readouts import LOOKS
 
 EVENTS = "{?energy_per_event_j:1e12*.2f} | {?energy_per_lone_event_j:1e12*.2f}"
 ON_TEXTURE = EVENTS + " | {?energy_per_texture_event_j:1e12*.2f}"
+SCENARIOS = {"saturated": "one in every clock", "lone": "alone", "texture": "on a texture"}
 EVENT_TITLES = "pJ per event: one in every clock | alone | on a texture"
 
 CLOCKS_AN_EVENT = 7
@@ -108,6 +109,18 @@ def asic_windows() -> None:
         " | {?with_wires[idle_w_per_taxel]:1e9*.1f} | {?with_wires[closing_w_per_taxel]:1e9*.1f}"
         " | {?energy_per_closed_window_j:1e12*.1f} | {?with_wires[energy_per_closed_window_j]:1e12*.1f}",
     )
+
+
+def asic_glitches() -> None:
+    """Print what an event costs with and without a delay of every cell."""
+    rows = []
+    for report in reports("asic/glitches").values():
+        costs = [f"{1e12 * report[way][name]:.2f}" for name in SCENARIOS for way in ("no_delay", "delay")]
+        added = [f"{report['added'][name]:.0%}" for name in SCENARIOS]
+        cells = [word for pair in zip(costs[::2], costs[1::2], added, strict=True) for word in pair]
+        rows.append([*(named(report)[key] for key in ("name", "array", "cells")), *cells, report["commit"]])
+    titles = [f"{name}: pJ without delay | with | more" for name in SCENARIOS.values()]
+    table(f"readout | array | cells | {' | '.join(titles)} | commit", rows)
 
 
 def asic_targets() -> None:
