@@ -393,6 +393,24 @@ def finger() -> None:
     source(report, ": {recordings} recordings, {seconds:,.0f} s, {readout}, {events_per_s:.0f} events/s")
 
 
+def finger_encoders() -> None:
+    """Print accuracies with each encoder on recordings of a robot finger, compared with LCS recording by recording."""
+    report = read("docs/data/finger.json")
+    lcs = only(report["folds"], fold="repetition 1")
+    total = len(lcs["labels"])
+    first = {"encoding": "lcs", "resolution": 6, "events_per_s": report["events_per_s"], "bits_per_event": 5}
+    first |= {name: lcs[name] for name in ("accuracy", "right")} | {"events": lcs["references"]["events"]["accuracy"]}
+    rows = []
+    for one in sorted([first, *report["encoders"]["points"]], key=lambda one: one["events_per_s"]):
+        pair = filled("{only_this} / {only_lcs}, p = {p:p}", one) if "p" in one else ""
+        kbps = f"{one['events_per_s'] * one['bits_per_event'] / 1000:.2f}"
+        cells = filled("{encoding:E} {resolution} b | {events_per_s:.0f}", one).split(" | ")
+        right = f"{one['right']} of {total}, {100 * one['accuracy']:.1f} %"
+        rows.append([*cells, kbps, right, f"{100 * one['events']:.1f} %", pair])
+    table("readout | events/s | kbit/s | network | events | only this / only LCS 6 b right", rows)
+    source(report["encoders"], "")
+
+
 def finger_chip() -> None:
     """Print how many recordings of the robot finger are right in float, in integers and in the RTL."""
     report = read("docs/data/finger.json")
