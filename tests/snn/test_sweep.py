@@ -157,8 +157,8 @@ def test_a_killed_sweep_goes_on_and_ends_in_the_same_files(tmp_path: Path) -> No
     assert f"draw it with eskin fig9 --sweep {tmp_path}/whole" in "".join(result.output.splitlines())
     summary = json.loads((tmp_path / "whole" / "sweep.json").read_text())
     assert summary["command"] == (
-        f"eskin sweep --points lcs:4,rnn:100 --config {tmp_path}/small.json --dataset embedded --bin 0.01 "
-        f"--epochs 2 --set hidden=16 --folds 2 --seeds 2"
+        f"eskin sweep --points lcs:4,rnn:100 --config {tmp_path}/small.json --dataset embedded --epochs 2 "
+        f"--bin 0.01 --set hidden=16 --folds 2 --seeds 2"
     )
     assert [point["cells"] for point in summary["points"]] == [{"done": 4, "of": 4, "whole_seeds": 2}] * 2
     frame = json.loads((tmp_path / "whole" / "rnn-100" / "result.json").read_text())
