@@ -73,7 +73,7 @@ def row_of(path: Path) -> str:
 def order_of(path: Path) -> str:
     """Return the order of a module's members on its page: classes, functions, then constants."""
     body = ast.parse(path.read_text()).body
-    called = [node.name for node in body if isinstance(node, (ast.ClassDef, ast.FunctionDef))]
+    called = [n.name for kind in (ast.ClassDef, ast.FunctionDef) for n in body if isinstance(n, kind)]
     targets = [
         target
         for node in body
