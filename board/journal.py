@@ -92,7 +92,9 @@ def convert(
         header = json.loads(head)
         config, metadata = ReadoutConfig.from_dict(header["config"]), header["metadata"] | (more or {})
     except (ValueError, KeyError, TypeError, RecursionError):
-        raise InputError(f"{part} is not a partial recording; give a file that ends in .npz{SUFFIX}") from None
+        raise InputError(
+            f"{part} is not a partial recording, or its start is lost; give another .npz{SUFFIX}"
+        ) from None
     path = path or part.with_suffix("")
     check_event_path(path)
     whole = len(body) // EVENT_DTYPE.itemsize  # a power cut may leave half an event

@@ -350,7 +350,7 @@ ENCODE_ERRORS: list[tuple[str, bytes | None, str, str]] = [
     (
         "x.npy",
         save_npy(GOOD),
-        RATE + " --preset paper",
+        "--preset paper",
         "--preset and --start-row belong to images; samples are taken as they are",
     ),
     (

@@ -14,7 +14,8 @@ import pytest
 
 from eskin.base.errors import InputError
 from eskin.base.files import atomic_write
-from eskin.base.outputs import check_folder, file_of
+from eskin.base.outputs import check_folder, file_of, has_earlier
+from eskin.verify.proofs.report import earlier
 
 KILLED = """
 import os, signal, sys
@@ -66,6 +67,14 @@ def test_devices_and_fifos_are_written_to_and_stay(tmp_path: Path) -> None:
         write(Path("/dev/full"))
     assert stat.S_ISCHR(os.stat("/dev/full").st_mode)
     assert stat.S_ISCHR(os.stat("/dev/null").st_mode)
+
+
+def test_earlier_results_are_looked_for_in_files_only(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "fifo")
+    write(tmp_path / "file")
+    places = (tmp_path / "file", tmp_path / "fifo", Path("/dev/full"), tmp_path / "none", None)
+    assert [has_earlier(place) for place in places] == [True, False, False, False, False]
+    assert earlier(Path("/dev/full")) == {}
 
 
 def test_a_failure_writes_nothing_to_a_stream(tmp_path: Path) -> None:
