@@ -138,7 +138,11 @@ def field_options(
             continue
         text = field.metadata["meaning"] + ("" if default in (None, "") else f" [{default}]")
         unit = {"s": "SECONDS", "": "NUMBER"}.get(field.metadata["unit"], field.metadata["unit"].upper())
-        metavar = (unit if hint is float else "N") if _numeric(hint) else "|".join(get_args(hint)) or "TEXT"
+        metavar = (
+            (unit if hint is float else "N")
+            if _numeric(hint)
+            else field.metadata["values"] or "|".join(get_args(hint)) or "TEXT"
+        )
         section = (READOUT if name in MAIN else DETAIL) if cls is ReadoutConfig else heading
         options.append(option(name, str | None, text, metavar, option_of(field), section))
     return options
@@ -278,7 +282,7 @@ def with_config(
     command : callable, optional
         Omitted if the decorator is called with the others.
     fields : sequence of str, optional
-        The fields that become options, all by default.
+        The fields that become options, all by default; none for which the command has a parameter of its own.
     file : bool
         False leaves ``--config`` out.
     every : bool
@@ -287,7 +291,8 @@ def with_config(
     if command is None:
         return lambda function: with_config(function, fields=fields, file=file, every=every)
     wanted = inspect.signature(command).parameters
-    options = [*field_options(ReadoutConfig, fields), *([TAU] if fields is None else []), *([CONFIG_FILE] * file)]
+    names = [name for name in fields or ReadoutConfig.__dataclass_fields__ if name not in wanted]
+    options = [*field_options(ReadoutConfig, names), *([TAU] if fields is None else []), *([CONFIG_FILE] * file)]
 
     def build(texts: dict[str, Any]) -> dict[str, Any]:
         path, tau = texts.pop("config_file", None), texts.pop("tau", None)

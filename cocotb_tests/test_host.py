@@ -24,12 +24,15 @@ CONFIGS = [
     BASE.replace(encoding="cw-lcs", window_period=9, frontend="analog"),
     BASE.replace(encoding="nlcs", frontend="analog", rows=2, columns=2, leak_period=9, decide_every="sample"),
     BASE.replace(rows=1, columns=1, encoding="nlcs", leak_period=7, leak_shift=3),
+    BASE.replace(fields="settable"),
+    BASE.replace(rows=2, columns=8, fields="settable", encoding="nlcs-bipolar", leak_period=20, reset="async"),
+    BASE.replace(rows=4, columns=5, fields="settable", frontend="analog"),
     BASE.replace(rows=5, columns=9, encoding="cw-lcs", window_period=5, resolution=8),
 ]
 
 
 def name(config: ReadoutConfig) -> str:
-    return f"{config.rows}x{config.columns}-{config.encoding}-{config.frontend}"
+    return f"{config.rows}x{config.columns}-{config.encoding}-{config.frontend}-{config.fields}"
 
 
 def run(config: ReadoutConfig, simulator: Simulator, folder: Path, seed: int) -> None:
@@ -40,6 +43,7 @@ def run(config: ReadoutConfig, simulator: Simulator, folder: Path, seed: int) ->
     assert happens["mode"] == 3
     assert happens["coarser"] > 1
     assert happens["masks"] > 5
+    assert happens["fields"] == 4 * (config.fields == "settable")
     assert happens["leak_period"] > 1 or not config.encoder.leaks
     assert happens["leak_shift"] > 1 or not config.encoder.leaks
     assert happens["window_period"] > 1 or not config.closes

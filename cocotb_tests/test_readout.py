@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -111,6 +112,22 @@ WIDE = [
     ReadoutConfig(rows=12, columns=16, link="four_phase_dual", encoding="nlcs-bipolar"),
     ReadoutConfig(rows=40, columns=1, encoding="nlcs", resolution=3, leak_shift=4, leak_period=7, fraction_bits=1),
 ]
+
+
+LISTED: Any = [[[0, 1, 2], 0], [[3, 3, 3], 1], [[], 0], [[0, 1, 2, 3], 2]]
+FIELDS = [
+    ReadoutConfig(
+        rows=3, columns=5, fields="neighbours", encoding="cw-lcs", window_period=3, sample_bits=8, resolution=4
+    ),
+    ReadoutConfig(rows=5, columns=2, fields="both", encoding="nlcs-bipolar", leak_period=7, link="four_phase_dual"),
+    ReadoutConfig(rows=2, columns=3, fields="both", frontend="analog"),
+    ReadoutConfig(rows=2, columns=2, sample_bits=8, resolution=3, fields=LISTED),
+]
+
+
+@pytest.mark.parametrize("config", FIELDS, ids=name)
+def test_rtl_equals_model_with_receptive_fields(config: ReadoutConfig, tmp_path: Path) -> None:
+    play(config, build(config, "icarus"), tmp_path, seed=1)
 
 
 @pytest.mark.parametrize("config", WIDE, ids=name)

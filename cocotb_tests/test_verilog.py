@@ -79,6 +79,20 @@ def extremes() -> list[dict[str, object]]:
     ]
 
 
+def with_fields() -> list[ReadoutConfig]:
+    """Fields of names, and of lists in which taxels are off or in no field, with both front ends."""
+    base = ReadoutConfig(rows=2, columns=2, sample_bits=7, resolution=2)
+    listed: Any = [[[0, 1], 0], [[1, 1, 3], 2], [[], 0], [[3], 0]]
+    return [
+        base.replace(rows=3, columns=3, fields="neighbours"),
+        base.replace(rows=1, columns=4, fields="both", sample_bits=3, resolution=1),
+        base.replace(fields=listed),
+        base.replace(fields=listed, frontend="analog"),
+        base.replace(rows=3, columns=6, fields="settable", registers="spi"),
+        base.replace(rows=2, columns=8, fields="settable", registers="spi", frontend="analog", encoding="cw-lcs"),
+    ]
+
+
 def name(config: ReadoutConfig) -> str:
     return f"{config.encoding}-{config.rows}x{config.columns}-{config.resolution}b-{config.frontend}-{config.link}"
 
@@ -98,7 +112,7 @@ def lint(path: Path) -> str:
     return said
 
 
-@pytest.mark.parametrize("config", [*configurations(), *with_registers()], ids=name)
+@pytest.mark.parametrize("config", [*configurations(), *with_registers(), *with_fields()], ids=name)
 def test_lint_is_clean(config: ReadoutConfig, tmp_path: Path) -> None:
     path = tmp_path / "eskin_readout.v"
     path.write_text(verilog_text(config))

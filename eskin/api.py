@@ -137,7 +137,7 @@ def plot(
     config : ReadoutConfig
     events : Events, shape (events,)
     signal : integer or float array, as for ``encode``, optional
-        Encoded signal.
+        Encoded signal; the picture shows the signals of the receptive fields.
     rebuilt : float array, shape (ticks, taxels), optional
         Signal from ``decode``.
     title : str
@@ -150,9 +150,10 @@ def plot(
         If a signal does not fit the array, or the file cannot be written.
     """
     from eskin.base.figures.style import save_figure
+    from eskin.model.encoders.fields import signals
     from eskin.skin.figures.raster import draw_signals
 
-    shown = {} if signal is None else {"signal": _codes(config, signal) / config.full_scale}
+    shown = {} if signal is None else {"signal": signals(config, _codes(config, signal)) / config.full_scale}
     shown |= {} if rebuilt is None else {"reconstruction": _flat(config, rebuilt).astype(np.float64)}
     figure = draw_signals(events, shown, config, title)
     figure._repr_png_ = lambda: _png(figure)  # type: ignore[attr-defined]  # what a notebook asks for

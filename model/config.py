@@ -14,6 +14,7 @@ from eskin.base.errors import InputError
 from eskin.base.files import read_json
 from eskin.model.encoders import registry
 from eskin.model.encoders.encoder import Encoder
+from eskin.model.encoders.fields import KINDS, SETTABLE, Fields, parse
 
 Encoding = Literal["lcs", "cw-lcs", "nlcs", "nlcs-bipolar"]
 """Names of ``eskin.model.encoders.registry``, written once more for the type checker."""
@@ -47,7 +48,7 @@ NO_LOGIC = ("sample_rate_hz", "clocks_per_sample")
 SPECIFICATION = "docs/specification.md, section"
 
 
-def parameter(default: Any, unit: str, source: str, meaning: str, option: str = "") -> Any:
+def parameter(default: Any, unit: str, source: str, meaning: str, option: str = "", values: str = "") -> Any:
     """Return a dataclass field with the text of its option, its help, and its table row.
 
     Parameters
@@ -61,8 +62,11 @@ def parameter(default: Any, unit: str, source: str, meaning: str, option: str = 
         One line, as ``--help`` prints it.
     option : str
         Name of the command-line option, by default the field's name without its unit.
+    values : str
+        Values in the help of the option, if the type of the field does not list them.
     """
-    return field(default=default, metadata={"unit": unit, "source": source, "meaning": meaning, "option": option})
+    metadata = {"unit": unit, "source": source, "meaning": meaning, "option": option, "values": values}
+    return field(default=default, metadata=metadata)
 
 
 def option_of(field: dataclasses.Field[Any]) -> str:
@@ -106,6 +110,8 @@ class ReadoutConfig:
         Clocks per sample tick; the clock is ``sample_rate_hz * clocks_per_sample``.
     registers : "none" or "spi"
         Whether resolution, leak, window, mask and more can be set at run time, up to the built values.
+    fields : "own", "neighbours", "both", "settable", or a list
+        Receptive fields: samples that the encoder of a taxel sees (``model.encoders.fields``); settable with registers.
 
     Raises
     ------
@@ -150,11 +156,15 @@ class ReadoutConfig:
     sample_rate_hz: float = parameter(20_000.0, "Hz", f"{SPECIFICATION} 6", "sample ticks per second")
     clocks_per_sample: int = parameter(64, "", f"{SPECIFICATION} 4", "clocks per sample tick")
     registers: Registers = parameter("none", "", f"{SPECIFICATION} 4", "settings at run time: none, or over SPI")
+    fields: Fields = parameter(
+        "own", "", f"{SPECIFICATION} 2", "samples that an encoder sees", values="|".join((*KINDS, SETTABLE, "JSON"))
+    )
 
     def __post_init__(self) -> None:
         for name, hint in get_type_hints(type(self)).items():
             self._check_type(name, hint)
         self._check_array()
+        object.__setattr__(self, "fields", parse(self.fields, self.taxels))
         self._check_range("sample_bits", 3, 24)
         self._check_range("resolution", 1, self.sample_bits - 2, "sample_bits - 2")
         self._check_range("closing_shift", 0, 16)
@@ -178,6 +188,8 @@ class ReadoutConfig:
                 f"not {self.reference_reset}"
             )
 
+        if self.fields == SETTABLE and self.registers == "none":
+            raise InputError("fields settable need registers in which a host chooses them; set registers to spi")
         if self.link == "four_phase_dual" and not self.has_polarity:
             raise InputError(
                 f"link four_phase_dual has a request for ON and one for OFF, encoding {self.encoding} sends only ON; "
@@ -190,6 +202,8 @@ class ReadoutConfig:
 
     def _check_type(self, name: str, hint: Any) -> None:
         value = getattr(self, name)
+        if name == "fields":
+            return  # checked behind the array
         if choices := get_args(hint):
             if value not in choices:
                 raise InputError(f"{name} must be one of {', '.join(choices)}, not {value!r}")
@@ -381,10 +395,14 @@ class ReadoutConfig:
         return values[value]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all fields as a plain dictionary; registers only if present."""
+        """Return all fields as a plain dictionary; registers and receptive fields only if present."""
         fields = dataclasses.asdict(self)
         if self.registers == "none":
             del fields["registers"]
+        if self.fields == "own":
+            del fields["fields"]
+        elif not isinstance(self.fields, str):
+            fields["fields"] = [one.to_dict() for one in self.fields]
         return fields
 
     def to_json(self) -> str:

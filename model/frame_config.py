@@ -62,6 +62,8 @@ class FrameConfig:
     def __post_init__(self) -> None:
         if not isinstance(self.readout, ReadoutConfig):
             raise InputError(f"readout must be of type ReadoutConfig, not {self.readout!r}")
+        if self.readout.fields != "own":
+            raise InputError("receptive fields belong to the spiking readout; leave fields out")
         if self.readout.registers != "none":
             raise InputError(f"registers belong to the spiking readout; leave registers={self.readout.registers} out")
         self._check("word_bits", self.resolution, MAX_WORD_BITS, f"resolution = {self.resolution}")

@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 from eskin.base.errors import InputError
 from eskin.model.address_events import Events
 from eskin.model.config import ReadoutConfig
+from eskin.model.encoders.fields import CHOICES, SETTABLE
 from eskin.model.readout import TAKEN, WAITED, Stimulus, simulate_counted
 from eskin.model.registers.file import RegisterFile, Settings
 from eskin.model.registers.pattern import OFF, Pattern
 from eskin.model.registers.settings import SETTING_DTYPE
 from eskin.model.registers.spi import Pins, SpiSlave
 
+OFF_FIELD = CHOICES.index("off")
 COUNTED = {TAKEN: ("events_count",), WAITED: ("stalls_count",), 0: ()}
 
 
@@ -77,14 +79,25 @@ def _of_registers(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins
     masks: list[NDArray[np.bool_]] = []
     mask_clocks, rows = [], []
     before: tuple[int, ...] = ()
+    choices: list[NDArray[np.uint8]] = []
+    choice_clocks: list[int] = []
+    # The select lines of an analog multiplexer are flops behind the register.
+    selected = np.zeros(config.taxels, np.uint8)
     for clock, levels in enumerate(pins):
         signals = file.signals()
         mask = outside.get(clock, mask)
         clear = signals["control_clear"] == 1
         found = Settings.of(config, signals)
         test = Pattern(**{name: signals[f"test_{name}"] for name in Pattern._fields if f"test_{name}" in signals})
+        choice = np.array([found.fields >> 2 * taxel & 3 for taxel in range(config.taxels)], np.uint8)
+        now = choice if config.frontend == "digital" else selected
+        selected = choice
+        if config.fields == SETTABLE and (not choices or (now != choices[-1]).any()):
+            choices.append(now)
+            choice_clocks.append(clock)
         shown = found.mask if test.mode == OFF and not clear else 0
         enabled = np.logical_and(mask, np.array([shown >> bit & 1 for bit in range(config.taxels)]))
+        enabled &= choice != OFF_FIELD
         if not masks or (enabled != masks[-1]).any():
             masks.append(enabled)
             mask_clocks.append(clock)
@@ -103,4 +116,6 @@ def _of_registers(config: ReadoutConfig, stimulus: Stimulus, pins: Sequence[Pins
         enable_clock=np.array(mask_clocks, np.int64),
         enable=np.array(masks, bool),
         settings=np.array(rows, SETTING_DTYPE),
+        choice_clock=np.array(choice_clocks, np.int64),
+        choice=np.array(choices, np.uint8).reshape(-1, config.taxels),
     )

@@ -21,7 +21,8 @@ from eskin.model import taxel_kernels as taxel
 from eskin.model.address_events import EVENT_DTYPE, Events
 from eskin.model.arbiter import ONE, ZERO, lowest, without_lowest
 from eskin.model.config import ReadoutConfig
-from eskin.model.encoders import compiled
+from eskin.model.encoders import compiled, fields
+from eskin.model.encoders.fields import ANALOG_RANGE
 from eskin.model.registers import pattern, settings
 
 SOURCES = (*compiled.sources(), *(Path(str(m.__file__)) for m in (arbiter, link, pattern, settings, taxel)))
@@ -29,9 +30,6 @@ SOURCES = (*compiled.sources(), *(Path(str(m.__file__)) for m in (arbiter, link,
 forget_stale_kernels(Path(__file__), SOURCES)
 
 TAKEN, WAITED = 1, 2
-
-ANALOG_RANGE = 4
-"""Full scales that an analog signal may reach, either way."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +39,8 @@ class Stimulus:
     Attributes
     ----------
     samples : ndarray of int32, shape (ticks, taxels)
-        Codes of all taxels at every sample tick; an analog signal may be up to four times full scale.
+        Codes of all taxels at every sample tick, before receptive fields; an analog signal may be up to four times full
+        scale.
     sample_clock : ndarray of int64, shape (ticks,)
         Clock of every sample tick, rising.
     clocks : int
@@ -58,6 +57,9 @@ class Stimulus:
         with offset, noise or hysteresis. By default they follow from the samples.
     settings : ndarray of SETTING_DTYPE, shape (changes,)
         Settings of a host, and the clocks from which they are valid; the first at clock 0 (``registers="spi"``).
+    choice_clock, choice : ndarray of int64, shape (changes,), and of uint8, shape (changes, taxels)
+        Fields that a host chooses, by their numbers in ``fields.CHOICES``, and the clocks from which they are valid;
+        the first at clock 0 (``fields="settable"``). By default all are ``own``. A mask silences taxels that are off.
     """
 
     samples: NDArray[np.int32]
@@ -69,6 +71,8 @@ class Stimulus:
     ack_delay: NDArray[np.int64] = field(default_factory=lambda: np.ones(1, np.int64))
     decisions: NDArray[np.uint8] | None = None
     settings: NDArray[np.void] = field(default_factory=lambda: np.zeros(0, settings.SETTING_DTYPE))
+    choice_clock: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    choice: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((0, 0), np.uint8))
 
     @classmethod
     def from_samples(
@@ -128,6 +132,13 @@ class Stimulus:
             if self.decisions.shape != (self.clocks, config.taxels):
                 raise InputError(f"decisions must have shape ({self.clocks}, {config.taxels}), a row for every clock")
         settings.check(config, self.settings)
+        if len(self.choice_clock):
+            if config.fields != fields.SETTABLE:
+                raise InputError(f"a choice needs fields {fields.SETTABLE}, not {config.fields}")
+            if self.choice.shape != (len(self.choice_clock), config.taxels) or self.choice.max() >= len(fields.CHOICES):
+                raise InputError(f"choice must have shape ({len(self.choice_clock)}, {config.taxels}), of 0..3")
+            if self.choice_clock[0] != 0 or (np.diff(self.choice_clock) < 1).any():
+                raise InputError("choice_clock must rise from 0")
         if not self.ready.size or not self.ack_delay.size:
             raise InputError("ready and ack_delay must not be empty")
         if (self.ack_delay < 1).any() or (self.ack_delay % link.ACK_QUANTA == 0).any():
@@ -285,7 +296,8 @@ class Parameters(NamedTuple):
 class Inputs(NamedTuple):
     """A stimulus for the compiled loop: the attributes of ``Stimulus``, and the phase of every row's leak.
 
-    ``decisions`` has no rows without decisions.
+    ``samples`` are the signals of the fields. ``decisions`` has no rows without decisions. ``shown`` has a row of
+    analog signals for every choice of fields in ``choice_clock``.
     """
 
     samples: NDArray[np.int32]
@@ -297,6 +309,8 @@ class Inputs(NamedTuple):
     ack_delay: NDArray[np.int64]
     phases: NDArray[np.int64]
     decisions: NDArray[np.uint8]
+    choice_clock: NDArray[np.int64]
+    shown: NDArray[np.int32]
 
 
 class Registers(NamedTuple):
@@ -332,15 +346,16 @@ def _run(
     """Run the loop for some clocks; return the events and the final registers."""
     registers = Registers.after_reset(config)
     inputs = Inputs(
-        np.ascontiguousarray(stimulus.samples, np.int32),
+        _signals(config, stimulus),
         stimulus.sample_clock,
         clocks,
         stimulus.enable_clock,
-        stimulus.enable,
+        stimulus.enable & ~fields.is_off(config),
         stimulus.ready,
         stimulus.ack_delay,
         decay.decay_phases(config),
         _decisions(config, stimulus),
+        *_shown(config, stimulus),
     )
     given_settings = stimulus.settings if len(stimulus.settings) else None
     traffic = np.zeros(0, np.uint8) if traffic is None else traffic
@@ -349,6 +364,24 @@ def _run(
     events["t"], events["p"] = time, event & 1
     events["y"], events["x"] = np.divmod(event >> 1, config.columns)
     return events, registers
+
+
+def _signals(config: ReadoutConfig, stimulus: Stimulus) -> NDArray[np.int32]:
+    """Return what the encoders see of every sample, shape (ticks, taxels)."""
+    if not len(stimulus.choice_clock):
+        return np.ascontiguousarray(fields.seen(config, stimulus.samples), np.int32)
+    now = np.searchsorted(stimulus.choice_clock, stimulus.sample_clock, side="right") - 1
+    return np.ascontiguousarray(fields.chosen(config, stimulus.samples, stimulus.choice[now]), np.int32)
+
+
+def _shown(config: ReadoutConfig, stimulus: Stimulus) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Return the clocks in which a choice moves analog signals, and the signals; a digital one waits for a sample."""
+    clock = stimulus.choice_clock
+    if not len(clock) or config.frontend == "digital":
+        return np.zeros(0, np.int64), np.zeros((0, 0), np.int32)
+    last = np.searchsorted(stimulus.sample_clock, clock)  # samples before that clock
+    samples = np.concatenate([np.zeros((1, config.taxels), np.int32), stimulus.samples])[last]
+    return clock, np.ascontiguousarray(fields.chosen(config, samples, stimulus.choice), np.int32)
 
 
 def _decisions(config: ReadoutConfig, stimulus: Stimulus) -> NDArray[np.uint8]:
@@ -366,9 +399,9 @@ def _loop(p: Parameters, s: Inputs, r: Registers, given_settings: Any, traffic: 
     what ``simulate_counted`` returns, if it has room.
     """
     taxels, rows, latch, aer = r
-    samples, sample_clock, clocks, enable_clock, enable, wants, ack_delay, phases, decisions = s
+    samples, sample_clock, clocks, enable_clock, enable, wants, ack_delay, phases, decisions, choice_clock, shown = s
     log = np.empty((1024, 2), np.int64)
-    events = ticks = changes = 0  # events, sample ticks and masks so far
+    events = ticks = changes = choices = 0  # events, sample ticks, masks and choices of fields so far
     tick = again = False
     on_link = np.int64(0)
     host = settings.new_host()
@@ -386,6 +419,10 @@ def _loop(p: Parameters, s: Inputs, r: Registers, given_settings: Any, traffic: 
         if masked:
             mask_rows(p, enable[changes], taxels, rows, latch)
             changes += 1
+
+        if choices < len(choice_clock) and choice_clock[choices] == t:
+            take_samples(p, shown[choices], taxels, rows)
+            choices, moved = choices + 1, True
 
         # Transfer, and the grant of the next row.
         take = arbiter.offers(latch) and (link.ready(aer) if p.four_phase else wants[t % len(wants)] != 0)
@@ -431,6 +468,8 @@ def _loop(p: Parameters, s: Inputs, r: Registers, given_settings: Any, traffic: 
             until = sample_clock[ticks] if ticks < len(sample_clock) else clocks
             if changes < len(enable_clock):
                 until = min(until, enable_clock[changes])
+            if choices < len(choice_clock):
+                until = min(until, choice_clock[choices])
             if given_settings is not None:
                 until = min(until, settings.next_change(host, given_settings, clocks))
             t = max(t, min(until, clocks))

@@ -27,6 +27,7 @@ from eskin.model import taxel_kernels as kernels
 from eskin.model.address_events import EVENT_DTYPE, Events, taxel_of
 from eskin.model.config import ReadoutConfig
 from eskin.model.decay import decay_phases
+from eskin.model.encoders.fields import is_off, signals
 
 Samples = NDArray[np.integer[Any]]
 """Codes of W bits, shape (ticks, taxels)."""
@@ -56,7 +57,8 @@ def encode(config: ReadoutConfig, samples: Samples, out: Counts | None = None) -
         Encoder and its parameters.
     samples : integer array, shape (ticks, taxels)
         Codes of W bits. int16 in C order (W <= 16) is read in place; other types are converted. LCS and CW-LCS accept
-        any number of taxels. N-LCS needs ``config.taxels``, because its leak depends on the row.
+        any number of taxels. N-LCS needs ``config.taxels``, because its leak depends on the row, and so do receptive
+        fields, which are applied to the samples.
     out : array of the result's shape and type, optional
         Array for the result, to avoid a new one.
 
@@ -91,7 +93,7 @@ def encode(config: ReadoutConfig, samples: Samples, out: Counts | None = None) -
             f"not {counts.shape} and {counts.dtype}"
         )
     _Bank.reset(config, samples.shape[1]).run(samples, counts, None)
-    return counts
+    return _silenced(config, counts)
 
 
 def encode_timed(config: ReadoutConfig, samples: Samples) -> tuple[Counts, Flags]:
@@ -114,7 +116,7 @@ def encode_timed(config: ReadoutConfig, samples: Samples) -> tuple[Counts, Flags
     counts = np.empty(samples.shape, _count_dtype(config))
     late = np.zeros(samples.shape, np.bool_)
     _Bank.reset(config, samples.shape[1]).run(samples, counts, late)
-    return counts, late
+    return _silenced(config, counts), _silenced(config, late)
 
 
 def count_events(config: ReadoutConfig, samples: Samples) -> NDArray[np.int64]:
@@ -135,7 +137,7 @@ def count_events(config: ReadoutConfig, samples: Samples) -> NDArray[np.int64]:
         part = samples[start : start + block]
         bank.run(part, counts[: len(part)], None)
         totals += kernels.magnitudes(counts[: len(part)])
-    return totals
+    return _silenced(config, totals)
 
 
 # -- address events ----------------------------------------------------------------------------------
@@ -295,7 +297,7 @@ def _count_dtype(config: ReadoutConfig) -> type[np.signedinteger[Any]]:
 
 
 def _check_samples(config: ReadoutConfig, samples: Samples) -> NDArray[Any]:
-    """Return the samples as a C-ordered int16 (W <= 16) or int32 array, or raise InputError."""
+    """Return the signals of the receptive fields as a C-ordered int16 (W <= 16) or int32 array, or raise InputError."""
     samples = np.asarray(samples)
     if samples.ndim != 2:
         raise InputError(f"samples must have the shape (ticks, taxels), not {samples.shape}")
@@ -308,6 +310,11 @@ def _check_samples(config: ReadoutConfig, samples: Samples) -> NDArray[Any]:
             f"samples must have one column for each of the {config.taxels} taxels, not {samples.shape[1]}, "
             f"since every row leaks at its own phase"
         )
+    if config.fields != "own" and samples.shape[1] != config.taxels:
+        raise InputError(
+            f"samples must have one column for each of the {config.taxels} taxels, not {samples.shape[1]}, "
+            f"since receptive fields add samples of the array"
+        )
     wanted = np.dtype(np.int16 if config.sample_bits <= 16 else np.int32)
     checked = np.ascontiguousarray(samples, dtype=wanted)
     narrowed = not np.can_cast(samples.dtype, wanted)
@@ -319,7 +326,14 @@ def _check_samples(config: ReadoutConfig, samples: Samples) -> NDArray[Any]:
                     f"samples must be in {low}..{high} ({config.sample_bits} bits), not {worst}; "
                     f"scale or clip them first"
                 )
-    return checked
+    return signals(config, checked)
+
+
+def _silenced(config: ReadoutConfig, found: NDArray[Any]) -> NDArray[Any]:
+    """Return counts or flags, 0 for the taxels (the last axis) that are off."""
+    if not isinstance(config.fields, str):
+        found[..., is_off(config)] = 0
+    return found
 
 
 def _check_counts(config: ReadoutConfig, counts: Counts, late: Flags | None, needed: bool) -> tuple[Counts, Flags]:

@@ -35,6 +35,8 @@ PORTS = PORTS_OF_ALL | {
     "reference_code": "references, for the DACs, from flops, signed, {sample_bits} bits each, in codes of a sample",
     "half_width": "half-widths, for the DACs, from flops, unsigned, {half_width_bits} bits each, in codes",
     "step_code": "D in codes, for the comparators' DACs, from flops, unsigned; a host sets it",
+    "field_select": "{{both, neighbours, own}} of every taxel, for its multiplexer, from flops, one-hot or none; taxel "
+    "0 in the least significant bits; a host sets it",
     "event_valid": "an address event is offered",
     "event_ready": "the sink takes the event at this edge",
     "event_row": "row of the event",

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from typing import Any
 
-from amaranth.hdl import Module, Mux, Signal, unsigned
+from amaranth.hdl import Cat, Module, Mux, Signal, unsigned
 from amaranth.lib.wiring import In, Out
 
 from eskin.model.config import ReadoutConfig
 from eskin.model.decay import decay_phases
+from eskin.model.encoders.fields import SETTABLE, is_off
 from eskin.rtl.arbiter import Arbiter, event_ports
 from eskin.rtl.block import Block
 from eskin.rtl.decay import DecayTicks
+from eskin.rtl.encoders.fields import Fields
 from eskin.rtl.link import FourPhaseLink, aer_ports
 from eskin.rtl.logic import or_tree
 from eskin.rtl.registers.decay import SettableDecayTicks
-from eskin.rtl.registers.host import Host
+from eskin.rtl.registers.host import Host, selects
 from eskin.rtl.registers.spi import PINS
 from eskin.rtl.taxel import Row, settings
 
@@ -28,8 +30,8 @@ class Readout(Block[ReadoutConfig]):
     taxel_enable : In(rows * columns)
         Mask: 0 silences a taxel.
     sample, sample_valid : In(rows * columns * W), In(1)
-        Codes of all taxels, taken together (digital front end). The analog front end has only ``sample_valid``, the
-        sample tick, if the encoder needs it.
+        Codes of all taxels, taken together (digital front end); ``Fields`` adds them to receptive fields. The analog
+        front end has only ``sample_valid``, the sample tick, if the encoder needs it.
     above, below, reference_code, half_width
         Comparator decisions in, references and half-widths out (analog front end), see ``Taxel``.
     event_valid, event_ready, event_row, event_col, event_polarity
@@ -40,6 +42,9 @@ class Readout(Block[ReadoutConfig]):
         Settings at run time (``registers="spi"``), see ``eskin.rtl.registers``.
     step_code : Out(half_width_bits)
         D in codes, a register, for the comparators (analog front end with registers, where there is no half_width).
+    field_select : Out(3 * rows * columns)
+        {both, neighbours, own} of every taxel, for the multiplexer of its sensor: registers, one-hot, or none where it
+        is off (``fields="settable"`` with the analog front end).
     """
 
     module_name = "eskin_readout"
@@ -56,6 +61,7 @@ class Readout(Block[ReadoutConfig]):
         ports |= aer_ports(config) if config.handshake else event_ports(config, Out)
         if config.registers == "spi":
             ports |= PINS | ({"step_code": Out(config.half_width_bits)} if _shows_step(config) else {})
+            ports |= {"field_select": Out(3 * config.taxels)} if selects(config) else {}
         super().__init__(config, ports)
 
     def elaborate(self, platform: Any) -> Module:
@@ -65,6 +71,16 @@ class Readout(Block[ReadoutConfig]):
         arbiter.place(m, "arbiter", platform)
         host = self._host(m, arbiter, platform)
         enable = self.taxel_enable if host is None else host.enabled
+        if is_off(config).any():
+            enable = Cat(0 if off else enable[taxel] for taxel, off in enumerate(is_off(config)))
+        outer = {name: getattr(self, name) for name in self.per_row[1:]} | {"enable": enable}
+        if config.fields != "own" and config.frontend == "digital":
+            fields = Fields(config)
+            fields.place(m, "fields", platform)
+            m.d.comb += fields.sample.eq(self.sample)
+            if host is not None and config.fields == SETTABLE:
+                m.d.comb += fields.choice.eq(host.choice)
+            outer["sample"] = fields.signal
 
         stirs: list[Any] = [arbiter.awake]
         if config.needs_tick:
@@ -94,8 +110,7 @@ class Readout(Block[ReadoutConfig]):
             if host is not None:
                 m.d.comb += [getattr(row, name).eq(host.setting(name)) for name in settings(config)]
             for name in self.per_row:
-                outer = enable if name == "enable" else getattr(self, name)
-                row.connect(m, name, _slice(outer, index, len(getattr(row, name))))
+                row.connect(m, name, _slice(outer[name], index, len(getattr(row, name))))
 
         # Nothing in here uses it: a clock gate may, with all but link and host, which listen to ACK and SPI.
         awake = Signal(attrs={"keep": 1})
@@ -127,6 +142,8 @@ class Readout(Block[ReadoutConfig]):
         ]
         if _shows_step(self.config):
             m.d.comb += self.step_code.eq(host.step << (self.config.step - 1).bit_length())
+        if selects(self.config):
+            m.d.comb += self.field_select.eq(host.field_select)
         return host
 
     def _row_decay(self, m: Module, tick: Signal, host: Host | None, platform: Any) -> list[Any]:

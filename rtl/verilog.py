@@ -9,12 +9,14 @@ from eskin.model import __version__
 from eskin.model.classifier.chip_config import ChipConfig
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.config import ReadoutConfig
+from eskin.model.encoders.fields import is_off, unused
 from eskin.model.frame_config import FrameConfig
 from eskin.model.tiles.config import MergeConfig, TilesConfig
 from eskin.rtl import yosys
 from eskin.rtl.block import Block, RtlilModules
 from eskin.rtl.classifier.chip import Chip
 from eskin.rtl.classifier.core import Classifier
+from eskin.rtl.encoders.fields import Fields
 from eskin.rtl.frame import FrameReadout
 from eskin.rtl.gates import clock_gates
 from eskin.rtl.readout import Readout
@@ -54,6 +56,10 @@ UNUSED_RESET = "a memory has no reset"
 UNUSED_AWAKE = "low in a clock at whose end no register changes: for a clock gate, should there be one"
 
 UNUSED_SAMPLE_BITS = "bits below the encoder's step can never change a decision: the taxel keeps the others"
+
+UNUSED_TAXEL = "no receptive field has that taxel"
+
+UNUSED_ENABLE = "a taxel without a receptive field is off"
 
 UNUSED_PRODUCT = "the bits below a leak's shift are cut off"
 
@@ -155,6 +161,10 @@ def _waive(text: str, config: Config) -> str:
         text = yosys.waive_signal(text, array.module_name, "awake", "UNUSEDSIGNAL", UNUSED_AWAKE)
     if isinstance(readout, ReadoutConfig) and readout.frontend == "digital" and readout.grid > 1:
         text = yosys.waive_signal(text, "eskin_taxel", "sample", "UNUSEDSIGNAL", UNUSED_SAMPLE_BITS)
+    if isinstance(readout, ReadoutConfig) and is_off(readout).any():
+        text = yosys.waive_signal(text, Readout.module_name, "taxel_enable", "UNUSEDSIGNAL", UNUSED_ENABLE)
+    if isinstance(readout, ReadoutConfig) and readout.frontend == "digital" and unused(readout):
+        text = yosys.waive_signal(text, Fields.module_name, "sample", "UNUSEDSIGNAL", UNUSED_TAXEL)
     if isinstance(readout, ReadoutConfig) and readout.registers != "none":
         text = yosys.waive_signal(text, "eskin_registers", "write_data", "UNUSEDSIGNAL", UNUSED_WRITE_BITS)
     if isinstance(config, ClassifierConfig | ChipConfig):

@@ -19,6 +19,7 @@ from eskin.base.errors import InputError
 from eskin.cocotb_tests.bench.stimuli import READY, ack_delays
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
+from eskin.model.encoders.fields import SETTABLE, most_shift
 from eskin.model.readout import ANALOG_RANGE, Stimulus
 
 MOST_TAXELS = 64
@@ -95,9 +96,14 @@ class Draw:
             "frontend": self._drawn("frontend", ["digital", "analog"]),
             "reset": self._drawn("reset", ["sync", "async"]),
             "registers": self._drawn("registers", ["none", "none", "spi"]),
+            "fields": self._drawn("fields", ["own", "own", "neighbours", "both", "listed"]),
         }
         if "registers" not in self.set and registry.named(encoding).leaks and fields["leak_period"] < rows:
             fields["registers"] = "none"  # they can stagger no leak that is shorter than the rows
+        if fields["registers"] == "spi" and self._drawn("settable", [False, True]) and "fields" not in self.set:
+            fields["fields"] = SETTABLE
+        if fields["fields"] == "listed":
+            fields["fields"] = self._listed(rows * columns)
         if fields["registers"] == "spi" and registry.named(encoding).windowed and "closing_shift" not in self.set:
             room = fields["sample_bits"] - 2 - fields["resolution"]
             fields["closing_shift"] = min(fields["closing_shift"], room)  # of every resolution that a host sets
@@ -105,6 +111,15 @@ class Draw:
         levels = np.arange(config.encoder.lowest(config), config.full_scale, config.grid)
         at_zero = np.zeros(len(levels), np.int64)
         return config.replace(reference_reset=self._drawn("reference_reset", np.concatenate([levels, at_zero])))
+
+    def _listed(self, taxels: int) -> list[dict[str, Any]]:
+        """Return a field of any taxels for every taxel; some are off."""
+        rng = np.random.default_rng([self.seed, zlib.crc32(b"listed")])
+        sizes = np.maximum(rng.integers(0, 7, taxels), np.arange(taxels) == 0)
+        return [
+            {"taxels": rng.integers(0, taxels, n).tolist(), "shift": int(rng.integers(0, most_shift(n) + 1))}
+            for n in sizes.tolist()
+        ]
 
     @property
     def mean_gap(self) -> float:

@@ -258,6 +258,9 @@ module harness;
       .step_code(),
 `endif
 `endif
+`ifdef SELECTS
+      .field_select(),
+`endif
 `endif
 `ifdef TICK
       .sample_valid(sample_valid),

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from eskin.cocotb_tests.bench.analog import SIGNAL_BITS_MORE, Comparators, read_decisions, signal_of
 from eskin.model.address_events import EVENT_DTYPE, Events
 from eskin.model.config import ReadoutConfig
+from eskin.model.encoders.fields import seen
 from eskin.model.events.compare import Difference, first_difference
 
 if TYPE_CHECKING:  # importing it would compile the model in every simulator
@@ -67,7 +68,7 @@ class StimulusDriver:
         mask = stimulus.enable[np.searchsorted(stimulus.enable_clock, clocks, side="right") - 1]
         width = self.config.sample_bits
         if self.config.frontend == "analog":
-            samples, width = signal_of(samples), width + SIGNAL_BITS_MORE
+            samples, width = signal_of(seen(self.config, samples)), width + SIGNAL_BITS_MORE
         bits = (samples[:, :, None] >> np.arange(width)) & 1
         return np.concatenate(
             [

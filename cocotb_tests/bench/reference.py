@@ -8,9 +8,11 @@ the edge.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from fractions import Fraction
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from eskin.model.config import ReadoutConfig
+from eskin.model.encoders.fields import ANALOG_RANGE, fields_of
 
 if TYPE_CHECKING:  # importing it would compile the fast model in every simulator
     from eskin.model.readout import Stimulus
@@ -294,7 +296,7 @@ class ReadoutReference:
     taxels : list of lists of TaxelReference
         Rows of columns.
     signal : list of lists of int
-        Input of the comparators: the sample of the last tick, for any mask (analog front end).
+        Input of the comparators: the field's signal of the last tick, for any mask (analog front end).
     time, ticks : int
         Clocks and sample ticks since reset.
     raised, accepted : list of TimedEvent
@@ -304,6 +306,7 @@ class ReadoutReference:
 
     def __init__(self, config: ReadoutConfig, ack_delay: Sequence[int] = (1,)) -> None:
         self.config = config
+        self.fields = fields_of(config)
         self.taxels = [[TaxelReference(config) for _ in range(config.columns)] for _ in range(config.rows)]
         self.signal = [[0] * config.columns for _ in range(config.rows)]
         self.arbiter = ArbiterReference(config)
@@ -313,6 +316,12 @@ class ReadoutReference:
         self.time = self.ticks = 0
         self.raised: list[TimedEvent] = []
         self.accepted: list[TimedEvent] = []
+
+    def seen(self, sample: Sequence[int]) -> list[int]:
+        """Return the signals of the receptive fields: mean or sum, rounded half even, within the scale."""
+        most = 2 ** (self.config.sample_bits - 1) * (ANALOG_RANGE if self.config.frontend == "analog" else 1)
+        exact = [Fraction(sum(sample[i] for i in field.taxels), 2**field.shift) for field in self.fields]
+        return [min(max(round(value), -most), most - 1) for value in exact]
 
     def requests(self, enable: Sequence[bool]) -> Requests:
         """Return the pending requests under a mask of rows * columns bits."""
@@ -352,6 +361,8 @@ class ReadoutReference:
         decisions : sequence of (bool, bool), rows * columns long, optional
             Decisions of the comparators, above and below, if the signal does not determine them (analog front end).
         """
+        sample = None if sample is None else self.seen(sample)
+        enable = [on and bool(field.taxels) for on, field in zip(enable, self.fields, strict=True)]
         four_phase = self.config.handshake
         if four_phase:
             ready = self.link.ready

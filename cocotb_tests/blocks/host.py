@@ -7,6 +7,7 @@ import json
 import os
 import random
 from collections import Counter
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,7 @@ from eskin.cocotb_tests.bench.block import JOB, Block, Checker, job, report
 from eskin.cocotb_tests.bench.spi import Timing, any_word, traffic, waveform
 from eskin.cocotb_tests.runner.simulator import build
 from eskin.model.config import ReadoutConfig
+from eskin.model.encoders.fields import SETTABLE
 from eskin.model.registers.description import Register, registers
 
 if TYPE_CHECKING:
@@ -38,6 +40,8 @@ class Comparators:
     def look(self, samples: list[int]) -> None:
         """Drive their decisions."""
         config, bits = self.config, self.config.sample_bits
+        if config.fields == SETTABLE:
+            samples = self._selected(samples)
         codes = self.block.read("reference_code")
         above = below = 0
         for taxel, sample in enumerate(samples):
@@ -50,6 +54,22 @@ class Comparators:
             above |= int(sample >= code + width + config.encoder.strict) << taxel
             below |= int(sample < code - width) << taxel
         self.block.drive(above=above, below=below)
+
+    def _selected(self, samples: list[int]) -> list[int]:
+        """Return what the multiplexers let through; without a line that is nothing."""
+        lines = self.block.read("field_select")
+        found = []
+        for taxel, sample in enumerate(samples):
+            row, column = divmod(taxel, self.config.columns)
+            around = [(row - 1, column), (row + 1, column), (row, column - 1), (row, column + 1)]
+            inside = [y in range(self.config.rows) and x in range(self.config.columns) for y, x in around]
+            near = [
+                samples[y * self.config.columns + x] if there else sample
+                for (y, x), there in zip(around, inside, strict=True)
+            ]
+            mean = round(Fraction(sum(near), 4)), round(Fraction(sum(near) + 4 * sample, 8))
+            found.append({0: 0, 1: sample, 2: mean[0], 4: mean[1]}[lines >> 3 * taxel & 7])
+        return found
 
 
 @cocotb.test()
@@ -104,6 +124,8 @@ def word_for(register: Register, rng: random.Random, mode: int) -> int:
         value = rng.randint(field.least, field.most)
         if register.name == "test":
             value = {"mode": mode, "interval": rng.choice([0, 1, 4])}.get(field.name, value)
+        elif register.name.startswith("fields"):
+            value = sum(rng.choice([0, 0, 1, 1, 2, 2, 3]) << place for place in range(0, field.width, 2))
         elif register.name.startswith("mask"):
             value |= rng.choice([field.most, rng.getrandbits(field.width)])
         word |= value << field.low
@@ -197,6 +219,7 @@ def prepare(
     happens: Counter[str] = Counter(settings=len(settings), events=len(played.events))
     for name in ("coarser", "leak_shift", "leak_period", "window_period", "mode"):
         happens[name] = len(set(settings[name].tolist()))
+    happens["fields"] = len(np.unique(played.stimulus.choice))
     happens["masks"] = len(played.stimulus.enable_clock)
     return path, happens
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import json
+import shlex
 from collections.abc import Collection
+from typing import Any
 
 from eskin.model.config import ReadoutConfig, option_of
 from eskin.model.frame_config import FrameConfig
@@ -19,10 +22,17 @@ def variables(config: ReadoutConfig | FrameConfig, without: Collection[str] = ()
     """Return make variables for a configuration: its non-default fields, but not those without effect."""
     idle = {"readout", *without, *(config.idle_fields if isinstance(config, ReadoutConfig) else ())}
     return [
-        f"{option_of(field)[2:].replace('-', '_').upper()}={getattr(config, field.name)}"
+        f"{option_of(field)[2:].replace('-', '_').upper()}={_text(getattr(config, field.name))}"
         for field in dataclasses.fields(config)
         if field.name not in idle and getattr(config, field.name) != field.default
     ]
+
+
+def _text(value: Any) -> str:
+    """Return a value as make takes it; lists of receptive fields are JSON."""
+    if not isinstance(value, tuple):
+        return str(value)
+    return shlex.quote(json.dumps([one.to_dict() for one in value], separators=(",", ":")))
 
 
 def own_variables(options: Preparation, scale: float) -> list[str]:

@@ -33,6 +33,7 @@ from eskin.model.config import ReadoutConfig
 from eskin.model.frame_config import FrameConfig
 from eskin.model.tiles.config import MergeConfig
 from eskin.rtl.classifier.core import Classifier
+from eskin.rtl.registers.host import selects
 from eskin.rtl.verilog import Config
 
 HARNESS = Path(__file__).parents[1] / "bench" / "harness.v"
@@ -318,6 +319,7 @@ def shape(config: Config) -> tuple[dict[str, str], dict[str, int]]:
         "ADDRESS": config.address_bits > 0,
         "CLOSES": config.closes,
         "REGISTERS": config.registers != "none",
+        "SELECTS": selects(config),
     }
     parameters = {
         "TAXELS": config.taxels,

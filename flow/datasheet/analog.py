@@ -4,13 +4,44 @@ from __future__ import annotations
 
 from eskin.flow.datasheet.sheet import markdown, si
 from eskin.model.config import ReadoutConfig
+from eskin.model.encoders.fields import CHOICES, SETTABLE, fields_of
 from eskin.rtl.delivery import DAC_OUT, DECISION_IN, ports
 
 
 def of_signals(config: ReadoutConfig) -> list[str]:
     """Return the section on samples, or on comparators and DACs."""
     codes = markdown(("number", "codes", "of full scale"), _codes(config))
-    return [*(_samples(config) if config.frontend == "digital" else _macros(config)), "", *codes]
+    what = _samples(config) if config.frontend == "digital" else _macros(config)
+    return [*what, *_fields(config), "", *codes]
+
+
+def _fields(config: ReadoutConfig) -> list[str]:
+    """Return what the encoder of each taxel sees, if that is not its own sample."""
+    if config.fields == "own":
+        return []
+    digital = config.frontend == "digital"
+    where = (
+        "`eskin_fields` adds them in front of the taxels, without a register."
+        if digital
+        else ("The array makes them: the comparators of a taxel see the signal of its field.")
+    )
+    if config.fields == SETTABLE:
+        how = (
+            "`eskin_fields` adds samples in front of the taxels."
+            if digital
+            else "`field_select` selects it, from flops."
+        )
+        return ["", f"Receptive fields: a host chooses for every taxel among {', '.join(CHOICES)}. {how}"]
+    rows = [
+        (f"{taxel}", ", ".join(map(str, field.taxels)) or "off", f"{field.shift}")
+        for taxel, field in enumerate(fields_of(config))
+    ]
+    return [
+        "",
+        f"Receptive fields: an encoder sees the sum of the samples of some taxels, divided by 2^shift. {where}",
+        "",
+        *markdown(("taxel", "its field", "shift"), rows),
+    ]
 
 
 def _samples(config: ReadoutConfig) -> list[str]:

@@ -46,6 +46,11 @@ def _blocks(config: ReadoutConfig) -> Iterator[str]:
     outward = ", ".join(port for port in ("reference_code", "half_width") if port in names)
     edge, up = ("|", f"          ^ {outward}") if outward else ("-", "")
     yield f"  {', '.join(inward)}, taxel_enable"
+    if config.fields != "own" and config.frontend == "digital":
+        yield "          |"
+        yield "  +-------v---------------------+"
+        yield "  | adders of receptive fields  |"
+        yield "  +-------+---------------------+"
     yield f"          |{up}"
     yield f"  +-------v----------{edge}----------------------+ request +---------+"
     yield f"  | {f'{config.rows} rows of {config.columns} taxels':<40}|-------->| arbiter |---+"

@@ -10,6 +10,7 @@ from typing import Any, Literal
 from eskin.base.errors import InputError
 from eskin.model import __version__
 from eskin.model.config import ReadoutConfig
+from eskin.model.encoders.fields import SETTABLE
 
 SOURCE = Path(__file__).with_name("eskin_registers.rdl")
 NAME = SOURCE.stem
@@ -126,6 +127,7 @@ def parameters(config: ReadoutConfig) -> dict[str, Any]:
         "CLOSES": config.closes,
         "WINDOW_PERIOD": config.window_period,
         "POLARITY": config.has_polarity,
+        "SETTABLE": config.fields == SETTABLE,
     }
 
 

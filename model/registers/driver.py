@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection
 
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
+from eskin.model.encoders.fields import CHOICES, SETTABLE
 from eskin.model.registers.description import WORD_BITS, WORD_BYTES, Register, registers
 from eskin.model.registers.spi import COMMAND_BITS, command
 
@@ -81,6 +82,22 @@ class Registers:
                 raise InputError(f"{name}.{field_name} must be in {field.least}..{field.most}, not {value}")
             word = word & ~((1 << field.width) - 1 << field.low) | value << field.low
         self.write_word(name, word)
+
+    def choose(self, field: str, taxels: Collection[int]) -> None:
+        """Let some taxels, by index, see a receptive field: own, neighbours, both or off; the others keep theirs."""
+        if field not in CHOICES:
+            raise InputError(f"a field must be one of {', '.join(CHOICES)}, not {field!r}")
+        if self.config.fields != SETTABLE:
+            raise InputError(f"the chip has fields {self.config.fields}, built in; build it with fields={SETTABLE}")
+        per_word = WORD_BITS // 2
+        for word in range(-(-self.config.taxels // per_word)):
+            mine = [taxel - word * per_word for taxel in set(taxels) if taxel // per_word == word]
+            name = f"fields[{word}]" if (word + 1) * per_word <= self.config.taxels else "fields_rest"
+            if mine:
+                value = self.read(name)["taxels"]
+                for place in mine:
+                    value = value & ~(3 << 2 * place) | CHOICES.index(field) << 2 * place
+                self.write(name, taxels=value)
 
     def silence(self, taxels: Collection[int]) -> None:
         """Mask exactly the given taxels, by index row * columns + column."""

@@ -55,7 +55,7 @@ def page(config: ReadoutConfig) -> str:
 
 def page_of_all(config: ReadoutConfig) -> str:
     """Return the page on all registers of all encoders."""
-    given = parameters(config) | {"LEAKS": True, "CLOSES": True, "POLARITY": True}
+    given = parameters(config) | {"LEAKS": True, "CLOSES": True, "POLARITY": True, "SETTABLE": True}
     scope = "this page shows the registers of all encoders."
     return _page(config, walk(compiled(given)), scope)
 

@@ -100,6 +100,8 @@ class Settings(NamedTuple):
         Same meaning as the fields of ``ReadoutConfig``.
     mask : int
         A bit for each taxel.
+    fields : int
+        Two bits for each taxel: the number of its field in ``model.encoders.fields.CHOICES``.
     """
 
     resolution: int
@@ -107,15 +109,17 @@ class Settings(NamedTuple):
     leak_period: int
     window_period: int
     mask: int
+    fields: int = 0
 
     @classmethod
     def of(cls, config: ReadoutConfig, signals: Mapping[str, int]) -> Settings:
         """Return the settings for signals of the register file; missing signals have their built values."""
-        whole = config.taxels // WORD_BITS * WORD_BITS
+        whole, whole_fields = (bits // WORD_BITS * WORD_BITS for bits in (config.taxels, 2 * config.taxels))
         return cls(
             resolution=signals["resolution_bits"],
             leak_shift=signals.get("decay_shift", config.leak_shift),
             leak_period=signals.get("decay_period", config.leak_period),
             window_period=signals.get("window_period", config.window_period),
             mask=signals.get("mask_taxels", 0) | signals.get("mask_rest_taxels", 0) << whole,
+            fields=signals.get("fields_taxels", 0) | signals.get("fields_rest_taxels", 0) << whole_fields,
         )

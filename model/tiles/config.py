@@ -85,6 +85,10 @@ class TilesConfig(ReadoutConfig):
             raise InputError(f"tiles need the link stream to their merge, not {self.link}; leave --link out")
         if self.registers != "none":
             raise InputError(f"tiles of a skin have no registers, not {self.registers}; leave --registers out")
+        if self.fields != "own":
+            raise InputError(
+                "tiles of a skin have no receptive fields, which would end at their sides; leave fields out"
+            )
         _ = self.tile  # its sides are checked
 
     @property

@@ -71,6 +71,8 @@ def simulate_skin(config: TilesConfig, stimuli: Sequence[Stimulus]) -> Events:
         first.ack_delay,
         decay.decay_phases(tile),
         np.zeros((0, 0), np.uint8),
+        np.zeros(0, np.int64),
+        np.zeros((0, 0), np.int32),
     )
     all_of = Registers(*(np.stack(column) for column in zip(*registers, strict=True)))
     time, event = _loop(Parameters.of(tile), inputs, all_of, tile.taxels, config.relays).T

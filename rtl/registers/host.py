@@ -8,6 +8,7 @@ from amaranth.hdl import Cat, Module, Signal
 from amaranth.lib.wiring import In, Out
 
 from eskin.model.config import ReadoutConfig
+from eskin.model.encoders.fields import CHOICES, SETTABLE
 from eskin.rtl.block import Block
 from eskin.rtl.registers.file import BUS, COUNTS, WRITTEN, RegisterFile, signals
 from eskin.rtl.registers.pattern import REGISTER, TestPattern, fields
@@ -34,6 +35,11 @@ class Host(Block[ReadoutConfig]):
         The pattern's, see ``TestPattern``.
     step : Out(resolution)
         D, one-hot, in units of the D that was built; a register, a clock behind the one that the host wrote.
+    choice : Out(2 * rows * columns)
+        The field of every taxel, by its number (``fields="settable"``, digital front end).
+    field_select : Out(3 * rows * columns)
+        {both, neighbours, own} of every taxel, one-hot or none: registers, a clock behind those that the host wrote
+        (analog front end).
     decay_restart : Out(1)
         The decay ticks start anew.
     decay_shift, decay_period, window_period : Out
@@ -59,6 +65,8 @@ class Host(Block[ReadoutConfig]):
                     if name in pattern
                 },
                 "step": Out(config.resolution),
+                "choice": Out(2 * config.taxels) if adds(config) else None,
+                "field_select": Out(3 * config.taxels) if selects(config) else None,
                 "decay_restart": Out(1) if config.encoder.leaks else None,
                 **{name: found[name] for name in SETTINGS if name in found},
             },
@@ -81,12 +89,15 @@ class Host(Block[ReadoutConfig]):
 
         clear, restart = file.control_clear, Signal()
         masks = [getattr(file, name) for name in ("mask_taxels", "mask_rest_taxels") if hasattr(file, name)]
+        mask: Any = Cat(masks)
+        if config.fields == SETTABLE:
+            mask = mask & self._choose(m, file, spi)
         m.d.comb += [
             file.clear.eq(clear),
             getattr(file, f"events_count{COUNTS}").eq(self.event_valid & self.event_ready),
             getattr(file, f"stalls_count{COUNTS}").eq(self.event_valid & ~self.event_ready),
             restart.eq(getattr(file, f"{REGISTER}_mode{WRITTEN}") | clear),
-            self.enabled.eq(self.taxel_enable & Cat(masks) & (~pattern.testing & ~clear).replicate(config.taxels)),
+            self.enabled.eq(self.taxel_enable & mask & (~pattern.testing & ~clear).replicate(config.taxels)),
             pattern.restart.eq(restart),
             *(getattr(pattern, name).eq(getattr(file, f"{REGISTER}_{name}")) for name in fields(config)),
         ]
@@ -104,3 +115,31 @@ class Host(Block[ReadoutConfig]):
             if name in self.signature.members:
                 m.d.comb += getattr(self, name).eq(getattr(file, name))
         return m
+
+    def _choose(self, m: Module, file: RegisterFile, spi: SpiSlave) -> Any:
+        """Show the chosen fields; return which taxels are not off."""
+        words = [getattr(file, name) for name in ("fields_taxels", "fields_rest_taxels") if hasattr(file, name)]
+        numbers = Signal(2 * self.config.taxels)
+        m.d.comb += numbers.eq(Cat(words))
+        choices = [numbers[2 * taxel : 2 * taxel + 2] for taxel in range(self.config.taxels)]
+        if adds(self.config):
+            m.d.comb += self.choice.eq(numbers)
+        if selects(self.config):
+            # A decoder behind flops may glitch, and two lines together would connect two sensors.
+            select = Signal(3 * len(choices), init=sum(1 << 3 * taxel for taxel in range(len(choices))))
+            wrote = Signal()
+            m.d.sync += wrote.eq(spi.write)
+            with m.If(wrote):
+                m.d.sync += select.eq(Cat(Cat(choice == number for number in range(3)) for choice in choices))
+            m.d.comb += self.field_select.eq(select)
+        return Cat(choice != CHOICES.index("off") for choice in choices)
+
+
+def adds(config: ReadoutConfig) -> bool:
+    """Return whether adders need the choice of a host."""
+    return config.fields == SETTABLE and config.frontend == "digital"
+
+
+def selects(config: ReadoutConfig) -> bool:
+    """Return whether a multiplexer outside needs select lines."""
+    return config.fields == SETTABLE and config.frontend == "analog"

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eskin.model.config import ReadoutConfig
+from eskin.model.encoders.fields import signals
 from eskin.model.readout import Stimulus, simulate
 from eskin.model.taxel import decode, encode_timed, slope_limit
 from eskin.skin.recordings.quality import MOST_CLOCKS, clocks_needed, measure_quality, power_of_two
@@ -55,6 +56,7 @@ def with_resolution(config: ReadoutConfig, recordings: Sequence[NDArray[np.int32
         signal = noise = np.zeros(config.taxels)
         for codes in some:
             counts, late = encode_timed(tried, codes)
+            codes = signals(tried, codes)
             signal = signal + ((codes - codes.mean(0)) ** 2).sum(0)
             noise = noise + ((codes - decode(tried, counts, late)) ** 2).sum(0)
         if np.median(signal / np.maximum(noise, 1e-9)) >= 10 ** (ENOUGH_DB / 10):
@@ -96,6 +98,7 @@ def steepest_step(config: ReadoutConfig, recordings: Sequence[NDArray[np.int32]]
     """Return the largest step between two samples in codes (the first step from the reference), and its limit."""
     largest = 0
     for codes in recordings:
+        codes = signals(config, codes)
         steps = np.abs(np.diff(codes, axis=0, prepend=np.full((1, codes.shape[1]), config.reference_reset)))
         largest = max(largest, int(steps.max()))
     return largest, slope_limit(config)

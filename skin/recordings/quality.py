@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from eskin.base.errors import InputError
 from eskin.model.address_events import Events, taxel_of
 from eskin.model.config import ReadoutConfig
+from eskin.model.encoders.fields import signals
 from eskin.model.events.recording import Recording
 from eskin.model.readout import Stimulus, simulate
 from eskin.model.taxel import EVENT_LATENCY, counts_of_events, decode, encode, error_bound
@@ -70,7 +71,7 @@ class Quality:
 
 
 def measure_quality(config: ReadoutConfig, codes: NDArray[np.int32], events: Events) -> Quality:
-    """Return the quality of a readout's events for its codes.
+    """Return the quality of a readout's events for its codes; the reconstruction is that of the receptive fields.
 
     Parameters
     ----------
@@ -85,6 +86,7 @@ def measure_quality(config: ReadoutConfig, codes: NDArray[np.int32], events: Eve
     tick = (events["t"] - EVENT_LATENCY) // config.clocks_per_sample
     seen = (tick >= 0) & (tick < len(codes))
     np.add.at(sent, (tick[seen], taxel_of(events, config)[seen]), 1)
+    codes = signals(config, codes)
     per_tick, cost = sent.sum(1), CLOCKS_PER_EVENT[config.link]
     error = codes - decode(config, counts, late)
     low, high = error_bound(config)

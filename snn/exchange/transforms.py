@@ -99,14 +99,15 @@ class LevelCrossing:
         if not codes.size:
             return np.zeros(codes.shape, np.int16)
         flat = codes.reshape(len(codes), -1)
-        if not self.config.encoder.leaks:
+        if not self.config.encoder.leaks and self.config.fields == "own":
             return encode(self.config, flat).reshape(codes.shape)
-        taxels = self.config.taxels
+        taxels, fields = self.config.taxels, "" if self.config.fields == "own" else " with receptive fields"
         last = codes.shape[1:]
         if not (last[-1:] == (taxels,) or last[-2:] == (self.config.rows, self.config.columns)):
             raise InputError(
-                f"{self.config.encoding} takes signals of shape (time, ..., {self.config.rows}, {self.config.columns}) "
-                f"or (time, ..., {taxels}), not {codes.shape}; change rows and columns of the configuration"
+                f"{self.config.encoding}{fields} takes signals of shape (time, ..., {self.config.rows}, "
+                f"{self.config.columns}) or (time, ..., {taxels}), not {codes.shape}; change rows and columns of the "
+                f"configuration"
             )
         arrays = [encode(self.config, flat[:, at : at + taxels]) for at in range(0, flat.shape[1], taxels)]
         return np.concatenate(arrays, 1).reshape(codes.shape)

@@ -13,6 +13,7 @@ from eskin.model.readout import Stimulus
 from eskin.model.tiles.config import TilesConfig
 
 from .classifier import Network, Neuron
+from .fields import signals
 from .frame import FrameReadout
 from .merge import Merge
 from .readout import Readout
@@ -73,7 +74,7 @@ def play(config: ReadoutConfig, stimulus: Stimulus, readout: Readout | None = No
         if four_phase:
             receiver.after(clock, readout.outputs()["aer_req"])
         if valid:
-            signal, tick = sample, tick + 1
+            signal, tick = signals(readout.settings, sample), tick + 1
     events = [(t, x, y, bool(p)) for t, x, y, p in readout.events[begun:]]
     if four_phase and events and events[-1][0] == stimulus.clocks - 1:
         events.pop()  # nobody sees a REQ that rises at the last edge of a run

@@ -1,6 +1,7 @@
 """The array, its arbiter and its link, clock by clock."""
 
 from .arbiter import Arbiter
+from .fields import on, signals
 from .link import FourPhaseLink
 from .taxel import KINDS
 
@@ -67,6 +68,9 @@ class Readout:
             self.reset()
             return
         digital = {"digital": True, "analog": False}[self.settings.frontend]
+        if sample is not None:
+            sample = signals(self.settings, sample)
+        enable = [has and (enable is None or bool(enable[i])) for i, has in enumerate(on(self.settings))]
         tick = self.new_samples
         taken = self._clock_arbiter(ready, ack, enable)
         self._clock_taxels(tick, taken, sample if sample_valid and digital else None, enable, decisions)

@@ -21,6 +21,7 @@ class Settings:
     fraction_bits: int = 8
     link: str = "stream"
     frontend: str = "digital"
+    fields: object = "own"
 
     @classmethod
     def of(cls, fields):

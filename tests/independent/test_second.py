@@ -15,7 +15,7 @@ from .readout import Readout
 from .settings import Settings
 
 HERE = Path(__file__).parent
-MODEL = ["settings", "taxel", "arbiter", "link", "readout", "merge", "frame", "classifier"]
+MODEL = ["settings", "fields", "taxel", "arbiter", "link", "readout", "merge", "frame", "classifier"]
 
 
 @pytest.mark.parametrize("name", MODEL)

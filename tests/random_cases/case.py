@@ -16,6 +16,7 @@ from hypothesis.errors import NoSuchExample
 from eskin.base.errors import InputError
 from eskin.model.config import ReadoutConfig
 from eskin.model.encoders import registry
+from eskin.model.encoders.fields import KINDS, most_shift
 from eskin.model.events.compare import first_difference
 from eskin.model.readout import ANALOG_RANGE, Stimulus, simulate
 from tests.random_cases.player import Breach, Design
@@ -139,6 +140,7 @@ def configs(draw: st.DrawFn, fixed: dict[str, Any]) -> dict[str, Any]:
     two = ["four_phase_dual"] * registry.named(encoding).polarity
     pick("link", st.sampled_from(["stream", "four_phase", *two]))
     pick("frontend", st.sampled_from(["digital", "analog"]))
+    pick("fields", st.sampled_from(KINDS) | _listed(fields["rows"] * fields["columns"]))
     if registry.named(encoding).windowed:
         pick("closing_shift", st.integers(0, 4))
         pick("window_period", st.integers(1, 4))
@@ -150,6 +152,16 @@ def configs(draw: st.DrawFn, fixed: dict[str, Any]) -> dict[str, Any]:
     levels = config.full_scale // config.grid
     level = draw(st.integers(config.encoder.lowest(config) // config.grid, levels - 1))
     return fields | ({"reference_reset": level * config.grid} if level else {})
+
+
+def _listed(taxels: int) -> st.SearchStrategy[list[dict[str, Any]]]:
+    """Draw a field of few taxels for every taxel; some are off, the first is not."""
+
+    def field(drawn: tuple[list[int], int]) -> dict[str, Any]:
+        return {"taxels": drawn[0], "shift": min(drawn[1], most_shift(len(drawn[0])))}
+
+    some = [st.lists(st.integers(0, taxels - 1), min_size=not n, max_size=4) for n in range(taxels)]
+    return st.tuples(*(st.tuples(one, st.integers(0, 2)).map(field) for one in some)).map(list)
 
 
 def _taxels(one: st.SearchStrategy[int], taxels: int) -> st.SearchStrategy[list[int]]:

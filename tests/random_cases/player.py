@@ -9,6 +9,7 @@ from amaranth.sim import Simulator
 
 from eskin.model.address_events import EVENT_DTYPE, Events
 from eskin.model.config import ReadoutConfig
+from eskin.model.encoders.fields import seen
 from eskin.model.readout import Stimulus
 from eskin.rtl import readout
 from eskin.rtl.link import requests
@@ -86,7 +87,7 @@ class Design:
             await ctx.tick()
             if config.handshake:
                 self.receiver.after(clock, sum(self._read(ctx, name) for name in requests(config)))
-            self.signal = codes or self.signal
+            self.signal = self.signal if codes is None else seen(config, np.array([codes]))[0].tolist()
 
     def _look(self, ctx: Any, clock: int) -> None:
         """Let the comparators find what is given, or what the thresholds and the sample before this clock say."""

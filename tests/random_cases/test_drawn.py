@@ -26,7 +26,7 @@ ONE = {"rows": 1, "columns": 1}
 SHRUNK: dict[str, tuple[tuple[str, str, str], int, dict[str, Any], dict[str, Any], int]] = {
     "a step": (
         ("encoders.encoder", "else difference >= half_width", "else difference > half_width"),
-        1,
+        2,
         {"frontend": "digital"},
         ONE | {"encoding": "lcs", "sample_bits": 3, "link": "stream"},
         4,
@@ -40,7 +40,7 @@ SHRUNK: dict[str, tuple[tuple[str, str, str], int, dict[str, Any], dict[str, Any
     ),
     "a mask": (
         ("taxel", "self.request.eq(own.pending & self.enable)", "self.request.eq(own.pending)"),
-        2,
+        3,
         ONE | {"frontend": "digital", "encoding": "lcs", "sample_bits": 3, "link": "stream"},
         {"resolution": 1},
         4,

@@ -26,6 +26,7 @@ SET: dict[str, dict[str, Any]] = {
     "window": {"encoding": "cw-lcs"},
     "decay": {"encoding": "nlcs", "registers": "none"},
     "registers": {"registers": "spi"},
+    "encoders.fields": {"fields": "both", "frontend": "digital"},
     "registers.decay": {"registers": "spi", "encoding": "nlcs", "leak_period": 20},
 }
 """Fields that a file's readouts have in common, so that it is in them."""
@@ -52,11 +53,13 @@ def _one(file: str, rng: np.random.Generator) -> Config:
     if (encoding := file.removeprefix("encoders.").replace("_", "-")) in NAMES:
         fixed = {"encoding": encoding}
     if file.startswith("tiles") or file == "classifier.chip":
-        fixed = {"link": "stream", "registers": "none"}
+        fixed = {"link": "stream", "registers": "none", "fields": "own"}
     readout = Draw(int(rng.integers(1 << 30)), set=fixed, most_taxels=MOST_TAXELS).config
     if file == "frame":
         bits = int(rng.integers(readout.resolution, 33))
-        return FrameConfig(readout=readout.replace(registers="none"), word_bits=bits, settle_clocks=_of(rng, 1, 2, 5))
+        return FrameConfig(
+            readout=readout.replace(registers="none", fields="own"), word_bits=bits, settle_clocks=_of(rng, 1, 2, 5)
+        )
     if file.startswith("tiles"):
         skin = TilesConfig.of(readout, int(rng.integers(1, 4)), int(rng.integers(1, 4)))
         return MergeConfig(skin) if file == "tiles.merge" else skin

@@ -13,13 +13,13 @@ from eskin.model.tiles.config import TilesConfig
 from eskin.verify.proofs.blocks.arbiter import ArbiterChecker
 from eskin.verify.proofs.blocks.classifier import ScheduleChecker, SumsChecker
 from eskin.verify.proofs.blocks.decay import DecayChecker, SettableDecayChecker
+from eskin.verify.proofs.blocks.fields import FieldsChecker
 from eskin.verify.proofs.blocks.frame import FrameChecker
 from eskin.verify.proofs.blocks.link import LinkChecker
-from eskin.verify.proofs.blocks.merge import MergeChecker
+from eskin.verify.proofs.blocks.merge import MergeChecker, RelayChecker
 from eskin.verify.proofs.blocks.pattern import PatternChecker
 from eskin.verify.proofs.blocks.readout import ReadoutChecker
 from eskin.verify.proofs.blocks.registers import RegistersChecker
-from eskin.verify.proofs.blocks.relay import RelayChecker
 from eskin.verify.proofs.blocks.spi import NarrowSpiChecker
 from eskin.verify.proofs.blocks.taxel import TaxelChecker
 from eskin.verify.proofs.blocks.window import WindowChecker
@@ -74,6 +74,8 @@ class Proof:
             return f"{config.rows} rows, {config.leak_period} ticks{' at most' if config.registers != 'none' else ''}"
         if self.block == "classifier":
             return f"{config.inputs}-{config.hidden}-{config.classes}, {config.lanes} lanes, {config.readout}"
+        if self.block == "fields":
+            return f"{config.rows} x {config.columns} {config.fields if isinstance(config.fields, str) else 'lists'}"
         if self.block == "readout":
             return f"{config.rows} x {config.columns} {config.link}"
         what = f"{config.encoding} {config.frontend} {config.sample_bits} bits"
@@ -239,6 +241,20 @@ def classifiers() -> list[Proof]:
     ]
 
 
+def fields() -> list[Proof]:
+    """Return the proofs of the receptive fields: by name, chosen by a host, and lists, with one taxel off."""
+    listed: Any = ([[0, 1, 2, 3], 1], [[1], 0], [[0, 0, 3], 2], [[], 0])
+    few = SMALL.replace(rows=2, columns=2, sample_bits=4, fields=listed)
+    named = [
+        SMALL.replace(rows=2, columns=2, sample_bits=3, resolution=1, fields=kind) for kind in ("neighbours", "both")
+    ]
+    chosen = SMALL.replace(rows=1, columns=2, sample_bits=3, resolution=1, fields="settable", registers="spi")
+    return [Proof(FieldsChecker, c, 2, c == few, c == few) for c in (few, *named, chosen)]
+
+
 def proofs() -> list[Proof]:
     """Return all proofs, in the order in which they run."""
-    return [*arbiters(), *links(), *merges(), *relays(), *leaks(), *taxels(), *readouts(), *hosts(), *classifiers()]
+    return [
+        *(*arbiters(), *links(), *merges(), *relays(), *leaks(), *fields(), *taxels(), *readouts(), *hosts()),
+        *classifiers(),
+    ]

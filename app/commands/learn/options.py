@@ -78,12 +78,13 @@ Workers = Annotated[int | None, typer.Option(min=1, help="processes of one threa
 DEFAULT_RESOLUTION = 4
 
 WITHOUT_EFFECT = {
-    "frames": ("encoding", "resolution", "tau", "start"),
+    "frames": ("encoding", "resolution", "tau", "start", "fields"),
     "events": (
         "preset",
         "encoding",
         "resolution",
         "tau",
+        "fields",
         "config_file",
         "dataset",
         "start_rows",
@@ -98,7 +99,7 @@ WITHOUT_EFFECT = {
 _NAMES = {"bin_s": "bin", "config_file": "config", "start_rows": "start-rows"}
 
 
-ENCODER = ("encoding", "resolution", "sample_rate_hz")
+ENCODER = ("encoding", "resolution", "fields", "sample_rate_hz")
 """Fields of the readout that have an option of their own; ``--config`` has all."""
 
 OWN = field_options(Preparation, PREPARATION, {"baseline": "first", "strict": True}, RECORDINGS)

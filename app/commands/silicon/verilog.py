@@ -130,7 +130,7 @@ def gates(
     designs: dict[str, ReadoutConfig | FrameConfig] = {
         encoding: config.replace(encoding=encoding) for encoding in registry.NAMES
     }
-    designs["frame"] = FrameConfig(readout=config.replace(registers="none"), **stored)
+    designs["frame"] = FrameConfig(readout=config.replace(registers="none", fields="own"), **stored)
     counted = {name: count_gates(design, config.taxels, liberty).to_dict() for name, design in designs.items()}
     if as_json:
         print(json.dumps({"liberty": liberty.name if liberty else None, "readouts": counted}, indent=2))

@@ -20,8 +20,8 @@ def formal(
     block: Annotated[
         str,
         typer.Option(
-            help="only this block: arbiter, link, merge, relay, window, taxel, frame_readout, readout, spi, registers, "
-            "pattern, classifier"
+            help="only this block: arbiter, link, merge, relay, fields, window, taxel, frame_readout, readout, spi, "
+            "registers, pattern, classifier"
         ),
     ] = "",
     small: Annotated[bool, typer.Option(help="only one small configuration of each block")] = False,

@@ -1,0 +1,39 @@
+"""Receptive fields: the signal that the encoder of each taxel sees, from exact fractions."""
+
+from fractions import Fraction
+
+
+def field_of(settings, row, column):
+    """The taxels (row, column) of a field, each as often as it counts, and what their sum is divided by."""
+    here = (row, column)
+    if settings.fields in ("own", "settable"):  # which is the own one after a reset
+        return [here], 1
+    if isinstance(settings.fields, str):
+        four = []
+        for down, right in ((-1, 0), (1, 0), (0, -1), (0, 1)):
+            there = (row + down, column + right)
+            inside = 0 <= there[0] < settings.rows and 0 <= there[1] < settings.columns
+            four.append(there if inside else here)
+        return {"neighbours": (four, 4), "both": (four + 4 * [here], 8)}[settings.fields]
+    listed = settings.fields[row * settings.columns + column]
+    return [divmod(taxel, settings.columns) for taxel in listed["taxels"]], 2 ** listed["shift"]
+
+
+def on(settings):
+    """Which taxels have a field; the others are off."""
+    return [bool(field_of(settings, r, c)[0]) for r in range(settings.rows) for c in range(settings.columns)]
+
+
+def signals(settings, sample):
+    """What the encoders see of the codes of all taxels; an analog signal has four times the range."""
+    room = 4 if settings.frontend == "analog" else 1
+    seen = []
+    for r in range(settings.rows):
+        for c in range(settings.columns):
+            taxels, divisor = field_of(settings, r, c)
+            exact = Fraction(sum(int(sample[y * settings.columns + x]) for y, x in taxels), divisor)
+            below = exact.numerator // exact.denominator
+            rest = exact - below
+            code = below + (below % 2 if rest == Fraction(1, 2) else rest > Fraction(1, 2))
+            seen.append(max(room * settings.bottom, min(room * (settings.top + 1) - 1, code)))
+    return seen
