@@ -477,7 +477,7 @@ def test_a_network_that_is_too_large_gets_one_sentence() -> None:
         ),
         (["--device", "cuda:77"], "device 'cuda:77' is not available here; use cpu"),
         (["--device", "meta"], "device 'meta' is not available here; use cpu"),
-        (["--tau", "0", "--encoding", "nlcs"], "tau must be a positive number of seconds, not 0"),
+        (["--tau", "0", "--encoding", "nlcs"], "--tau must be in 1e-09..1e+09, not 0.0"),
         (["--frames", "20"], "frames need KIND:RATE:BITS, with KIND one of frame, frame-diff, frame-onoff"),
         (["--frames", "frame:250:8:4"], "frames need KIND:RATE:BITS"),
         (["--frames", "frame:fast:8"], "frames need KIND:RATE:BITS"),
