@@ -21,7 +21,14 @@ from eskin.verify.crosscheck.cxxrtl import build, play
 from tests.random_cases.player import Design
 
 BASE: dict[str, Any] = {"rows": 1, "columns": 2, "sample_bits": 6, "resolution": 3, "link": "stream"}
-BASE |= {"frontend": "digital", "reset": "sync", "registers": "none", "decide_every": "clock", "reference_reset": 0}
+BASE |= {
+    "frontend": "digital",
+    "reset": "sync",
+    "registers": "none",
+    "fields": "own",
+    "decide_every": "clock",
+    "reference_reset": 0,
+}
 BASE |= {"closing_shift": 1, "window_period": 2, "leak_shift": 2, "leak_period": 3, "fraction_bits": 3}
 
 
@@ -86,7 +93,7 @@ def test_rtl_equals_the_model_at_an_end(end: End) -> None:
         config = ReadoutConfig.from_dict(end.fields | {"frontend": frontend, "link": link})
         design = Design(config)
         for run, own in enumerate(STIMULI):
-            stimulus = Draw(3, CLOCKS, run, config.to_dict() | {"registers": "none"} | own).stimulus
+            stimulus = Draw(3, CLOCKS, run, {"fields": "own"} | config.to_dict() | {"registers": "none"} | own).stimulus
             expected = simulate(config, stimulus)
             assert first_difference(expected, design.play(stimulus)) is None, (frontend, own)
             events += len(expected)

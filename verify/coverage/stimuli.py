@@ -64,7 +64,7 @@ def readout(config: ReadoutConfig, folder: Path) -> None:
         *((one, clocks) for one in LONG),
         *((AT_REST, clocks) for clocks in (2, 3, 4)),
     ]
-    fields = config.to_dict() | {"registers": "none"}
+    fields = {"fields": "own"} | config.to_dict() | {"registers": "none"}
     play([Draw(1, clocks, run, fields | own) for run, (own, clocks) in enumerate(parts)], VERILATOR)
     if config.frontend == "analog":  # comparators with offset, noise and hysteresis, of which both may fire
         play_comparators(config, VERILATOR, "comparators_with_faults", folder)
