@@ -223,16 +223,16 @@ def test_table_names_the_rate_and_follows_options(tmp_path, monkeypatch):
             ["--dataset", "gone"],
             "dataset directory gone is not a directory; give a directory with a folder of PNG images ",
         ),
-        (["--limit", "0"], "the number of images must be at least 1, not 0"),
-        (["--encoding", "nlcs", "--tau", "0"], "tau must be a positive number of seconds, not 0.0"),
+        (["--limit", "0"], "--limit must be in 1..1e+09, not 0"),
+        (["--encoding", "nlcs", "--tau", "0"], "--tau must be in 1e-09..1e+09, not 0.0"),
         (["--encoding", "pcm"], f"encoding must be one of {ENCODERS}, not 'pcm'"),
         (["--resolution", "11"], "resolution must be in 1..sample_bits - 2 = 10, not 11"),
         (
             ["--rows", "64"],
             "image brick/brick-00: an image 256 pixels wide and 64 high is too small for 64 x 8 ",
         ),
-        (["--start-row", "1"], "image brick/brick-00: start row must be 0 in the paper preset, not 1; "),
-        (["--workers", "0"], "workers must be at least 1, not 0"),
+        (["--start-row", "1"], "--start-row has no effect with --preset paper; leave it out"),
+        (["--workers", "0"], "--workers must be in 1..4096, not 0"),
     ],
 )
 def test_wrong_options_are_one_sentence_and_exit_code_2(arguments, sentence):
