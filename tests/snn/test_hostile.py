@@ -361,10 +361,8 @@ def test_export_of_an_absurd_time_step_is_one_sentence(snn: Call) -> None:
 def test_import_takes_a_time_step_that_is_one(snn: Call, step: str) -> None:
     save_nir(Path("w.nir"), some_weights())
     code, _, error = snn("import", "w.nir", "-o", "b.npz", "--step", step)
-    assert (code, error) == (
-        2,
-        f"error: w.nir: the time step must be a positive number of seconds, not {float(step)!r}\n",
-    )
+    assert (code, error.count("\n")) == (2, 1)
+    assert error.startswith("error: --step must be in" if np.isfinite(float(step)) else "error: --step takes a finite")
 
 
 @pytest.mark.parametrize("names", ["a,a,b", "a,,b", "a,b"])
