@@ -51,7 +51,7 @@ class Command(typer.core.TyperCommand):
         return super().invoke(ctx)
 
     def check(self, ctx: Any) -> None:
-        """Refuse options without effect, even with their defaults, and numbers out of range."""
+        """Refuse numbers out of range, and an option without effect, even if its value is the default."""
         options = {word: str(p.name) for p in self.params for word in p.opts if word.startswith("--")}
         source = {name: ctx.get_parameter_source(name) for name in options.values()}
         typed = frozenset(name for name, at in source.items() if at is not None and at.name == "COMMANDLINE")

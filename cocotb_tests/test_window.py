@@ -1,4 +1,4 @@
-"""The closing window's RTL against the plain window in every clock: opening, closing and resets."""
+"""Compare the RTL of the closing window with the plain window in every clock: opening, closing and resets."""
 
 from __future__ import annotations
 

@@ -84,7 +84,7 @@ def count_gates(config: Config, taxels: int, liberty: Path | None = None) -> Gat
 
 
 def _statistics(config: Config, library: Library | None) -> str:
-    """Return the statistics of Yosys on the cells of a readout: JSON, perhaps after a line of text."""
+    """Return the statistics that Yosys prints of a readout's cells: JSON, sometimes with a line of text before it."""
     files = {} if library is None else {"cells.lib": library.content}
     option = "" if library is None else " -liberty cells.lib"
     mapping = GENERIC if library is None else f"dfflibmap{option}; abc{option}"

@@ -125,7 +125,7 @@ async def given_scans(dut: Any) -> None:
 
 
 def play_scans(made: IntegerWeights, scans: NDArray[Any], simulator: Simulator, folder: Path) -> Counter[str]:
-    """Play events of shape (scans, bins, inputs) through the RTL of a network, and return the counts of the comparison.
+    """Play events of shape (scans, bins, inputs) through a network's RTL, and count where it matches the model.
 
     Raises
     ------

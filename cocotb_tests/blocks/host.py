@@ -56,7 +56,7 @@ class Comparators:
         self.block.drive(above=above, below=below)
 
     def _selected(self, samples: list[int]) -> list[int]:
-        """Return what the multiplexers let through; without a line that is nothing."""
+        """Return the output of the multiplexers: nothing if no line is selected."""
         lines = self.block.read("field_select")
         found = []
         for taxel, sample in enumerate(samples):

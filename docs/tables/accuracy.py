@@ -291,7 +291,7 @@ def noise_power() -> None:
 
 
 def touch() -> None:
-    """Print the size and rate of each step from touch to class, over a whole dataset in the RTL."""
+    """Print how much data leaves each step from touch to class, and at what rate, for a whole dataset."""
     report = read("docs/data/touch.json")
     chip = report["chip"]
     taxels = chip["rows"] * chip["columns"]

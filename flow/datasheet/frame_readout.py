@@ -59,7 +59,7 @@ class Scan:
         return next(t for t, found in enumerate(self.outputs) if t > behind and getattr(found, name))
 
     def waves(self, names: tuple[str, ...], start: int = 0, clocks: int | None = None) -> list[Wave]:
-        """Return some ports in some clocks or to the end, without words that nobody reads."""
+        """Return the values of some ports over a range of clocks, without words that the receiver does not take."""
         last = len(self.inputs) if clocks is None else start + clocks
         span = range(start, min(last, len(self.inputs)))
         found = []

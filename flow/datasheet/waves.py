@@ -121,7 +121,7 @@ def address(config: ReadoutConfig, event: np.void) -> int:
 
 
 def _codes(config: ReadoutConfig, state: State) -> NDArray[np.int64]:
-    """Return the references in codes of a sample, rounded down."""
+    """Return the references as sample codes, rounded down."""
     return state.reference >> config.encoder.fraction_bits(config)
 
 

@@ -77,7 +77,7 @@ def _cells(stages: Stages) -> Path:
 
 
 def _netlist(config: ReadoutConfig, liberty: str, stages: Stages) -> tuple[Circuit, int, int]:
-    """Return the readout as cells, and how many of its points are proved."""
+    """Return the readout as standard cells, and how many of its flops and outputs are proved equal to the RTL."""
 
     def make(part: Path) -> None:
         library = part / "cells.lib"

@@ -117,7 +117,7 @@ def _idle(config: ReadoutConfig, rest: int, ticks: int = 10) -> Scenario:
 
 
 def _lone(config: ReadoutConfig) -> Scenario:
-    """One taxel at a time crosses a level while all are quiet: some LSB up, and down on its next turn."""
+    """One taxel at a time crosses a level: up by a few LSB, and down on its next turn. The others are quiet."""
     samples = np.zeros((2 * LONE_TICKS + 4, config.taxels), np.int32)
     order = np.arange(LONE_TICKS) * 7 % config.taxels if config.taxels % 7 else np.arange(LONE_TICKS) % config.taxels
     for number, taxel in enumerate(order):

@@ -95,7 +95,7 @@ class Open:
 
 @dataclass
 class Lines:
-    """Build the lines of an array one by one; repeaters become cells of the array.
+    """Build the row and column wires of an array one by one; repeaters are placed as standard cells among them.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Simulate a chip of readout and classifier, exact in every clock, burst and stall, without RTL."""
+"""Simulate a chip with readout and classifier without RTL, exact in every clock, in bursts and stalls too."""
 
 from __future__ import annotations
 

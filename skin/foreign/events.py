@@ -31,7 +31,7 @@ LATE_S = 86_400
 
 @dataclass(frozen=True, eq=False)
 class ForeignEvents:
-    """Events as in a file.
+    """Events in the form in which a file stores them.
 
     Attributes
     ----------

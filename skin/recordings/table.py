@@ -123,7 +123,7 @@ def read_table(path: Path, options: Preparation) -> Table:
 
 
 def _read_csv(path: Path, options: Preparation) -> tuple[Values, tuple[str, ...], bool, int]:
-    """Return numbers and names of the columns of a text, whether all are whole, and how many cells were filled in."""
+    """Return a table's numbers, names of columns, whether all numbers are whole, and how many cells were filled."""
     try:
         text = read_bytes(path, "the table").decode("utf-8-sig")
     except OSError as error:

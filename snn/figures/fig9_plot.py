@@ -182,7 +182,7 @@ def _ends(point: Data) -> tuple[float, float]:
 
 
 def _draw_frame_rate(panel: Axes, rate: float, taken: Taken) -> None:
-    """Mark the data rate of frames where no network was trained on them."""
+    """Mark the data rate of frames if no network was trained on frames."""
     panel.axvline(rate, color=look(FRAME).colour, lw=1, ls=(0, (4, 3)), zorder=1)
     text = panel.annotate("rate of frames; no network\nwas trained on them here", (rate, 50), xytext=(0, 0),
                           textcoords="offset points", fontsize=7.5, color=look(FRAME).colour)  # fmt: skip

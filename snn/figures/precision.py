@@ -19,7 +19,7 @@ LEAST = 50.0
 
 
 def plot_precision(points: Sequence[dict[str, Any]], path: Path) -> None:
-    """Draw every network as a line over the bits of its weights, with the bits of some points in the upper row.
+    """Draw a line for each network over the bits of a weight; some points of the upper row name their bits.
 
     Networks whose names differ only from the number of their neurons on share a column of panels. The more neurons,
     the darker the line; lines of networks that were trained with few bits are dashed.

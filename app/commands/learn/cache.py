@@ -1,4 +1,4 @@
-"""The command cache (docs/guide/classifier.md)."""
+"""The command ``cache`` (docs/guide/classifier.md)."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def sweep(
         Path, typer.Option("-o", "--out", metavar="DIR", help="a folder per point, and sweep.json"), WRITES_FOLDER
     ] = Path("out/sweep"),
 ) -> None:
-    """Cross-validate many points at once; continues a stopped sweep with the missing cells."""
+    """Cross-validate many points at once; after a stop, run only the folds and seeds that are missing."""
     if events and points != DEFAULT_POINTS:
         raise InputError("--points records scans of textures, --events reads recorded ones; give one")
     from eskin.snn.experiments.settings import parse_points
