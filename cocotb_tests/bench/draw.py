@@ -100,7 +100,8 @@ class Draw:
         }
         if "registers" not in self.set and registry.named(encoding).leaks and fields["leak_period"] < rows:
             fields["registers"] = "none"  # they can stagger no leak that is shorter than the rows
-        if fields["registers"] == "spi" and self._drawn("settable", [False, True]) and "fields" not in self.set:
+        settable = np.random.default_rng([self.seed, 0, zlib.crc32(b"settable")]).choice([False, True])  # in all runs
+        if fields["registers"] == "spi" and settable and "fields" not in self.set:
             fields["fields"] = SETTABLE
         if fields["fields"] == "listed":
             fields["fields"] = self._listed(rows * columns)

@@ -207,7 +207,7 @@ def test_crossval_and_sweep_take_them(skin: Path, snn: Call) -> None:
     assert snn("fig9", "--sweep", "out/sweep")[0] == 0
     code, _, error = snn("sweep", *both, "--points", "lcs:2")
     assert (code, error.count("\n")) == (2, 1)
-    assert "--events reads recorded ones; give one" in error
+    assert "--points has no effect with --events" in error
     code, _, error = snn("sweep", *both, "--preset", "paper")
     assert (code, "--preset has no effect with --events" in error) == (2, True)
 

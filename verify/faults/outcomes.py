@@ -54,11 +54,11 @@ class Upset:
     lost, added : int
         Events of others that are missing, and that are too many; a wrong address is both. Under load they count what
         other taxels did later or earlier, too.
+    may_stay : bool
+        Whether what was turned is a setting, or a transfer of one: then it may stay until it is written anew.
     off : int
         Steps by which the signals of other taxels are wrong for good where a receiver adds events up; -1 for encoders
         whose reference depends on the way there.
-    may_stay : bool
-        Whether what was turned is a setting, or a transfer of one: then it may stay until it is written anew.
     """
 
     flop: str
@@ -69,8 +69,8 @@ class Upset:
     ticks: int
     lost: int
     added: int
-    off: int = -1
     may_stay: bool = False
+    off: int = -1
 
     @property
     def block(self) -> str:
@@ -152,7 +152,7 @@ def _judged(
         own_differ = OWN if own_last[lane] >= 0 else NOTHING
         outcome = NEVER if never[lane] else CHANGED if lost or added else MOVED if other_last[lane] >= 0 else own_differ
         own_clocks, other_clocks = (max(int(last[lane]) - clock, -1) for last in (own_last, other_last))
-        yield Upset(name, clock, outcome, own_clocks, other_clocks, int(ticks[lane]), lost, added, int(off[lane]))
+        yield Upset(name, clock, outcome, own_clocks, other_clocks, int(ticks[lane]), lost, added, off=int(off[lane]))
 
 
 def _answers(config: ReadoutConfig, codes: NDArray[np.int16], played: Course) -> NDArray[np.int64]:

@@ -64,8 +64,6 @@ def sweep(
     ] = Path("out/sweep"),
 ) -> None:
     """Cross-validate many points at once; after a stop, run only the folds and seeds that are missing."""
-    if events and points != DEFAULT_POINTS:
-        raise InputError("--points records scans of textures, --events reads recorded ones; give one")
     from eskin.snn.experiments.settings import parse_points
 
     chosen = [] if events else parse_points(points)
