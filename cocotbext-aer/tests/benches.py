@@ -192,7 +192,7 @@ async def both_requests_break_a_rule(dut: Any) -> None:
     assert await broken(ends) == {Rule.ONE_REQUEST}
 
 
-@cocotb.test()
+@cocotb.test(skip=cocotb.SIM_NAME.lower() == "verilator")  # it has two levels, so nothing is unknown
 async def unknown_levels_break_rules(dut: Any) -> None:
     checker = AerChecker(AerBus.from_prefix(dut, "out"), setup=2, stop=False)
     dut.in_req.value = dut.out_ack.value = dut.in_addr.value = 0
