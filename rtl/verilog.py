@@ -94,12 +94,13 @@ def verilog(config: Config, gated: bool = False) -> str:
         top = top_block(config)
         text = clock_gates.gated(rtlil(config), top.module_name, config.reset == "sync")
         return header(config, "//") + _waive(_synchronised(text), config)
-    return header(config, "//") + _waive(_synchronised(block_verilog(top_block(config))), config)
+    return header(config, "//") + _waive(block_verilog(top_block(config)), config)
 
 
 def block_verilog(block: Block[Any]) -> str:
-    """Return a block and those within it as Verilog text."""
-    return yosys.tidy(yosys.run(YOSYS_SCRIPT.format(top=block.module_name), block_rtlil(block), "readout.v"))
+    """Return a block and those within it as Verilog text, with marks at its synchronisers."""
+    script = YOSYS_SCRIPT.format(top=block.module_name)
+    return _synchronised(yosys.tidy(yosys.run(script, block_rtlil(block), "readout.v")))
 
 
 def _synchronised(text: str) -> str:

@@ -20,7 +20,11 @@ AWAKE = "awake"
 LISTENS = ("eskin_link", "eskin_host")
 """Blocks whose clock never stops: they listen to what comes without a clock."""
 
-SYNCHRONISERS = {"eskin_link": ("ack_meta", "ack_sync"), "eskin_spi": ("sck", "cs_n", "mosi")}
+SYNCHRONISERS = {
+    "eskin_link": ("ack_meta", "ack_sync"),
+    "eskin_loader": ("sck_flops", "cs_flops", "mosi_flops"),
+    "eskin_spi": ("sck", "cs_n", "mosi"),
+}
 """Registers that take what comes without a clock, by their modules."""
 
 FEWEST_FLOPS = 3

@@ -60,7 +60,9 @@ def passes(folder: Path) -> None:
 
 def test_the_loaders_text_is_the_rtl() -> None:
     loader = SampleLoader(ReadoutConfig(rows=2, columns=2, reset="async"))
-    assert prove(block_rtlil(loader), block_verilog(loader))["eskin_loader"] > 48
+    text = block_verilog(loader)
+    assert prove(block_rtlil(loader), text)["eskin_loader"] > 48
+    assert text.count("async_reg") == 3  # SCK, CS and MOSI are asynchronous
 
 
 def test_tiny_tapeout_finds_all_its_files(call: Call, folder: Path) -> None:
