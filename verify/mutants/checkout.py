@@ -1,7 +1,7 @@
 """Copy the checkout for each mutant, and run tests and proofs there in processes of their own.
 
-The processes are forks of one that has loaded the libraries, but nothing of this project: starting is the greater part
-of the time of a test that fails at once.
+One process loads the libraries, and nothing of this project; all others are its forks. So they start at once, which is
+most of the time of a test that fails early.
 """
 
 from __future__ import annotations
