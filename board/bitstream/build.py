@@ -12,15 +12,13 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from amaranth.back import rtlil
-
 from eskin.base.errors import InputError
 from eskin.board.bitstream.boards import OnBoard, platform_of
 from eskin.board.config import BoardConfig
 from eskin.board.session import board_of
 from eskin.model.classifier.config import ClassifierConfig
 from eskin.model.classifier.file import IntegerWeights
-from eskin.rtl.classifier.core import Classifier
+from eskin.rtl.verilog import top_block, verilog
 
 NAME = "eskin_board"
 SEED = 1
@@ -110,11 +108,12 @@ def build(config: BoardConfig, board: str) -> Built:
 
 
 def build_classifier(config: ClassifierConfig) -> Built:
-    """Return the resources of the classifier alone in an ECP5-25, speed grade 6, with free pins."""
+    """Return the resources of the delivered Verilog of a classifier in an ECP5-25, speed grade 6, with free pins."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / f"{NAME}.il").write_text(rtlil.convert(Classifier(config), name=NAME, emit_src=False))
-        script = f"read_rtlil {NAME}.il; synth_ecp5 -nodsp -abc9 -top {NAME} -json {NAME}.json"
+        (folder / f"{NAME}.v").write_text(verilog(config))
+        top = top_block(config).module_name
+        script = f"read_verilog {NAME}.v; synth_ecp5 -nodsp -abc9 -top {top} -json {NAME}.json"
         _run("yosys", ["-q", "-l", "synth.log", "-p", script], folder)
         place_and_route(folder, ["--25k", "--package", "CABGA381", "--speed", "6", "--freq", "50", "--out-of-context"])
         return read_report(folder, {})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from amaranth.hdl import Module, signed, unsigned
+from amaranth.hdl import Module, Signal, Value, signed, unsigned
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
@@ -39,18 +39,7 @@ class WordMemory(Block[ClassifierConfig]):
         )
 
     def elaborate(self, platform: Any) -> Module:
-        m = Module()
-        m.submodules.memory = memory = Memory(shape=unsigned(self.bits), depth=self.words, init=[])
-        read, write = memory.read_port(), memory.write_port()
-        m.d.comb += [
-            read.addr.eq(self.read_address),
-            read.en.eq(~self.write_valid),  # so that no memory has to say what a collision reads
-            self.read_data.eq(read.data),
-            write.addr.eq(self.write_address),
-            write.data.eq(self.write_data),
-            write.en.eq(self.write_valid),
-        ]
-        return m
+        return _memory(self, self.words, self.bits, ~self.write_valid)
 
 
 class WeightMemory(WordMemory):
@@ -100,19 +89,30 @@ class PotentialMemory(Block[ClassifierConfig]):
         )
 
     def elaborate(self, platform: Any) -> Module:
-        m = Module()
-        shape = unsigned(self.config.membrane_bits)
-        m.submodules.memory = memory = Memory(shape=shape, depth=self.config.hidden, init=[])
-        read, write = memory.read_port(), memory.write_port()
-        m.d.comb += [
-            read.addr.eq(self.read_address),
-            read.en.eq(self.read_valid),
-            self.read_data.eq(read.data),
-            write.addr.eq(self.write_address),
-            write.data.eq(self.write_data),
-            write.en.eq(self.write_valid),
-        ]
-        return m
+        return _memory(self, self.config.hidden, self.config.membrane_bits, self.read_valid)
+
+
+def _memory(block: WordMemory | PotentialMemory, words: int, bits: int, reads: Value) -> Module:
+    """Return a block RAM between the ports of a block.
+
+    The register behind an asynchronous port, with its enable beside that of the write port, lets synthesis find out
+    that nobody looks at a collision. A synchronous port of Amaranth promises the old word: an ECP5 has no block RAM
+    that does, and gets flops and multiplexers around it.
+    """
+    m = Module()
+    m.submodules.memory = memory = Memory(shape=unsigned(bits), depth=words, init=[])
+    read, write = memory.read_port(domain="comb"), memory.write_port()
+    word = Signal.like(block.read_data, name="word", reset_less=True)
+    m.d.comb += [
+        read.addr.eq(block.read_address),
+        block.read_data.eq(word),
+        write.addr.eq(block.write_address),
+        write.data.eq(block.write_data),
+        write.en.eq(block.write_valid),
+    ]
+    with m.If(reads):
+        m.d.sync += word.eq(read.data)
+    return m
 
 
 def address_bits(words: int) -> int:
